@@ -1,0 +1,1 @@
+"""Fly a flash LiDAR past a satellite before you build one."""

@@ -1,0 +1,59 @@
+"""Every exception and warning that rso_lidar raises on purpose.
+
+A message reads *where: what: what to do*. The command line prints it as one line and exits with status 2 when the input
+was bad (`RsoLidarError` that is a `ValueError`) and 1 when a run failed.
+"""
+
+import difflib
+from collections.abc import Iterable
+
+import numpy as np
+
+
+class RsoLidarError(Exception):
+    """The root of all errors raised on purpose."""
+
+
+class ScenarioError(RsoLidarError, ValueError):
+    """A scenario, or a part of one, that cannot be flown as written."""
+
+
+class MeshError(RsoLidarError, ValueError):
+    """A mesh file that cannot be read as a target's surface."""
+
+
+class CatalogError(RsoLidarError, ValueError):
+    """A catalogue of element sets that cannot be read, or lacks what was asked for."""
+
+
+class PropagationError(RsoLidarError, ValueError):
+    """A motion that has no answer at some epochs.
+
+    `bad` is the boolean mask (time) of those epochs.
+    """
+
+    def __init__(self, message: str, bad: np.ndarray | None = None) -> None:
+        super().__init__(message)
+        self.bad = np.zeros(0, dtype=bool) if bad is None else np.asarray(bad, dtype=bool)
+
+
+class RecordingError(RsoLidarError, ValueError):
+    """A recording that cannot be read, or an output that may not be written."""
+
+
+class RunError(RsoLidarError, RuntimeError):
+    """A run that began well and could not go on, such as a full disk. The command line exits with status 1."""
+
+
+class RsoLidarWarning(UserWarning):
+    """Something that is allowed and probably not meant."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string.
+
+    >>> did_you_mean("natural_freq_hz", ["natural_hz", "damping"])
+    "; did you mean 'natural_hz'?"
+    """
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -1,0 +1,170 @@
+"""Part: the frozen base of all that a user describes, and the words for its fields.
+
+A part is what its TOML table fills: same names, units, defaults. Scalars are strict (a text is not a number, a bool is
+not an int), containers are lax (a TOML list fills a tuple). Bad values raise `ScenarioError` with one line that names
+the place and the cure.
+"""
+
+from __future__ import annotations
+
+import datetime
+import types
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Self, Union, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic.functional_validators import AfterValidator
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+
+def _with_offset(instant: datetime.datetime) -> datetime.datetime:
+    if instant.tzinfo is None:
+        raise ValueError("a time without an offset is ambiguous; end it with Z or +00:00")
+    return instant
+
+
+def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > 1e-3:
+        raise ValueError(f"a unit quaternion x, y, z, w is needed, but the norm is {norm:.6g}; divide by it")
+    return quaternion
+
+
+def _nonzero(vector: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(vector):
+        raise ValueError("a direction cannot be the zero vector")
+    return vector
+
+
+Number = Annotated[float, Strict()]
+Positive = Annotated[float, Strict(), Field(gt=0)]
+NotNegative = Annotated[float, Strict(), Field(ge=0)]
+Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
+Whole = Annotated[int, Strict()]
+Count = Annotated[int, Strict(), Field(ge=1)]
+Flag = Annotated[bool, Strict()]
+Text = Annotated[str, Strict(), Field(min_length=1)]
+Name = Annotated[str, Strict(), Field(pattern=r"^[A-Za-z][A-Za-z0-9_\-]*$")]
+Instant = Annotated[datetime.datetime, Strict(), AfterValidator(_with_offset)]
+Vector = tuple[Number, Number, Number]
+Direction = Annotated[Vector, AfterValidator(_nonzero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_unit)]
+
+
+class _PartMeta(ModelMetaclass):
+    """Turns pydantic's report of a bad value into one `ScenarioError`, for `Part(...)` written in Python."""
+
+    def __call__(cls, *args: Any, **fields: Any) -> Any:
+        try:
+            return super().__call__(*args, **fields)
+        except ValidationError as error:
+            raise ScenarioError(f"{cls.__name__}: {explain(error, cls, fields)}") from None
+
+
+class Part(BaseModel, metaclass=_PartMeta):
+    """The base of all that a user describes: frozen, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), validate_default=False
+    )
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new part.
+
+        Unlike pydantic's own ``model_copy``, which does not validate.
+        """
+        fields = {name: getattr(self, name) for name in self.model_fields_set}
+        return type(self)(**{**fields, **changes})
+
+
+def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
+    """Return one line, ``place: what: what to do``, for the first problem of a validation, and how many more there are."""
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    place, owner = _place(first["loc"], part, raw)
+    text = _what(first, owner)
+    return f"{place}: {text}{more}" if place else f"{text}{more}"
+
+
+def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple[str, type[BaseModel] | None]:
+    """Return the dotted TOML place of an error, union tags left out, and the part class that holds its last key."""
+    words: list[str] = []
+    owner: type[BaseModel] | None = part
+    here: type[BaseModel] | None = part
+    annotation: Any = part
+    for step in loc:
+        if isinstance(step, int):
+            words.append(f"[{step}]")
+            raw = raw[step] if isinstance(raw, list | tuple) and step < len(raw) else None
+            here = _choose(annotation, raw)
+            continue
+        if _tag(raw) == step and (here is None or step not in here.model_fields):
+            continue  # pydantic names the branch of a union; the reader's file does not
+        owner = here
+        words.append(step if not words else f".{step}")
+        field = here.model_fields.get(step) if here else None
+        annotation = field.annotation if field else None
+        raw = raw.get(step) if isinstance(raw, Mapping) else getattr(raw, step, None)
+        here = _choose(annotation, raw)
+    return "".join(words), owner
+
+
+def _tag(raw: Any) -> Any:
+    return raw.get("type") if isinstance(raw, Mapping) else getattr(raw, "type", None)
+
+
+def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
+    """Return the part class that `raw` was meant to be, among those an annotation allows."""
+    classes = list(_part_classes(annotation))
+    tag = _tag(raw)
+    for cls in classes:
+        field = cls.model_fields.get("type")
+        if field is not None and tag is not None and field.default == tag:
+            return cls
+    return classes[0] if len(classes) == 1 else None
+
+
+def _part_classes(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, BaseModel) else []
+    if get_origin(annotation) in (Union, types.UnionType, Annotated, tuple, list, dict) or get_args(annotation):
+        return [cls for inner in get_args(annotation) for cls in _part_classes(inner)]
+    return []
+
+
+def _what(problem: Any, owner: type[BaseModel] | None) -> str:
+    """Return what is wrong and what to do, in our words where pydantic's would puzzle a reader of TOML."""
+    kind, context = problem["type"], problem.get("ctx", {})
+    value = problem.get("input")
+    if kind == "extra_forbidden":
+        key = str(problem["loc"][-1])
+        known = list(owner.model_fields) if owner else []
+        guess = did_you_mean(key, known) or (f"; known keys: {', '.join(known)}" if known else "")
+        return f"unknown key '{key}'{guess}"
+    if kind == "missing":
+        return "is missing; give a value"
+    if kind == "union_tag_invalid":
+        known = [word.strip(" '") for word in context["expected_tags"].split(",")]
+        guess = did_you_mean(str(context["tag"]), known)
+        return f"unknown type '{context['tag']}'{guess or ''} (known: {', '.join(known)})"
+    if kind == "union_tag_not_found":
+        return f"needs a table with a 'type', not {_show(value)}"
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "model_type" or kind == "model_attributes_type":
+        return f"needs a table, not {_show(value)}"
+    message = problem["msg"].removeprefix("Input ")
+    return f"{message}, not {_show(value)}"
+
+
+def _show(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,324 @@
+"""The records that the stages of the walk hand on: frozen, SI, read-only.
+
+Each array field states its dimensions, dtype, unit and meaning once, in `array(...)`; the checks, the attributes in
+files, the table in the docs and the labels on screen are made from that statement. Absence: no hit, no row in `Hits`; no
+return, NaN in a range and 0 in an intensity; sky in an integer label is -1.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from rso_lidar.pose import Link, PoseTree
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """What one array of a record is: dimension names, dtype, unit and meaning."""
+
+    dims: tuple[str, ...]
+    dtype: np.dtype[Any]
+    unit: str
+    meaning: str
+
+
+def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = False) -> Any:
+    """Return a dataclass field that holds an array, e.g. ``array("row col", "f4", "m", "slant range")``."""
+    spec = ArraySpec(tuple(dims.split()), np.dtype(dtype), unit, meaning)
+    metadata = {"array": spec}
+    return dataclasses.field(default=None, metadata=metadata) if optional else dataclasses.field(metadata=metadata)
+
+
+def specs(record: type) -> dict[str, ArraySpec]:
+    """Return what each array field of a record class is, by name, in order."""
+    return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The base of records: checks its arrays against their statements, and locks them."""
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
+        for name, spec in specs(type(self)).items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            locked = np.asarray(value).astype(spec.dtype, copy=False).view()
+            if locked.ndim != len(spec.dims):
+                raise TypeError(
+                    f"{type(self).__name__}.{name}: needs dims ({', '.join(spec.dims)}), got {locked.shape}"
+                )
+            for dim, size in zip(spec.dims, locked.shape, strict=True):
+                if sizes.setdefault(dim, size) != size:
+                    raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
+            locked.flags.writeable = False
+            object.__setattr__(self, name, locked)
+
+
+# ---------------------------------------------------------------------------------------------- what is being flown
+
+
+@dataclass(frozen=True)
+class TargetEntry:
+    """One target of a recording: the number in labels is its place in `Source.targets`."""
+
+    name: str
+    model: str
+    mesh_sha256: str
+    parts: tuple[str, ...]  # the number in the label `part` is the place in this list
+    materials: tuple[str, ...]  # one for each part, in words
+    facets: int  # in the source file, before repairs
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a frame comes from: enough to fly it again."""
+
+    scenario: str  # resolved TOML, element sets inline
+    title: str
+    start_utc: str
+    seed: int
+    versions: Mapping[str, str]
+    targets: tuple[TargetEntry, ...]
+
+
+# ------------------------------------------------------------------------------------------------ where everything is
+
+
+@dataclass(frozen=True, eq=False)
+class BodyState(Record):
+    """The state of a body's origin in inertial axes (GCRS, or the root of a local world); single or batched."""
+
+    position_m: np.ndarray = array("… xyz", "f8", "m", "position in inertial axes")
+    velocity_m_s: np.ndarray = array("… xyz", "f8", "m s-1", "velocity in inertial axes")
+
+    def __post_init__(self) -> None:
+        for name in ("position_m", "velocity_m_s"):
+            locked = np.asarray(getattr(self, name), dtype=float).view()
+            locked.flags.writeable = False
+            object.__setattr__(self, name, locked)
+
+    def __getitem__(self, epoch: int | slice) -> BodyState:
+        """Return the state at one epoch of a batch, or at a slice of them."""
+        return BodyState(self.position_m[epoch], self.velocity_m_s[epoch])
+
+
+@dataclass(frozen=True, eq=False)
+class Pointing(Record):
+    """Where the PTU points at one flash: asked for, really, and as its encoders say. Pan left, tilt up positive."""
+
+    demand_rad: np.ndarray = array("pan_tilt", "f8", "rad", "demanded pan and tilt")
+    actual_rad: np.ndarray = array("pan_tilt", "f8", "rad", "true pan and tilt, jitter and misalignment included")
+    measured_rad: np.ndarray = array("pan_tilt", "f8", "rad", "pan and tilt as the encoders report them")
+    rate_rad_s: np.ndarray = array("pan_tilt", "f8", "rad s-1", "true pan and tilt rates")
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
+
+    `time_s` is a float, or an array (time) [s since start_utc]; `poses` the tree of axes; `states` the inertial states of
+    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world; `pointing` the PTU's
+    angles (None without a PTU).
+    """
+
+    time_s: Any
+    poses: PoseTree
+    states: Mapping[str, BodyState]
+    sun_direction: np.ndarray
+    pointing: Pointing | None = None
+
+    def pose(self, a: str, b: str) -> RigidTransform:
+        """Return a_from_b, such as lidar_from_tdrs (seed eq. 5): coordinates in b to coordinates in a [m]."""
+        return self.poses.pose(a, b)
+
+    def rates(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocity [m/s] of b's origin as a sees it (a's axes), and angular velocity [rad/s] of b in a (b's axes)."""
+        link: Link = self.poses.link(a, b)
+        return link.velocity_m_s, link.angular_velocity_rad_s
+
+    def at(self, epoch: int) -> Truth:
+        """Return the truth at one epoch of a batch."""
+        return Truth(
+            float(self.time_s[epoch]),
+            self.poses.at(epoch),
+            {name: state[epoch] for name, state in self.states.items()},
+            self.sun_direction[epoch],
+            self.pointing,
+        )
+
+
+# ------------------------------------------------------------------------------------------------- the photon's life
+
+
+@dataclass(frozen=True, eq=False)
+class Extent(Record):
+    """Where each target can be seen, as bounds in the tangent plane z = 1 of the lidar; empty where low > high."""
+
+    low: np.ndarray = array("target right_down", "f8", "1", "least x/z and y/z of the target in lidar axes")
+    high: np.ndarray = array("target right_down", "f8", "1", "greatest x/z and y/z of the target in lidar axes")
+
+
+@dataclass(frozen=True, eq=False)
+class Rays(Record):
+    """Rays that leave the lens, ordered by pixel. `shape` is (n_rows, n_cols)."""
+
+    shape: tuple[int, int]
+    direction: np.ndarray = array("ray xyz", "f8", "1", "unit vector in lidar axes")
+    pixel: np.ndarray = array("ray", "i4", "1", "row * n_cols + col, never falling")
+    weight: np.ndarray = array("ray", "f8", "1", "share of the pixel's area; made rays of a pixel sum to at most 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Hits(Record):
+    """First facets that rays meet, ordered as the rays are; a ray that meets nothing has no row."""
+
+    rays: Rays
+    ray: np.ndarray = array("hit", "i4", "1", "index of the ray")
+    pixel: np.ndarray = array("hit", "i4", "1", "row * n_cols + col")
+    weight: np.ndarray = array("hit", "f8", "1", "share of the pixel's area")
+    target: np.ndarray = array("hit", "i2", "1", "index of the target")
+    facet: np.ndarray = array("hit", "i4", "1", "facet index in the target's source file, before repairs")
+    part: np.ndarray = array("hit", "i2", "1", "index of the target's part")
+    range_m: np.ndarray = array("hit", "f8", "m", "slant range along the ray from the lidar's origin")
+    cos_incidence: np.ndarray = array("hit", "f8", "1", "cosine of the angle between ray and facet normal, two-sided")
+    brdf_per_sr: np.ndarray = array("hit", "f8", "sr-1", "BRDF toward the lidar, without the cosine")
+
+
+@dataclass(frozen=True, eq=False)
+class Photons(Record):
+    """Light that comes back to the focal plane, one return for each hit and in the same order.
+
+    Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2 belong to different clusters; cluster numbers run
+    through the frame by pixel and, within a pixel, from near to far.
+    """
+
+    shape: tuple[int, int]
+    pulse_fwhm_s: float
+    pixel: np.ndarray = array("return", "i4", "1", "row * n_cols + col")
+    delay_s: np.ndarray = array("return", "f8", "s", "two-way delay since emission")
+    photons: np.ndarray = array("return", "f8", "1", "expected photons on the pixel, after the optics, before the APD")
+    depth_spread_s: np.ndarray = array(
+        "return", "f8", "s", "two-way delay from near to far edge of the sub-ray's footprint"
+    )
+    cluster: np.ndarray = array("return", "i4", "1", "cluster of the return, counted through the frame")
+    cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
+
+
+@dataclass(frozen=True, eq=False)
+class Reading(Record):
+    """What the sensor said."""
+
+    range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
+    intensity_counts: np.ndarray = array(
+        "row col", "u2", "count", "fitted pulse amplitude above baseline, 0 where none"
+    )
+    saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
+
+
+@dataclass(frozen=True, eq=False)
+class Labels(Record):
+    """What was really there, pixel by pixel; of several clusters in a pixel the brightest speaks."""
+
+    range_m: np.ndarray = array(
+        "row col", "f8", "m", "photon-weighted mean range of the brightest cluster, NaN for sky"
+    )
+    first_range_m: np.ndarray = array(
+        "row col", "f8", "m", "photon-weighted mean range of the nearest cluster, NaN for sky"
+    )
+    cluster_count: np.ndarray = array("row col", "u1", "1", "clusters of returns in the pixel")
+    target: np.ndarray = array("row col", "i2", "1", "target index of the brightest return, -1 for sky")
+    part: np.ndarray = array("row col", "i2", "1", "part index of the brightest return, -1 for sky")
+    facet: np.ndarray = array(
+        "row col", "i4", "1", "facet index in the source file of the brightest return, -1 for sky"
+    )
+    cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of the brightest return, NaN for sky")
+    photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
+    filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target")
+
+
+# ---------------------------------------------------------------------------------------------------- what comes out
+
+
+@dataclass(frozen=True, eq=False)
+class Observation(Record):
+    """What the spacecraft could know of one flash: never truth, never labels."""
+
+    time_s: float
+    reading: Reading
+    settings: Mapping[str, float]  # what was in force, SI, such as focal_length_m
+    line_of_sight: np.ndarray = array("row col xyz", "f8", "1", "unit vector of each pixel's centre in lidar axes")
+    pan_tilt_rad: np.ndarray | None = array(
+        "pan_tilt", "f8", "rad", "measured pan and tilt; None without a PTU", optional=True
+    )
+
+    @cached_property
+    def points_m(self) -> np.ndarray:
+        """Return the organised point cloud (row, col, xyz) [m] in lidar axes, NaN where nothing came back."""
+        points: np.ndarray = self.reading.range_m[..., None].astype(float) * self.line_of_sight
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One laser flash: what the sensor said, what was there, and where everything was."""
+
+    index: int
+    observation: Observation
+    labels: Labels
+    truth: Truth
+    source: Source
+    kept: Mapping[str, Record] = dataclasses.field(default_factory=dict)  # intermediate records asked for with `keep`
+
+    @property
+    def time_s(self) -> float:
+        """Return the instant of emission [s since start_utc]."""
+        return self.observation.time_s
+
+    @property
+    def range_m(self) -> np.ndarray:
+        """Return the measured range (row, col) [m], NaN where nothing came back."""
+        return self.observation.reading.range_m
+
+    @property
+    def intensity_counts(self) -> np.ndarray:
+        """Return the measured intensity (row, col) [counts], 0 where nothing came back."""
+        return self.observation.reading.intensity_counts
+
+    @property
+    def saturated(self) -> np.ndarray:
+        """Return where the intensity clipped (row, col), as bool."""
+        return self.observation.reading.saturated.astype(bool)
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Return where the sensor reported a return (row, col), true or false; the labels tell which."""
+        return np.isfinite(self.range_m)
+
+    @property
+    def line_of_sight(self) -> np.ndarray:
+        """Return the unit vectors of the pixels (row, col, xyz) in lidar axes."""
+        return self.observation.line_of_sight
+
+    @property
+    def points_m(self) -> np.ndarray:
+        """Return the organised point cloud (row, col, xyz) [m] in lidar axes, NaN where nothing came back."""
+        return self.observation.points_m
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a controller may ask of the next flash; None keeps the scenario's demand. Pan left, tilt up positive."""
+
+    pan_rad: float | None = None
+    tilt_rad: float | None = None

@@ -1,0 +1,24 @@
+"""Where the data that travels with the package lies: `tle/` and `models/`."""
+
+from pathlib import Path
+
+
+def shipped(name: str = "") -> Path:
+    """Return the path of shipped data, such as ``shipped("tle/tdrs.tle")``.
+
+    In a wheel the folders lie inside the package, in an editable install beside it. The path need not exist.
+    """
+    package = Path(__file__).resolve().parent
+    inside = (package / "models" / "index.toml").is_file()
+    return (package if inside else package.parent) / name
+
+
+def find(path: str | Path, folder: Path | None = None) -> Path | None:
+    """Return the file that a user means by `path`, or None.
+
+    Looked up as it stands where it is absolute, else beside `folder` (the scenario file's; the working folder if None),
+    else among the shipped data.
+    """
+    wanted = Path(path).expanduser()
+    places = [wanted] if wanted.is_absolute() else [(folder or Path()) / wanted, shipped(str(wanted))]
+    return next((place for place in places if place.exists()), None)

@@ -1,0 +1,43 @@
+"""Physical constants in SI, and the only unit conversions of the package.
+
+A conversion is a multiplication: ``laser.energy_mj * units.MJ`` is joules, ``angle_rad / units.DEG`` is degrees.
+"""
+
+import math
+
+# CODATA 2018: both exact by definition of the SI.
+SPEED_OF_LIGHT_M_S = 299_792_458.0
+PLANCK_J_S = 6.626_070_15e-34
+
+# Earth. GM and equatorial radius of EGM96/WGS84 (IERS Conventions 2010, table 1.1 rounds GM to the same digits).
+# SGP4 keeps its own WGS72 constants inside the sgp4 package.
+EARTH_GM_M3_S2 = 3.986_004_418e14
+EARTH_RADIUS_M = 6_378_137.0
+
+# IAU 2012 resolution B2, exact.
+ASTRONOMICAL_UNIT_M = 149_597_870_700.0
+
+DAY_S = 86_400.0
+
+# Multiply by these to reach SI; divide by them to leave it.
+DEG = math.pi / 180.0
+KM = 1e3
+MM = 1e-3
+UM = 1e-6
+NM = 1e-9
+NS = 1e-9
+MJ = 1e-3
+
+
+def photon_energy_j(wavelength_m: float) -> float:
+    """Return the energy of one photon [J] of vacuum wavelength `wavelength_m` [m].
+
+    >>> round(1e19 * photon_energy_j(1064e-9), 3)
+    1.867
+    """
+    return PLANCK_J_S * SPEED_OF_LIGHT_M_S / wavelength_m
+
+
+def one_way_m(delay_s: float) -> float:
+    """Return the range [m] of light that comes back after `delay_s` [s], out and back."""
+    return 0.5 * SPEED_OF_LIGHT_M_S * delay_s
