@@ -53,7 +53,8 @@ class Link:
     @staticmethod
     def still(parent_from_child: RigidTransform | None = None) -> Link:
         """Return a link that does not move."""
-        return Link(parent_from_child or RigidTransform.identity(), np.zeros(3), np.zeros(3))
+        still = RigidTransform.identity() if parent_from_child is None else parent_from_child
+        return Link(still, np.zeros(3), np.zeros(3))
 
     @property
     def single(self) -> bool:

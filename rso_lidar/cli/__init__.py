@@ -1,1 +1,47 @@
-"""Room."""
+"""The command line: one file for each command, and one place where errors become a line and an exit status."""
+
+import os
+import sys
+import warnings
+from typing import Any, NoReturn
+
+from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 130 interrupted."""
+    from rso_lidar.cli.app import app
+
+    warnings.showwarning = _show_warning
+    warnings.simplefilter("always", RsoLidarWarning)
+    try:
+        app(arguments, prog_name="rso-lidar")
+    except RunError as error:
+        # After a write that failed, HDF5 may crash while the interpreter cleans up: leave at once, all said.
+        _say(f"error: {error}")
+        sys.stdout.flush()
+        os._exit(1)
+    except RsoLidarError as error:
+        _say(f"error: {error}")
+        sys.exit(2)
+    except KeyboardInterrupt:
+        _say("interrupted")
+        sys.exit(130)
+    except BrokenPipeError:  # the reader of our output went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    sys.exit(0)
+
+
+def _say(line: str) -> None:
+    print(" ".join(line.split()), file=sys.stderr, flush=True)  # noqa: T201 - this is what the command line is for
+
+
+_shown: set[str] = set()
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_place: Any, **_more: Any) -> None:
+    line = str(message) if issubclass(category, RsoLidarWarning) else f"{category.__name__}: {message}"
+    if line not in _shown:
+        _shown.add(line)
+        _say(f"warning: {line}")

@@ -1,1 +1,51 @@
-"""Room."""
+"""Frames to files, files to frames: `save`, `open`, and a `Recorder` for those who write frame by frame.
+
+>>> import tempfile, pathlib
+>>> folder = tempfile.TemporaryDirectory()
+>>> save(pathlib.Path(folder.name) / "approach.h6", [])
+Traceback (most recent call last):
+rso_lidar.errors.RecordingError: ...approach.h6: unknown suffix '.h6'; did you mean '.h5'? (known: .h5, .hdf5)
+>>> folder.cleanup()
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.recorder import SUFFIXES, Recorder, check_output, run_id
+from rso_lidar.export.recording import TEMPORARY, Frames, Recording, Stored
+from rso_lidar.records import Frame
+
+__all__ = ["Frames", "Recorder", "Recording", "Stored", "check_output", "open", "run_id", "save"]
+
+
+def save(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+    """Return the path of the recording after writing frames to it, one at a time as they come.
+
+    The suffix picks the writer (.h5 or .hdf5). The file appears under its name when it is complete.
+    """
+    output = check_output(path, overwrite=overwrite)
+    coming = iter(frames)
+    first = next(coming, None)
+    if first is None:
+        raise RecordingError(f"{output}: there were no frames to record; check the choice of frames")
+    source = first.source
+    named = run_id(source, "", source.versions.get("rso_lidar", ""))
+    with Recorder(output, source, run_id=named, overwrite=overwrite) as recorder:
+        recorder.write(first)
+        del first
+        for frame in coming:
+            recorder.write(frame)
+    return output
+
+
+def open(path: str | os.PathLike[str]) -> Recording:
+    """Return the recording at a path, finished or (under its temporary name) not; nothing is read before it is used."""
+    suffix = Path(TEMPORARY.sub("", Path(path).name)).suffix
+    if Path(path).is_file() and suffix.lower() not in SUFFIXES:
+        guess = did_you_mean(suffix, SUFFIXES)
+        raise RecordingError(f"{path}: unknown suffix '{suffix}'{guess or ';'} (known: {', '.join(SUFFIXES)})")
+    return Recording(Path(path))

@@ -1,0 +1,80 @@
+# `make` prints what can be done here. All that is needed is Python 3.11 or newer; everything goes into .venv and out.
+
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help venv demo test lint validate models bench clean
+
+RECENT := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c "$(RECENT)" >/dev/null 2>&1 && { echo "$$p"; break; }; done)
+JOBS ?= 2
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+# Two q: pip stays silent unless something goes wrong. The constraints hold for what builds the package, too.
+INSTALL := $(PIP) install -qq -c constraints.txt --build-constraint constraints.txt
+DEMO := out/tdrs_approach
+
+help: ## print this list
+	@echo "rso_lidar: fly a flash LiDAR past a satellite before you build one"
+	@echo
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
+	@echo
+	@echo "  PYTHON=... chooses the interpreter (3.11 or newer), JOBS=... the test processes (now $(JOBS))"
+
+venv: $(VENV)/.installed ## install rso_lidar into .venv
+
+demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an animation, in out/
+	@mkdir -p out
+	$(BIN)/rso-lidar run examples/tdrs_approach.toml -o $(DEMO).h5 --overwrite
+	$(BIN)/rso-lidar plot $(DEMO).h5 -o $(DEMO).png
+	$(BIN)/rso-lidar animate $(DEMO).h5 $(DEMO).gif
+	@echo
+	@echo "A flash LiDAR hops from 3 km to 300 m behind a TDRS satellite (examples/tdrs_approach.toml):"
+	@echo "  $(DEMO).png  contact sheet: range and intensity, frame by frame, as the satellite grows"
+	@echo "  $(DEMO).gif  the same as an animation"
+	@echo "  $(DEMO).h5   the recording: every frame with its truth and labels; rso_lidar.open reads it"
+
+test: lint ## run every check: format, lint, floors, types, tests and doctests
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope
+
+lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint, floors, types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/mypy
+
+validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
+	$(BIN)/python -m pytest -q tests/physics --validation-page=docs/validation.md
+
+models: $(VENV)/.installed ## build the models in models/ anew
+	$(BIN)/python -m rso_lidar.shapes.write
+
+bench: $(VENV)/.installed ## measure how fast the stages are
+	$(BIN)/python -m benchmarks
+
+clean: ## remove all that make made: .venv, out and caches
+	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps: installing again only when what is to be installed has changed.
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing rso_lidar and what it needs into $(VENV): about a minute, once."
+	@$(PIP) install -qq --upgrade pip
+	@$(INSTALL) -e .
+	@touch $@
+
+$(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing rso_lidar, what it needs and what tests it into $(VENV): a minute or two, once."
+	@$(PIP) install -qq --upgrade pip
+	@$(INSTALL) -e . --group test
+	@touch $(VENV)/.installed $@
+
+$(BIN)/python:
+	@"$(PYTHON)" -c "$(RECENT)" >/dev/null 2>&1 || { \
+		echo "rso_lidar needs Python 3.11 or newer, and '$(PYTHON)' is not: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "'$(PYTHON)' cannot make a virtual environment: install its venv module (such as python3-venv)" >&2; exit 1; }

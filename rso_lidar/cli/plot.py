@@ -1,0 +1,35 @@
+"""`rso-lidar plot`: a contact sheet of a recording, or one of its frames."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar import export, picture
+from rso_lidar.errors import RecordingError
+
+RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5).")]
+
+
+def plot(
+    recording: RecordingFile,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png); beside the recording.")] = None,
+    frame: Annotated[int | None, typer.Option("--frame", help="Draw this frame alone, counted from 0.")] = None,
+    path: Annotated[bool, typer.Option("--path", help="Draw the relative trajectory and range over time.")] = False,
+    curves: Annotated[bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")] = False,
+) -> None:
+    """Draw a contact sheet of a recording; or one frame, its trajectory, or its curves."""
+    with export.open(recording) as frames:
+        kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
+        place = output or recording.with_name(f"{recording.stem}_{kind}.png")
+        if frame is not None:
+            if not -len(frames) <= frame < len(frames):
+                raise RecordingError(f"--frame {frame}: the recording has frames 0 to {len(frames) - 1}")
+            picture.save_frame(frames[frame], place)
+        elif path:
+            picture.save_figure(picture.orbit_figure(frames), place)
+        elif curves:
+            picture.save_figure(picture.curve_figure(frames), place)
+        else:
+            picture.contact_sheet(frames, place)
+    typer.echo(f"{place}")

@@ -1,0 +1,149 @@
+"""`rso-lidar run`: a scenario becomes a recording."""
+
+import importlib.metadata
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Protocol
+
+import numpy as np
+import typer
+
+from rso_lidar import export
+from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.errors import ScenarioError
+from rso_lidar.records import Frame
+from rso_lidar.scenario import Scenario
+from rso_lidar.simulate import frame_numbers, simulate
+
+_LOG_EVERY_S = 5.0
+
+
+def run(
+    file: ScenarioFile,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5).")],
+    frames: Annotated[str | None, typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
+    threads: Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")] = None,
+    settings: Settings = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
+) -> None:
+    """Fly a scenario and record its frames with truth and labels."""
+    changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
+    scenario = Scenario.load(file, changes)
+    numbers = frame_numbers(scenario, _choice(frames))
+    export.check_output(output, overwrite=overwrite)
+    identity = export.run_id(scenario.source, frames or "", importlib.metadata.version("rso-lidar"))
+    tally = Tally()
+    with export.Recorder(output, scenario.source, run_id=identity, overwrite=overwrite, resume=resume) as recorder:
+        done = recorder.written
+        if done:
+            typer.echo(f"going on after {done} of {len(numbers)} frames")
+        if done < len(numbers):
+            with progress(len(numbers), done) as bar:
+                for frame in simulate(scenario, frames=numbers[done:].tolist(), threads=threads):
+                    recorder.write(frame)
+                    tally.add(frame)
+                    bar.advance()
+    typer.echo(tally.table(output))
+
+
+def _choice(text: str | None) -> slice | None:
+    """Return the slice that ``A:B`` means."""
+    if text is None:
+        return None
+    first, colon, last = text.partition(":")
+    try:
+        if not colon:
+            return slice(int(first), int(first) + 1)
+        return slice(int(first) if first else 0, int(last) if last else None)
+    except ValueError:
+        raise ScenarioError(f"--frames {text}: is not A:B; write for example 0:100") from None
+
+
+class Bar(Protocol):
+    """Something that shows how far a run has come."""
+
+    def advance(self) -> None:
+        """Count one frame."""
+
+
+@contextmanager
+def progress(total: int, done: int) -> Iterator[Bar]:
+    """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
+    if not sys.stderr.isatty():
+        yield _Lines(total, done)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: list[Any] = [TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
+        task = shown.add_task("frames", total=total, completed=done, rate="")
+        began, count = time.monotonic(), 0
+
+        class _Rich:
+            def advance(self) -> None:
+                nonlocal count
+                count += 1
+                shown.update(task, advance=1, rate=f"{count / max(time.monotonic() - began, 1e-9):.1f} frames/s")
+
+        yield _Rich()
+
+
+class _Lines:
+    def __init__(self, total: int, done: int) -> None:
+        self._total, self._done, self._first = total, done, done
+        self._began = self._said = time.monotonic()
+
+    def advance(self) -> None:
+        self._done += 1
+        now = time.monotonic()
+        if now - self._said < _LOG_EVERY_S and self._done < self._total:
+            return
+        self._said = now
+        rate = (self._done - self._first) / max(now - self._began, 1e-9)
+        left = (self._total - self._done) / rate
+        typer.echo(f"frame {self._done}/{self._total}, {rate:.1f} frames/s, {left:.0f} s left", err=True)
+
+
+class Tally:
+    """What a run has made, in a few numbers."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._frames = self._seen = self._found = self._false = self._empty = 0
+        self._ranges: list[float] = []
+        self._nearest, self._farthest = np.inf, -np.inf
+
+    def add(self, frame: Frame) -> None:
+        """Count one frame."""
+        on_target = frame.labels.target >= 0
+        valid = frame.valid
+        self._frames += 1
+        self._seen += int(on_target.sum())
+        self._found += int((valid & on_target).sum())
+        self._false += int((valid & ~on_target).sum())
+        self._empty += not on_target.any()
+        if on_target.any():
+            ranges = frame.labels.range_m[on_target]
+            self._nearest = min(self._nearest, float(ranges.min()))
+            self._farthest = max(self._farthest, float(ranges.max()))
+
+    def table(self, output: Path) -> str:
+        """Return the summary as lines of text."""
+        seconds = max(time.monotonic() - self._began, 1e-9)
+        lines = [
+            f"recorded    {output} ({output.stat().st_size / 1e6:.1f} MB)",
+            f"frames      {self._frames} in {seconds:.1f} s, {self._frames / seconds:.1f} frames/s",
+        ]
+        if self._seen:
+            lines.append(f"on target   {self._seen:,} pixels, {self._found:,} of them reported ({self._found / self._seen:.1%})")
+            lines.append(f"range       {self._nearest:.2f} to {self._farthest:.2f} m (truth)")
+        if self._empty:
+            lines.append(f"empty       {self._empty} frames have no target in view")
+        lines.append(f"elsewhere   {self._false:,} false triggers in the sky, {self._false / max(self._frames, 1):.2f} a frame")
+        return "\n".join(lines)

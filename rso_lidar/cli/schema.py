@@ -1,0 +1,12 @@
+"""`rso-lidar schema`: the JSON Schema of a scenario, for editors."""
+
+import json
+
+import typer
+
+from rso_lidar.scenario import Scenario
+
+
+def schema() -> None:
+    """Print the JSON Schema of the scenario file; editors complete and check TOML from it."""
+    typer.echo(json.dumps(Scenario.model_json_schema(), indent=2))

@@ -1,0 +1,151 @@
+"""The fast detector: what the paper fitted to its camera, as curves of the photons in a return (seed 3.3)."""
+
+import math
+from functools import cached_property
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
+from rso_lidar.records import Photons, Reading
+
+_NORMAL_95 = 1.6448536269514722  # the standard normal quantile of 0.95
+
+
+class Empirical(Part):
+    """A detector told by its curves: detection, intensity and range noise as functions of photons (seed 3.3).
+
+    The signal of N expected photons is Gaussian with variance NEP² + F N / QE in photons: `noise_equivalent_photons` of
+    the amplifier, and shot noise with the APD's excess noise F at quantum efficiency QE. A pixel triggers where the
+    signal passes the threshold that gives 95 % at `photons_at_95_percent`. The defaults are preset ``noise_limited``:
+    95 % at 1000 photons is the seed's, the rest is assumed (threshold / amplifier noise = 6).
+
+    Light returns in clusters of range; the first that triggers is reported, unless a false trigger latched before it.
+    Only returns between `armed_from_m` and `armed_to_m` count, and false triggers come at `false_alarms_per_s` there.
+    Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼ until the converter
+    clips at 2^`adc_bits` − 1. The range noise is `range_plateau_m` plus, in quadrature, shot and amplifier noise seen by
+    a filter matched to the pulse sampled every `sample_ns`.
+    """
+
+    type: Literal["empirical"] = "empirical"
+    photons_at_95_percent: Positive = 1000.0
+    noise_equivalent_photons: Positive = 127.0
+    quantum_efficiency: Annotated[Number, Field(gt=0, le=1)] = 0.8
+    excess_noise_factor: Annotated[Number, Field(ge=1)] = 3.52
+    false_alarms_per_s: NotNegative = 0.9
+    armed_from_m: NotNegative = 1.0
+    armed_to_m: Positive = 5000.0
+    counts_per_photon: Positive = 0.04
+    compression_counts: Positive = 5000.0
+    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = 12
+    range_plateau_m: NotNegative = 0.05
+    sample_ns: Positive = 2.38
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if self.armed_to_m <= self.armed_from_m:
+            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must lie beyond armed_from_m ({self.armed_from_m:g})")
+        if self.threshold_photons <= 0:
+            raise ValueError("the noise is so strong that 95 % detection there needs no threshold; lower the noise")
+        return self
+
+    @property
+    def full_scale_counts(self) -> int:
+        """Return the greatest count that the converter reports."""
+        return 2**self.adc_bits - 1
+
+    @cached_property
+    def threshold_photons(self) -> float:
+        """Return the trigger level, in photons [1], that gives 95 % at `photons_at_95_percent`."""
+        reference = self.photons_at_95_percent
+        return reference - _NORMAL_95 * float(self.signal_noise_photons(np.array(reference)))
+
+    def signal_noise_photons(self, photons: np.ndarray) -> np.ndarray:
+        """Return the standard deviation [photons] of the signal of so many expected photons."""
+        shot = self.excess_noise_factor * photons / self.quantum_efficiency
+        noise: np.ndarray = np.sqrt(self.noise_equivalent_photons**2 + shot)
+        return noise
+
+    def detection_probability(self, photons: np.ndarray) -> np.ndarray:
+        """Return the probability that a return of so many expected photons triggers.
+
+        >>> round(float(Empirical().detection_probability(np.array(1000.0))), 6)
+        0.95
+        """
+        from scipy.special import ndtr
+
+        probability: np.ndarray = ndtr((photons - self.threshold_photons) / self.signal_noise_photons(photons))
+        return probability
+
+    def range_noise_m(self, photons: np.ndarray, pulse_fwhm_s: float) -> np.ndarray:
+        """Return the standard deviation [m] of the range of a return of so many expected photons.
+
+        σ² = plateau² + (c/2)² (s² F/(QE N) + 2 s Δt/√π (NEP/N)²), s = FWHM/2.3548: the matched filter's share of shot
+        noise and of white amplifier noise (instrument physics as for the Cramér-Rao bound of a known Gaussian pulse).
+        """
+        s = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
+        photons = np.maximum(photons, 1e-9)
+        shot = s**2 * self.excess_noise_factor / (self.quantum_efficiency * photons)
+        white = 2.0 * s * self.sample_ns * units.NS / math.sqrt(math.pi) * (self.noise_equivalent_photons / photons) ** 2
+        noise: np.ndarray = np.sqrt(self.range_plateau_m**2 + (0.5 * units.SPEED_OF_LIGHT_M_S) ** 2 * (shot + white))
+        return noise
+
+    def counts(self, photons: np.ndarray) -> np.ndarray:
+        """Return counts before quantisation: linear, then bending, then clipped at full scale (seed fig. 13)."""
+        linear = self.counts_per_photon * np.maximum(photons, 0.0)
+        bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
+        return np.minimum(bent, float(self.full_scale_counts))
+
+    def detect(self, photons: Photons, rng: np.random.Generator) -> Reading:
+        """Return what the sensor says of one flash."""
+        n_pixels = photons.shape[0] * photons.shape[1]
+        n_clusters = len(photons.cluster_pixel)
+        signal = np.bincount(photons.cluster, photons.photons, n_clusters)
+        share = np.where(signal[photons.cluster] > 0.0, photons.photons, 1.0)
+        delay_s = np.bincount(photons.cluster, share * photons.delay_s, n_clusters) / np.bincount(
+            photons.cluster, share, n_clusters
+        )
+
+        # Every draw is made whatever came before it, so that a frame's noise depends on its generator alone.
+        false_delay_s = 2.0 / units.SPEED_OF_LIGHT_M_S * self.armed_from_m + self._first_false_s(rng, n_pixels)
+        noise = rng.standard_normal((2, n_clusters))
+        false_excess = rng.standard_exponential(n_pixels)
+
+        seen = signal + noise[0] * self.signal_noise_photons(signal)
+        range_m = units.one_way_m(delay_s)
+        armed = (range_m >= self.armed_from_m) & (range_m <= self.armed_to_m)
+        triggers = np.flatnonzero((seen >= self.threshold_photons) & armed)
+        pixel, first = np.unique(photons.cluster_pixel[triggers], return_index=True)  # clusters run from near to far
+        latched = triggers[first]
+
+        report_m = np.full(n_pixels, np.nan)
+        report_photons = np.zeros(n_pixels)
+        spread_m = self.range_noise_m(signal[latched], photons.pulse_fwhm_s)
+        report_m[pixel] = range_m[latched] + noise[1][latched] * spread_m
+        report_photons[pixel] = seen[latched]
+
+        true_delay_s = np.full(n_pixels, np.inf)
+        true_delay_s[pixel] = delay_s[latched]
+        window_end_s = 2.0 / units.SPEED_OF_LIGHT_M_S * self.armed_to_m
+        false = np.flatnonzero(false_delay_s < np.minimum(true_delay_s, window_end_s))
+        report_m[false] = units.one_way_m(false_delay_s[false])
+        report_photons[false] = self._false_photons(false_excess[false])
+        return self._quantised(report_m, report_photons, photons.shape)
+
+    def _first_false_s(self, rng: np.random.Generator, n_pixels: int) -> np.ndarray:
+        """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0."""
+        waiting = rng.standard_exponential(n_pixels)
+        with np.errstate(divide="ignore"):
+            return waiting / self.false_alarms_per_s if self.false_alarms_per_s > 0.0 else waiting + np.inf
+
+    def _false_photons(self, exponential: np.ndarray) -> np.ndarray:
+        """Return the signal of false triggers: noise that just passes the threshold, by its exponential tail."""
+        return self.threshold_photons + exponential * self.noise_equivalent_photons**2 / self.threshold_photons
+
+    def _quantised(self, report_m: np.ndarray, report_photons: np.ndarray, shape: tuple[int, int]) -> Reading:
+        reported = np.isfinite(report_m)
+        counts = np.where(reported, np.clip(np.rint(self.counts(report_photons)), 1, self.full_scale_counts), 0)
+        clipped = reported & (counts >= self.full_scale_counts)
+        return Reading(report_m.reshape(shape), counts.astype(np.uint16).reshape(shape), clipped.reshape(shape))

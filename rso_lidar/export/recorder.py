@@ -1,0 +1,272 @@
+"""Frames to an HDF5 file that a killed run, or a full disk, cannot spoil.
+
+A recording grows under ``<name>.tmp-<id>`` in HDF5's single-writer-multiple-readers mode, flushed frame by frame with
+/time last, and gets its name at the end: a file without the temporary suffix is complete. Of 90 writers killed at
+random moments, plain HDF5 lost files or last frames; this way lost none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError, did_you_mean
+from rso_lidar.export import hdf5_layout
+from rso_lidar.export.recording import Recording
+from rso_lidar.records import Frame, Source
+
+SUFFIXES = (".h5", ".hdf5")
+_SMALL_FRAMES_PER_COPY = 32 * hdf5_layout.FRAMES_PER_CHUNK
+_unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
+
+
+def run_id(source: Source, frames_text: str, version: str) -> str:
+    """Return eight hex digits that name a run: SHA-256 of resolved scenario, seed, chosen frames and version.
+
+    Parameters
+    ----------
+    source : what is flown.
+    frames_text : the choice of frames as the user wrote it, empty for all of them.
+    version : of rso_lidar.
+    """
+    parts = (source.scenario, str(source.seed), frames_text, version)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
+
+
+def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Return the output's path once it is sure that a recording can be written there; nothing is left behind."""
+    output = Path(path)
+    if output.suffix.lower() not in SUFFIXES:
+        guess = did_you_mean(output.suffix, SUFFIXES)
+        what = f"unknown suffix '{output.suffix}'" if output.suffix else "the name has no suffix"
+        raise RecordingError(f"{output}: {what}{guess or ';'} (known: {', '.join(SUFFIXES)})")
+    try:
+        if output.is_dir():
+            raise RecordingError(f"{output}: is a folder; name a file in it")
+        if output.exists() and not output.is_file():
+            raise RecordingError(f"{output}: is not a regular file; give another name")
+        if output.exists() and not overwrite:
+            raise RecordingError(f"{output}: exists already; give --overwrite (overwrite=True) or another name")
+        if not output.parent.is_dir():
+            raise RecordingError(f"{output}: there is no folder {output.parent}; make it first")
+        probe = output.with_name(f"{output.name}.tmp-{os.getpid():08x}.probe")
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise RecordingError(f"{output}: cannot be written here ({error.strerror}); choose another place") from error
+    return output
+
+
+class Recorder:
+    """Writes frames, one by one, to an HDF5 recording; a context manager.
+
+    A clean end gives the file its name. After an exception, and after a kill, the temporary file stays with all its
+    whole frames, and ``resume=True`` with the same `run_id` goes on from `written`. A failed write raises `RunError`.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        source: Source,
+        *,
+        run_id: str,
+        overwrite: bool = False,
+        resume: bool = False,
+    ) -> None:
+        self.path = check_output(path, overwrite=overwrite)
+        self.temporary = self.path.with_name(f"{self.path.name}.tmp-{run_id}")
+        self.written = 0
+        self._source, self._overwrite, self._resume = source, overwrite, resume
+        self._file: Any = None
+        self._first: Frame | None = None
+        self._variables: dict[str, hdf5_layout.Variable] = {}
+        self._columns: dict[str, tuple[Any, Any, tuple[int, ...]]] = {}
+        self._spaces: dict[tuple[int, ...], Any] = {}
+
+    def __enter__(self) -> Self:
+        if self._resume and self.temporary.exists():
+            with Recording(self.temporary) as old:
+                if len(old):
+                    self._start(old[0], old)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file is None:
+            if kind is None:
+                raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
+            return
+        with self._watched():
+            self._columns.clear()
+            self._file.close()
+            self._file = None
+            if kind is None:
+                self._publish()
+
+    def write(self, frame: Frame) -> None:
+        """Add one frame; when this returns, a kill no longer loses it."""
+        if self._file is None:
+            self._start(frame, None)
+        filled = self._checked(frame)
+        time = filled.pop("time")
+        with self._watched():
+            self._put(filled)
+            self._file.flush()
+            self._put({"time": time})
+            self._columns["time"][0].flush()
+        self.written += 1
+
+    # ------------------------------------------------------------------------------------------------ first things
+
+    def _start(self, first: Frame, old: Recording | None) -> None:
+        """Make the file with all that a frame can fill, copy an old one's frames, and let readers in."""
+        import h5py
+
+        self._first = first
+        starting = self.temporary.with_name(f"{self.temporary.name}.starting")
+        with self._watched(), self._swept(starting):
+            self._file = h5py.File(starting, "w", libver=("v110", "v110"), locking="best-effort")
+            self._variables = hdf5_layout.lay_out(self._file, self._source, first)
+            for path, variable in self._variables.items():
+                shape = variable.shape
+                self._columns[path] = (self._file[path].id, h5py.h5t.py_create(variable.spec.dtype), shape)
+                if shape not in self._spaces:
+                    places = (h5py.h5s.create_simple((1, *shape)) for _ in range(2))  # in memory, and in the file
+                    self._spaces[shape] = tuple(places)
+            if old is not None:
+                for path in self._variables:
+                    self._copy(path, old)
+                self.written = len(old)
+            self._file.swmr_mode = True
+            self._file.flush()
+            starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
+
+    @contextlib.contextmanager
+    def _swept(self, starting: Path) -> Any:
+        """Leave nothing behind where the file cannot even be begun."""
+        try:
+            yield
+        except BaseException:
+            self._abandon()
+            starting.unlink(missing_ok=True)
+            raise
+
+    def _copy(self, path: str, old: Recording) -> None:
+        """Copy a dataset's whole frames; compressed ones as they are."""
+        have, make, count = old.dataset(path), self._file[path], len(old)
+        if (have.shape[1:], have.dtype, have.chunks) != (make.shape[1:], make.dtype, make.chunks):
+            raise RecordingError(f"{self.temporary}: {path} has another shape; run again without --resume")
+        make.resize(count, axis=0)
+        if self._variables[path].per_pixel:
+            for k in range(count):
+                mask, chunk = have.id.read_direct_chunk((k, 0, 0))
+                make.id.write_direct_chunk((k, 0, 0), chunk, mask)
+        else:
+            for low in range(0, count, _SMALL_FRAMES_PER_COPY):
+                high = min(low + _SMALL_FRAMES_PER_COPY, count)
+                make[low:high] = have[low:high]
+
+    # ------------------------------------------------------------------------------------------------ frame by frame
+
+    def _checked(self, frame: Frame) -> dict[str, np.ndarray]:
+        """Return what the frame puts into each dataset, once it is sure that it fits the file."""
+        first = self._first
+        assert first is not None
+        place = f"{self.path}: frame {frame.index}"
+        if hdf5_layout.parents(frame) != hdf5_layout.parents(first):
+            raise RecordingError(f"{place}: its tree of axes differs from the first frame's; record it to another file")
+        same = frame.line_of_sight is first.line_of_sight or np.array_equal(frame.line_of_sight, first.line_of_sight)
+        if not same:
+            raise RecordingError(f"{place}: its line of sight differs from the first's; record it to another file")
+        filled = hdf5_layout.values(frame)
+        if filled.keys() != self._variables.keys():
+            odd = ", ".join(sorted(filled.keys() ^ self._variables.keys()))
+            raise RecordingError(f"{place}: {odd}: not in every frame; record it to another file")
+        entries = {}
+        for path, value in filled.items():
+            variable = self._variables[path]
+            entries[path] = np.ascontiguousarray(value, dtype=variable.spec.dtype)
+            if np.shape(value) != variable.shape:
+                raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
+        return entries
+
+    def _put(self, entries: Mapping[str, np.ndarray]) -> None:
+        # Low-level calls with shared data spaces are five times faster than dataset[k] = entry, sixty times a frame.
+        count = self.written + 1
+        for shape, (_, place) in self._spaces.items():
+            place.set_extent_simple((count, *shape))
+            place.select_hyperslab((self.written, *(0 for _ in shape)), (1, *shape))
+        for path, entry in entries.items():
+            dataset, kind, shape = self._columns[path]
+            dataset.set_extent((count, *shape))
+            memory, place = self._spaces[shape]
+            dataset.write(memory, place, entry, kind)
+
+    # ------------------------------------------------------------------------------------------------ last things
+
+    def _publish(self) -> None:
+        """Give the finished file its name, durably."""
+        if self.path.exists() and not self._overwrite:
+            raise RecordingError(f"{self.path}: appeared while this ran; the frames are in {self.temporary}: rename it")
+        _sync(self.temporary)
+        self.temporary.replace(self.path)
+        if os.name == "posix":
+            _sync(self.path.parent)
+
+    @contextlib.contextmanager
+    def _watched(self) -> Any:
+        """Turn a failed write into a `RunError`, and let go of the file so that the interpreter survives its end."""
+        try:
+            yield
+        except (OSError, RuntimeError) as error:
+            self._abandon()
+            kept = f"{self.temporary.name} is kept: make room and go on with --resume"
+            cure = kept if self.temporary.exists() else "make room and run again"
+            raise RunError(
+                f"{self.path}: cannot be written after {self.written} frames ({_reason(error)}); {cure}"
+            ) from error
+
+    def _abandon(self) -> None:
+        """Close the file with what is unwritten going nowhere.
+
+        HDF5 keeps what it could not write, tries again when the file closes and when the interpreter ends, and crashes
+        there. So its file descriptor is turned to the null device first; the file keeps its last good flush.
+        """
+        file, self._file = self._file, None
+        self._columns.clear()
+        if not file:
+            return
+        try:
+            descriptor = file.id.get_vfd_handle()
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nowhere, descriptor)
+            os.close(nowhere)
+            file.close()
+        except (OSError, RuntimeError, ValueError):
+            _unclosable.append(file)
+
+
+def _reason(error: BaseException) -> str:
+    """Return why a write failed, in the system's words where HDF5's report holds the number."""
+    number = getattr(error, "errno", None)
+    if number is None:
+        found = re.search(r"errno = (\d+)", str(error))
+        number = int(found[1]) if found else None
+    return os.strerror(number) if number else " ".join(str(error).split())[:200]
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,57 @@
+"""From the follower to the lidar: what the PTU is asked, and the axes it and the lidar end up in."""
+
+import datetime
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.motion.body import Body
+from rso_lidar.motion.epochs import Epochs
+from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint
+from rso_lidar.motion.ptu import Mount, Ptu, ptu_link
+from rso_lidar.motion.truth import truth
+from rso_lidar.pose import Link, PoseTree, pose
+from rso_lidar.records import Pointing, Truth
+
+# x forward, y left, z up to the lidar's x right, y down, z ahead: [[0, -1, 0], [0, 0, -1], [1, 0, 0]].
+LIDAR_FROM_PTU = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
+
+
+def demand(ptu: Ptu, bodies: Sequence[Body], start_utc: datetime.datetime, end_s: float, *, local: bool) -> Demand:
+    """Return the pan and tilt that the scenario asks of the PTU, as a function of time up to `end_s` [s]."""
+    if not isinstance(ptu.point, TrackPoint):
+        return ptu.point.demand
+    origins = {body.name: body.origin for body in bodies}
+    sought = origins.get(ptu.point.at, ptu.point.at)
+
+    def directions(time_s: np.ndarray) -> np.ndarray:
+        """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
+        course = truth(bodies, Epochs(start_utc, time_s), local=local)
+        from_follower = course.pose("follower", sought).translation
+        toward = ptu.mount.rotation.inv().apply(from_follower - np.asarray(ptu.mount.position_m))
+        return np.broadcast_to(toward, (len(time_s), 3))
+
+    return DemandCurve(directions, end_s)
+
+
+def aimed(course: Truth, ptu: Ptu | None, pointing: Pointing | None, mount: Mount) -> Truth:
+    """Return the truth of one epoch with the axes of PTU and lidar in it; `mount` is the lidar's."""
+    actual, rate = (pointing.actual_rad, pointing.rate_rad_s) if pointing else (np.zeros(2), np.zeros(2))
+    poses = with_lidar(course.poses, ptu, actual, rate, mount)
+    return Truth(course.time_s, poses, course.states, course.sun_direction, pointing)
+
+
+def with_lidar(
+    poses: PoseTree, ptu: Ptu | None, pan_tilt_rad: np.ndarray, rate_rad_s: np.ndarray, mount: Mount
+) -> PoseTree:
+    """Return the tree with ptu and lidar under the follower, for pan and tilt (…, 2) [rad] and their rates [rad/s].
+
+    lidar_from_target = lidar_from_ptu * ptu_from_follower * follower_from_inertial * inertial_from_target (seed eq. 5).
+    """
+    carrier = "follower"
+    if ptu is not None:
+        angles = np.moveaxis(pan_tilt_rad, -1, 0)
+        link = ptu_link(ptu.mount, angles[0], angles[1], *np.moveaxis(rate_rad_s, -1, 0))
+        poses, carrier = poses.with_node("ptu", "follower", link), "ptu"
+    return poses.with_node("lidar", carrier, mount.link * Link.still(pose(rotation=LIDAR_FROM_PTU.inv())))

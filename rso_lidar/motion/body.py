@@ -1,0 +1,140 @@
+"""Bodies: a name, a motion, an attitude and extra axes; and in which order they must be worked out."""
+
+from collections.abc import Sequence
+from graphlib import CycleError, TopologicalSorter
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
+from rso_lidar.motion.ephemeris import Fixed, Table
+from rso_lidar.motion.hill import Hill
+from rso_lidar.motion.kepler import Kepler, State
+from rso_lidar.motion.ptu import Mount
+from rso_lidar.motion.sgp4_orbit import Tle
+from rso_lidar.part import Name, Part
+
+RESERVED = ("inertial", "follower", "ptu", "lidar")
+
+
+def _no_bare_lvlh(table: Any) -> Any:
+    tag = table.get("type") if isinstance(table, dict) else None
+    if tag in ("lvlh", "LVLH"):
+        raise ValueError(
+            "'lvlh' means two things: write 'rtn' (x radially out, z along the orbit normal) "
+            "or 'lvlh_ccsds' (z to nadir, y against the orbit normal)"
+        )
+    return table
+
+
+Orbit = (Tle, Kepler, State, Hill)
+Motion = Annotated[Tle | Kepler | State | Hill | Fixed | Table, Field(discriminator="type")]
+Attitude = Annotated[
+    Annotated[FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble, Field(discriminator="type")],
+    BeforeValidator(_no_bare_lvlh),
+]
+
+
+class Axes(Mount):
+    """Further axes fixed to a body, such as a docking port: the mount says how they stand in body axes."""
+
+    name: Name
+
+
+class Body(Part):
+    """Something that moves and turns: body axes x forward, y left, z up, origin in the centre of mass.
+
+    Without an `attitude` a body keeps the axes its motion is given in, or follows its table's quaternions.
+    """
+
+    name: Name
+    motion: Motion
+    attitude: Attitude | None = None
+    axes: tuple[Axes, ...] = ()
+
+    @property
+    def orbits(self) -> bool:
+        """Return whether the body has an orbit, and so rtn axes of its own."""
+        return isinstance(self.motion, Orbit)
+
+    @property
+    def origin(self) -> str:
+        """Return the name of the axes at the body's origin that do not turn with it."""
+        return f"{self.name}.rtn" if self.orbits else f"{self.name}.origin"
+
+
+def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
+    """Return the names of origin and body axes in an order in which each needs only what stands before it.
+
+    Raises `ScenarioError` for names used twice, unknown names, motions that need an Earth in a local world, relative
+    motions about something that does not orbit, and loops.
+    """
+    by_name = _by_name(bodies)
+    hosts = {axes.name: body for body in bodies for axes in body.axes}
+    graph: dict[str, list[str]] = {}
+    for body in bodies:
+        graph[body.origin] = _origin_needs(body, by_name, local)
+        graph[body.name] = [body.origin, *_attitude_needs(body, by_name, hosts, local)]
+    try:
+        return list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        names = [name for name in error.args[1] if name in by_name] or error.args[1]
+        chain = " -> ".join(dict.fromkeys(names))
+        raise ScenarioError(
+            f"{names[0]}: relative_to and look_at go round in a loop ({chain}); break it by giving one body an orbit"
+        ) from None
+
+
+def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
+    seen: set[str] = set()
+    for name in [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]:
+        if name in seen:
+            raise ScenarioError(f"{name}: two bodies or axes have this name; rename one")
+        seen.add(name)
+    return {body.name: body for body in bodies}
+
+
+def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str]:
+    motion = body.motion
+    if local and body.orbits:
+        raise ScenarioError(
+            f'{body.name}.motion: \'{motion.type}\' needs an Earth, and [world] axes = "local" has none; '
+            "use 'fixed' or 'table', or leave out [world]"
+        )
+    relative_to = getattr(motion, "relative_to", None)
+    if relative_to is None:
+        return []
+    if relative_to not in by_name:
+        guess = did_you_mean(relative_to, by_name)
+        raise ScenarioError(
+            f"{body.name}.motion.relative_to: no body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
+        )
+    chief = by_name[relative_to]
+    if not isinstance(motion, Hill):
+        return [chief.name]
+    if not chief.orbits:
+        raise ScenarioError(
+            f"{body.name}.motion.relative_to: '{relative_to}' does not orbit, so it has no rtn axes; "
+            "give it an orbit, or use motion 'fixed' or 'table'"
+        )
+    return [chief.origin]
+
+
+def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
+    attitude = body.attitude
+    if isinstance(attitude, Rtn | LvlhCcsds) and (local or not body.orbits):
+        raise ScenarioError(
+            f"{body.name}.attitude: '{attitude.type}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
+        )
+    if not isinstance(attitude, LookAt):
+        return []
+    if attitude.at in by_name:
+        if attitude.at == body.name:
+            raise ScenarioError(f"{body.name}.attitude.at: a body cannot look at itself; name another")
+        return [by_name[attitude.at].origin]
+    if attitude.at in hosts:
+        return [hosts[attitude.at].name]
+    known = [*by_name, *hosts]
+    guess = did_you_mean(attitude.at, known)
+    raise ScenarioError(f"{body.name}.attitude.at: nothing is named '{attitude.at}'{guess} (known: {', '.join(known)})")

@@ -1,0 +1,153 @@
+"""How the axes of a pan-tilt unit answer what they are asked: the responses, and the law of each from tick to tick."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from rso_lidar import units
+from rso_lidar.part import NotNegative, Number, Part, Positive
+
+Limits = tuple[Number, Number]
+Pair = tuple[float, float]
+
+
+class _Travel(Part):
+    """What every drive obeys: the ends of its travel."""
+
+    pan_limits_deg: Limits | None = None
+    tilt_limits_deg: Limits | None = None
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        for name in ("pan_limits_deg", "tilt_limits_deg"):
+            limits = getattr(self, name)
+            if limits is not None and not limits[0] < limits[1]:
+                raise ValueError(f"{name}: needs the lower end first, then the upper")
+        return self
+
+    @property
+    def travel_rad(self) -> tuple[Limits, Limits]:
+        """Return the ends of pan and of tilt [rad], infinite where there are none."""
+        pan, tilt = self.pan_limits_deg, self.tilt_limits_deg
+        free = (-math.inf, math.inf)
+        return (
+            (pan[0] * units.DEG, pan[1] * units.DEG) if pan else free,
+            (tilt[0] * units.DEG, tilt[1] * units.DEG) if tilt else free,
+        )
+
+
+class _Drive(_Travel):
+    """What a drive with dynamics may be limited by."""
+
+    max_rate_deg_s: Positive | None = None
+    max_acceleration_deg_s2: Positive | None = None
+
+    @property
+    def max_rate_rad_s(self) -> float:
+        """Return the greatest rate [rad/s], infinite where there is none."""
+        return math.inf if self.max_rate_deg_s is None else self.max_rate_deg_s * units.DEG
+
+    @property
+    def max_acceleration_rad_s2(self) -> float:
+        """Return the greatest acceleration [rad/s2], infinite where there is none."""
+        return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
+
+
+class Ideal(_Travel):
+    """A drive that stands on its demand at every instant, within its travel."""
+
+    type: Literal["ideal"] = "ideal"
+
+
+class FirstOrder(_Drive):
+    """A drive with tau dx/dt + x = demand. `time_constant_s` is tau."""
+
+    type: Literal["first_order"] = "first_order"
+    time_constant_s: Positive
+
+
+class SecondOrder(_Drive):
+    """A drive with d2x/dt2 + 2 zeta w dx/dt + w^2 x = w^2 demand, w = 2 pi `natural_hz`, zeta = `damping`."""
+
+    type: Literal["second_order"] = "second_order"
+    natural_hz: Positive
+    damping: NotNegative
+
+
+def advance(
+    response: FirstOrder | SecondOrder, dt: float, axes: tuple[Pair, Pair], held: np.ndarray
+) -> tuple[Pair, Pair]:
+    """Return (angle, rate) of pan and of tilt after each row of `held` (tick, 2) [rad] was asked for `dt` [s].
+
+    Each law is linear and solved exactly for a demand that is held. Where a limit bites, the change of rate is clipped to
+    the greatest acceleration, then the rate to the greatest rate, and the angle follows: `SecondOrder` by the mean of old
+    and new rate, `FirstOrder` by the new rate. A drive that swings past an end of its travel stops there.
+    """
+    (pan, tilt), (pan_ends, tilt_ends) = held.T.tolist(), response.travel_rad
+    if isinstance(response, FirstOrder):
+        return _first_order(response, dt, axes[0], pan, pan_ends), _first_order(response, dt, axes[1], tilt, tilt_ends)
+    return _second_order(response, dt, axes[0], pan, pan_ends), _second_order(response, dt, axes[1], tilt, tilt_ends)
+
+
+def _first_order(response: FirstOrder, dt: float, axis: Pair, asked: list[float], travel: Pair) -> Pair:
+    """Return (angle, rate) of one axis after each of `asked` [rad] was held for `dt` [s]."""
+    (x, v), (low, high) = axis, travel
+    tau, most = response.time_constant_s, response.max_rate_rad_s
+    change = response.max_acceleration_rad_s2 * dt
+    decay, per_dt = math.exp(-dt / tau), 1.0 / dt
+    for d in asked:
+        new = d + decay * (x - d)
+        mean = (new - x) * per_dt
+        if -change <= mean - v <= change and -most <= mean <= most:
+            x, v = new, (d - new) / tau
+        else:
+            v = max(-most, min(most, max(v - change, min(v + change, mean))))
+            x += v * dt
+        if not low <= x <= high:
+            x, v = (low if x < low else high), 0.0
+    return x, v
+
+
+def _second_order(response: SecondOrder, dt: float, axis: Pair, asked: list[float], travel: Pair) -> Pair:
+    """Return (angle, rate) of one axis after each of `asked` [rad] was held for `dt` [s]."""
+    (x, v), (low, high) = axis, travel
+    natural, most = 2.0 * math.pi * response.natural_hz, response.max_rate_rad_s
+    change = response.max_acceleration_rad_s2 * dt
+    xx, xv, vx, vv = _exponential(natural, response.damping, dt)
+    for d in asked:
+        error = x - d
+        new = vx * error + vv * v
+        if -change <= new - v <= change and -most <= new <= most:
+            x, v = d + xx * error + xv * v, new
+        else:
+            new = max(-most, min(most, max(v - change, min(v + change, new))))
+            x += 0.5 * (v + new) * dt
+            v = new
+        if not low <= x <= high:
+            x, v = (low if x < low else high), 0.0
+    return x, v
+
+
+def _exponential(natural: float, damping: float, dt: float) -> tuple[float, float, float, float]:
+    """Return the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows; w = `natural` [rad/s]."""
+    sigma = damping * natural
+    phase = natural * natural * (1.0 - damping * damping)
+    if phase >= 0.0:
+        root = math.sqrt(phase)
+        cosine, sine = math.cos(root * dt), math.sin(root * dt) / root if root else dt
+        fading = math.exp(-sigma * dt)
+    else:  # overdamped: the slow exponential outside, so that nothing overflows
+        root = math.sqrt(-phase)
+        fast = math.exp(-2.0 * root * dt)
+        cosine, sine = 0.5 * (1.0 + fast), 0.5 * (1.0 - fast) / root
+        fading = math.exp(-natural * natural / (sigma + root) * dt)
+    return (
+        fading * (cosine + sigma * sine),
+        fading * sine,
+        -fading * natural * natural * sine,
+        fading * (cosine - sigma * sine),
+    )

@@ -1,0 +1,168 @@
+"""Motions that are given rather than flown: a place that stays, and a table of places and turns."""
+
+from __future__ import annotations
+
+import csv
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean
+from rso_lidar.part import Name, Part, Text, Vector
+from rso_lidar.shipped import find
+
+PLACE = ("time_s", "x_m", "y_m", "z_m")
+TURN = ("qx", "qy", "qz", "qw")
+
+
+class Fixed(Part):
+    """A place that does not move, in the body axes of `relative_to`, or in the root's."""
+
+    type: Literal["fixed"] = "fixed"
+    position_m: Vector
+    relative_to: Name | None = None
+
+    def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the parent's axes: the same at all times, and zero."""
+        shape = (len(time_s), 3)
+        return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
+
+
+class Table(Part):
+    """Places, and maybe turns, read from a CSV file, in the body axes of `relative_to`, or in the root's.
+
+    The header names the columns time_s, x_m, y_m, z_m and, for a turn, qx, qy, qz, qw (parent_from_body), in any order.
+    Between rows the position follows the cubic spline through all rows (not-a-knot: twice continuously differentiable),
+    its velocity that spline's derivative; the turn follows scipy's RotationSpline, the body rate that spline's. Two rows
+    give uniform motion. Outside the rows' span there is no motion.
+    """
+
+    type: Literal["table"] = "table"
+    file: Text
+    relative_to: Name | None = None
+
+    def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the parent's axes."""
+        from scipy.interpolate import CubicSpline
+
+        rows = self._rows()
+        times = self._inside(time_s, rows)
+        spline = CubicSpline(rows.time_s, rows.position_m)
+        return spline(times), spline(times, 1)
+
+    def orientations(self, time_s: np.ndarray) -> tuple[Rotation, np.ndarray] | None:
+        """Return parent_from_body (time) and the body's rate (time, 3) [rad/s] in body axes; None without quaternions."""
+        from scipy.spatial.transform import RotationSpline
+
+        rows = self._rows()
+        if rows.quaternion is None:
+            return None
+        times = self._inside(time_s, rows)
+        spline = RotationSpline(rows.time_s, Rotation.from_quat(rows.quaternion))
+        return spline(times), spline(times, 1)
+
+    def _rows(self) -> Rows:
+        path = find(self.file)
+        if path is None:
+            raise ScenarioError(f"{self.file}: no such file: check the path of this table")
+        return read_table(path)
+
+    def _inside(self, time_s: np.ndarray, rows: Rows) -> np.ndarray:
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        bad = ~((times >= rows.time_s[0]) & (times <= rows.time_s[-1]))
+        if bad.any():
+            raise PropagationError(
+                f"{self.file}: has no row around {int(bad.sum())} of {len(bad)} epochs, first at time_s = "
+                f"{times[np.argmax(bad)]:g}: it spans {rows.time_s[0]:g} to {rows.time_s[-1]:g} s; lengthen the table or "
+                "shorten the run",
+                bad,
+            )
+        return times
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A table as read: time_s (row), position_m (row, 3), quaternion parent_from_body (row, 4) x, y, z, w or None."""
+
+    time_s: np.ndarray
+    position_m: np.ndarray
+    quaternion: np.ndarray | None
+
+
+def read_table(path: str | Path) -> Rows:
+    """Return the rows of a CSV table, checked; what is wrong is a `ScenarioError` that names file and line."""
+    path = Path(path)
+    try:
+        status = path.stat()
+        return _read(path, status.st_mtime_ns, status.st_size)
+    except FileNotFoundError:
+        raise ScenarioError(f"{path}: no such file: check the path of this table") from None
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a CSV file") from None
+
+
+@functools.lru_cache(maxsize=16)
+def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
+    try:
+        text = path.read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
+    lines = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
+    if not lines:
+        raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
+    columns = _columns(f"{path}: line {lines[0][0]}", [cell.strip() for cell in lines[0][1]])
+    if len(lines) < 3:
+        raise ScenarioError(f"{path}: has {len(lines) - 1} rows: a table needs at least two")
+    values = np.array([_numbers(f"{path}: line {number}", cells, columns) for number, cells in lines[1:]])
+    ordered = np.array(values[:, [columns.index(name) for name in PLACE]])
+    steps = np.flatnonzero(np.diff(ordered[:, 0]) <= 0.0)
+    if len(steps):
+        raise ScenarioError(f"{path}: line {lines[int(steps[0]) + 2][0]}: time_s does not grow: sort the rows by time")
+    quaternion = None
+    if TURN[0] in columns:
+        quaternion = values[:, [columns.index(name) for name in TURN]]
+        norms = np.linalg.norm(quaternion, axis=1)
+        wrong = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
+        if len(wrong):
+            k = int(wrong[0])
+            raise ScenarioError(
+                f"{path}: line {lines[k + 1][0]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it"
+            )
+    return Rows(ordered[:, 0], ordered[:, 1:], quaternion)
+
+
+def _columns(where: str, header: list[str]) -> list[str]:
+    """Return the header's column names, which must be those of a place, or of a place and a turn."""
+    known = (*PLACE, *TURN)
+    for name in header:
+        if name not in known:
+            guess = did_you_mean(name, known) or f"; known columns: {', '.join(known)}"
+            raise ScenarioError(f"{where}: unknown column '{name}'{guess}")
+        if header.count(name) > 1:
+            raise ScenarioError(f"{where}: column '{name}' stands there twice: remove one")
+    needed = known if any(name in header for name in TURN) else PLACE
+    missing = [name for name in needed if name not in header]
+    if missing:
+        raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: the header names {', '.join(needed)}")
+    return header
+
+
+def _numbers(where: str, cells: list[str], columns: list[str]) -> list[float]:
+    if len(cells) != len(columns):
+        raise ScenarioError(f"{where}: has {len(cells)} cells, the header {len(columns)}: give one for each column")
+    numbers = []
+    for name, cell in zip(columns, cells, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            raise ScenarioError(f"{where}: {name} '{cell.strip()}' is not a number: correct the cell") from None
+        if not np.isfinite(number):
+            raise ScenarioError(f"{where}: {name} is {cell.strip()}: give a finite number")
+        numbers.append(number)
+    return numbers

@@ -1,0 +1,151 @@
+"""Instants of a run, and the only place that knows UTC, TAI and TT (skyfield's built-in tables; never a download).
+
+A run is counted in TAI seconds from `start_utc`, so a leap second in the middle of it is an ordinary second. Julian dates
+are kept as a whole part and a fraction: in one float64 a date is 40 us coarse, which is 0.3 m along a low orbit.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+
+J2000_TT_JD = 2_451_545.0
+CENTURY_DAYS = 36_525.0
+TT_MINUS_TAI_S = 32.184
+
+_MICROSECONDS = 1_000_000
+_UTC_ORIGIN = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)  # Julian day 2451545, as UTC counts days
+
+
+@functools.cache
+def _timescale() -> Any:
+    from skyfield.api import load
+
+    return load.timescale(builtin=True)
+
+
+@functools.cache
+def _leap_table() -> tuple[np.ndarray, np.ndarray]:
+    """Return TAI seconds since JD 0 from which each TAI - UTC holds, and those offsets (one more) [s]."""
+    scale = _timescale()
+    after = np.asarray(scale.leap_offsets, dtype=float)
+    begins = np.asarray(scale.leap_dates, dtype=float) * units.DAY_S + after
+    return begins, np.concatenate([after[:1] - 1.0, after])
+
+
+def _leap_seconds(tai_s: np.ndarray | float) -> np.ndarray:
+    """Return TAI - UTC [s] at whole TAI seconds since JD 0; a leap second still counts with the day it ends."""
+    begins, offsets = _leap_table()
+    offset: np.ndarray = offsets[np.searchsorted(begins, tai_s, side="right")]
+    return offset
+
+
+@functools.lru_cache(maxsize=4096)
+def _tai_us(instant: datetime.datetime) -> int:
+    """Return TAI microseconds since JD 0 of an aware datetime, exactly."""
+    since = instant - _UTC_ORIGIN
+    utc_us = (since.days * 86_400 + since.seconds + 2_451_545 * 86_400) * _MICROSECONDS + since.microseconds
+    # a datetime cannot name a leap second, so UTC alone tells which offset holds
+    begins, offsets = _leap_table()
+    offset = offsets[np.searchsorted(begins - offsets[1:], utc_us // _MICROSECONDS, side="right")]
+    return utc_us + int(offset) * _MICROSECONDS
+
+
+@dataclass(frozen=True, eq=False)
+class Epochs:
+    """Return the instants `time_s` (time) [TAI s] after `start_utc`, an aware datetime.
+
+    >>> start = datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=datetime.UTC)
+    >>> [utc_text(start, seconds) for seconds in (4, 5, 6)]
+    ['2016-12-31T23:59:59.000Z', '2016-12-31T23:59:60.000Z', '2017-01-01T00:00:00.000Z']
+    """
+
+    start_utc: datetime.datetime
+    time_s: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.start_utc.tzinfo is None:
+            raise ScenarioError("start_utc: a time without an offset is ambiguous; end it with Z or +00:00")
+        time_s = np.array(self.time_s, dtype=float, ndmin=1)
+        if time_s.ndim != 1 or not np.all(np.isfinite(time_s)):
+            raise ScenarioError("time_s: needs one row of finite seconds")
+        time_s.flags.writeable = False
+        object.__setattr__(self, "time_s", time_s)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, which: int | slice | np.ndarray) -> Epochs:
+        """Return some of the epochs: one (still a row, of length 1), a slice, or those an index or mask array picks."""
+        return Epochs(self.start_utc, self.time_s[which])
+
+    def shifted(self, seconds: float | np.ndarray) -> Epochs:
+        """Return the epochs moved later by `seconds` [s]."""
+        return Epochs(self.start_utc, self.time_s + seconds)
+
+    def since(self, instant: datetime.datetime) -> np.ndarray:
+        """Return elapsed TAI seconds (time) from an aware datetime to each epoch."""
+        offset: np.ndarray = self.time_s + (_tai_us(self.start_utc) - _tai_us(instant)) / _MICROSECONDS
+        return offset
+
+    def utc_julian(self, leap_seconds_at: datetime.datetime | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return UTC Julian dates as whole and fraction (time) [day], split as skyfield feeds them to sgp4.
+
+        `leap_seconds_at` counts on with the leap seconds of that instant: SGP4 subtracts dates, so an element set older
+        than a leap second would otherwise come out one second, some 7 km, off.
+        """
+        seconds, fraction_s = self._tai()
+        whole, in_day = np.divmod(seconds, units.DAY_S)
+        leap: np.ndarray | float
+        if leap_seconds_at is None:
+            leap = _leap_seconds(seconds)
+        else:
+            leap = float(_leap_seconds(_tai_us(leap_seconds_at) // _MICROSECONDS))
+        return whole, (in_day + fraction_s) / units.DAY_S - leap / units.DAY_S
+
+    def tt_julian(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return TT Julian dates as whole and fraction (time) [day]."""
+        seconds, fraction_s = self._tai()
+        whole, in_day = np.divmod(seconds, units.DAY_S)
+        return whole, (in_day + fraction_s) / units.DAY_S + TT_MINUS_TAI_S / units.DAY_S
+
+    def tt_centuries(self) -> np.ndarray:
+        """Return Julian centuries (time) of TT since J2000.0."""
+        whole, fraction = self.tt_julian()
+        centuries: np.ndarray = ((whole - J2000_TT_JD) + fraction) / CENTURY_DAYS
+        return centuries
+
+    def skyfield_time(self) -> Any:
+        """Return the epochs as a skyfield Time (time) with its full split precision."""
+        seconds, fraction_s = self._tai()
+        whole, in_day = np.divmod(seconds, units.DAY_S)
+        return _timescale().tai_jd(whole, (in_day + fraction_s) / units.DAY_S)
+
+    def _tai(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return whole TAI seconds since JD 0 and the fraction of a second in [0, 1) (time)."""
+        start_s, start_us = divmod(_tai_us(self.start_utc), _MICROSECONDS)
+        whole = np.floor(self.time_s)
+        carry, fraction = np.divmod((self.time_s - whole) + start_us / _MICROSECONDS, 1.0)
+        return start_s + whole + carry, fraction
+
+
+def skyfield_tt(whole: np.ndarray | float, fraction: np.ndarray) -> Any:
+    """Return a skyfield Time from TT Julian dates split into whole and fraction [day]."""
+    return _timescale().tt_jd(whole, fraction)
+
+
+def utc_text(start_utc: datetime.datetime, time_s: float) -> str:
+    """Return the instant `time_s` [TAI s] after `start_utc` as ISO UTC text, to the millisecond.
+
+    >>> utc_text(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), 90.25)
+    '2024-09-17T12:01:30.250Z'
+    """
+    text: str = Epochs(start_utc, np.array([time_s])).skyfield_time().utc_iso(places=3)[0]
+    return text

@@ -1,0 +1,264 @@
+"""The pan-tilt unit: where it is mounted, how its drive gets to what it is asked, and what its encoders say.
+
+follower_from_ptu = mount * Rz(pan) * Ry(-tilt), intrinsic: pan > 0 turns left, tilt > 0 looks up, and at zero the
+boresight is +x of the mount. One walk, in open and in closed loop::
+
+    head = start(ptu, demand)
+    for time_s in flashes:
+        head = step(ptu, head, demand, until_s=time_s, command=command)
+        pointing = sense(ptu, head, rng)
+
+The drive runs on a grid of 1 ms from t = 0, whatever flashes are asked for, and holds what it is asked from tick to
+tick: the state at a tick has the same bits however many steps led there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, advance
+from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
+from rso_lidar.part import NotNegative, Number, Part, Quaternion, Vector
+from rso_lidar.pose import Link, euler_zyx, pose
+from rso_lidar.records import Command, Pointing
+
+__all__ = [
+    "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "ptu_link", "sense", "start", "step"
+]  # fmt: skip
+
+TICKS_PER_S = 1000
+TICK_S = 1.0 / TICKS_PER_S
+CHUNK = 20_000  # ticks for which the demand is evaluated at once
+
+
+class Mount(Part):
+    """Where something is fixed to its parent and how it is turned there: parent_from_child."""
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    quaternion_xyzw: Quaternion | None = None
+    euler_zyx_deg: Vector | None = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Self:
+        if self.quaternion_xyzw is not None and self.euler_zyx_deg is not None:
+            raise ValueError("quaternion_xyzw and euler_zyx_deg both turn the mount: keep one")
+        return self
+
+    @property
+    def rotation(self) -> Rotation:
+        """Return parent_from_child as a rotation; the identity where nothing is given."""
+        if self.euler_zyx_deg is not None:
+            return euler_zyx(self.euler_zyx_deg)
+        return Rotation.from_quat(self.quaternion_xyzw or (0.0, 0.0, 0.0, 1.0))
+
+    @property
+    def link(self) -> Link:
+        """Return the link of the child in its parent, which does not move."""
+        return Link.still(pose(np.asarray(self.position_m, dtype=float), self.rotation))
+
+
+class PointingErrors(Part):
+    """How what is pointed at differs from what the drive believes; one standard deviation for each axis where random.
+
+    Actual = drive + misalignment + jitter. Measured = drive + encoder noise, rounded to the encoder's resolution.
+    Demands and commands reach the drive `command_latency_s` late, rounded to its ticks of 1 ms.
+    """
+
+    misalignment_deg: tuple[Number, Number] = (0.0, 0.0)
+    jitter_deg: NotNegative = 0.0
+    encoder_noise_deg: NotNegative = 0.0
+    encoder_resolution_deg: NotNegative = 0.0
+    command_latency_s: NotNegative = 0.0
+
+
+class Ptu(Part):
+    """A pan-tilt unit on the follower."""
+
+    mount: Mount = Mount()
+    point: Annotated[FixedPoint | TrackPoint | ScanPoint, Field(discriminator="type")] = FixedPoint()
+    response: Annotated[Ideal | FirstOrder | SecondOrder, Field(discriminator="type")] = Ideal()
+    errors: PointingErrors = PointingErrors()
+
+
+def ptu_link(
+    mount: Mount,
+    pan_rad: np.ndarray | float,
+    tilt_rad: np.ndarray | float,
+    pan_rate_rad_s: np.ndarray | float = 0.0,
+    tilt_rate_rad_s: np.ndarray | float = 0.0,
+) -> Link:
+    """Return the link of the ptu in follower axes, single or batched like pan and tilt (…) [rad] and rates [rad/s].
+
+    >>> ptu_link(Mount(), 0.0, 0.5).pose.apply([1, 0, 0]).round(3)  # the boresight looks up
+    array([0.878, 0.   , 0.479])
+    """
+    pan, tilt, pan_rate, tilt_rate = np.broadcast_arrays(pan_rad, tilt_rad, pan_rate_rad_s, tilt_rate_rad_s)
+    turned = Rotation.from_euler("ZY", np.stack([pan, -tilt], axis=-1))
+    rates = np.stack([pan_rate * np.sin(tilt), -tilt_rate, pan_rate * np.cos(tilt)], axis=-1)
+    return mount.link * Link(pose(rotation=turned), np.zeros(3), rates)
+
+
+@dataclass(frozen=True, slots=True)
+class PtuState:
+    """Where the drive stands: pan and tilt at `time_s`, and what it needs to go on from the tick before.
+
+    `demand_rad` is what was asked for at `time_s`, before latency and the ends of travel. `grid` holds (angle, rate) of
+    pan and of tilt at `tick`; `commands` those that still matter, each with the tick from which the drive obeys it.
+    """
+
+    time_s: float
+    angle_rad: Pair
+    rate_rad_s: Pair
+    demand_rad: Pair
+    tick: int
+    grid: tuple[Pair, Pair]
+    commands: tuple[tuple[int, Command], ...] = ()
+
+
+def start(ptu: Ptu, demand: Demand) -> PtuState:
+    """Return the state at t = 0: at rest on the demand, within the travel (an `Ideal` drive moves with it at once)."""
+    asked = _pair(demand(np.zeros(1))[0])
+    pan, tilt = (min(max(angle, low), high) for angle, (low, high) in zip(asked, ptu.response.travel_rad, strict=True))
+    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), asked, 0, ((pan, 0.0), (tilt, 0.0)))
+    return step(ptu, state, demand, 0.0)
+
+
+def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Command | None = None) -> PtuState:
+    """Return the state at `until_s` [s], not before the state handed in.
+
+    Parameters
+    ----------
+    demand : the scenario's demand, the same function at every step
+    until_s : instant of the next flash [s]; off the grid, a copy is carried on from the tick before
+    command : given at `state.time_s`, it holds until `until_s`; an axis that is None, or no command, keeps the demand
+    """
+    if until_s < state.time_s:
+        raise ValueError(f"ptu: time runs forward, from {state.time_s:g} s to {until_s:g} s: start afresh to go back")
+    command = _finite(command or Command())
+    latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
+    commands = _still_matter(state, command, latency)
+    tick, rest_s = _tick(until_s)
+    travel = ptu.response.travel_rad
+    scenario = demand(np.array([until_s]))[0]
+    asked = _pair(_override(scenario, command))
+
+    if isinstance(ptu.response, Ideal):
+        angle, rate = _ideal(ptu.response, demand, commands, until_s, latency)
+        return PtuState(until_s, angle, rate, asked, tick, ((angle[0], 0.0), (angle[1], 0.0)), commands)
+
+    grid = state.grid
+    for first in range(state.tick, tick, CHUNK):
+        held = _held(demand, commands, first, min(first + CHUNK, tick), latency, travel)
+        grid = advance(ptu.response, TICK_S, grid, held)
+    here = (
+        advance(ptu.response, rest_s, grid, _held(demand, commands, tick, tick + 1, latency, travel))
+        if rest_s
+        else grid
+    )
+    (pan, pan_rate), (tilt, tilt_rate) = here
+    return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands)
+
+
+def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> Pointing:
+    """Return where the PTU was asked to point, points, and believes it points; always four draws from `rng`."""
+    errors = ptu.errors
+    draws = rng.standard_normal(4)
+    angle = np.array(state.angle_rad)
+    off = np.array(errors.misalignment_deg) + errors.jitter_deg * draws[:2]
+    measured = angle + errors.encoder_noise_deg * units.DEG * draws[2:]
+    if errors.encoder_resolution_deg:
+        resolution = errors.encoder_resolution_deg * units.DEG
+        measured = resolution * np.rint(measured / resolution)
+    return Pointing(
+        demand_rad=np.array(state.demand_rad),
+        actual_rad=angle + off * units.DEG,
+        measured_rad=measured,
+        rate_rad_s=np.array(state.rate_rad_s),
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- what is asked
+
+
+def _pair(angles: np.ndarray) -> Pair:
+    return float(angles[0]), float(angles[1])
+
+
+def _finite(command: Command) -> Command:
+    for name in ("pan_rad", "tilt_rad"):
+        angle = getattr(command, name)
+        if angle is not None and not math.isfinite(angle):
+            raise ScenarioError(f"command: {name} is {angle}: return an angle, or None to keep the scenario's demand")
+    return command
+
+
+def _tick(time_s: float) -> tuple[int, float]:
+    """Return the last tick at or before an instant, and what is left [s]; within a nanosecond of a tick is on it."""
+    tick = math.floor(time_s * TICKS_PER_S + 1e-6)
+    rest_s = time_s - tick / TICKS_PER_S
+    return tick, rest_s if rest_s > 1e-9 else 0.0
+
+
+def _override(angles: np.ndarray, command: Command) -> np.ndarray:
+    pan = angles[0] if command.pan_rad is None else command.pan_rad
+    tilt = angles[1] if command.tilt_rad is None else command.tilt_rad
+    return np.array([pan, tilt], dtype=float)
+
+
+def _still_matter(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
+    """Return the commands from the state's tick on, the new one last."""
+    past = sum(1 for tick, _ in state.commands if tick <= state.tick)
+    commands = state.commands[max(0, past - 1) :]
+    if command == (commands[-1][1] if commands else Command()):
+        return commands
+    tick, rest_s = _tick(state.time_s)
+    return (*commands, (tick + (rest_s > 0.0) + latency, command))
+
+
+def _held(
+    demand: Demand,
+    commands: tuple[tuple[int, Command], ...],
+    first: int,
+    end: int,
+    latency: int,
+    travel: tuple[Pair, Pair],
+) -> np.ndarray:
+    """Return what the drive is asked (tick, 2) [rad] at the ticks from `first` up to `end`, within its travel."""
+    asked = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
+    ends = [tick for tick, _ in commands[1:]] + [end]
+    for (begin, command), finish in zip(commands, ends, strict=True) if commands else ():
+        rows = slice(max(begin - first, 0), max(finish - first, 0))
+        for axis, angle in enumerate((command.pan_rad, command.tilt_rad)):
+            if angle is not None:
+                asked[rows, axis] = angle
+    (pan_low, pan_high), (tilt_low, tilt_high) = travel
+    within: np.ndarray = np.clip(asked, (pan_low, tilt_low), (pan_high, tilt_high))
+    return within
+
+
+# ------------------------------------------------------------------------------------------------------- responses
+
+
+def _ideal(
+    response: Ideal, demand: Demand, commands: tuple[tuple[int, Command], ...], time_s: float, latency: int
+) -> tuple[Pair, Pair]:
+    """Return pan and tilt [rad] on the demand, and its rates [rad/s] by central difference over a tick."""
+    now = time_s - latency / TICKS_PER_S
+    around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
+    asked = demand(around)
+    rates = (asked[2] - asked[1]) / (around[2] - around[1] or TICK_S)
+    obeyed = [command for tick, command in commands if tick <= _tick(time_s)[0]]
+    command = obeyed[-1] if obeyed else Command()
+    low, high = np.transpose(response.travel_rad)
+    angles = _override(asked[0], command)
+    commanded = np.array([command.pan_rad is not None, command.tilt_rad is not None])
+    rates = np.where(commanded | (angles < low) | (angles > high), 0.0, rates)
+    return _pair(np.clip(angles, low, high)), _pair(rates)

@@ -1,0 +1,145 @@
+"""Where everything is at each epoch: the tree of axes (seed 3.1.1), for all epochs in one vectorised go."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble, look_at
+from rso_lidar.motion.body import Body, working_order
+from rso_lidar.motion.ephemeris import Fixed, Table
+from rso_lidar.motion.epochs import Epochs
+from rso_lidar.motion.hill import Hill, rtn_axes
+from rso_lidar.motion.kepler import semi_major_axis_m
+from rso_lidar.motion.sun import sun_direction
+from rso_lidar.pose import ROOT, Link, PoseTree, pose
+from rso_lidar.records import BodyState, Truth
+from rso_lidar.units import EARTH_GM_M3_S2
+
+
+def truth(bodies: Sequence[Body], epochs: Epochs, *, local: bool = False) -> Truth:
+    """Return poses, rates and states of all bodies at all epochs, as one batch; ``truth.at(k)`` is one epoch of it.
+
+    Each body has two nodes: its origin in axes that do not turn with it (``tdrs.rtn`` where it orbits, ``plate.origin``
+    where it does not), and under that its body axes. A relative motion hangs under the rtn axes of its chief, so that a
+    relative pose is composed without inertial coordinates. `local` says that the root has no Earth.
+    """
+    tree = PoseTree({}, {})
+    states: dict[str, BodyState] = {}
+    by_origin = {body.origin: body for body in bodies}
+    by_name = {body.name: body for body in bodies}
+    for name in working_order(bodies, local=local):
+        if name in by_origin:
+            body = by_origin[name]
+            tree = _with_origin(tree, body, by_name, epochs)
+            states[body.name] = _state(tree, name, len(epochs))
+        else:
+            tree = _with_attitude(tree, by_name[name], by_name, epochs)
+    sun = np.full((len(epochs), 3), np.nan) if local else sun_direction(epochs)
+    return Truth(epochs.time_s, tree, {body.name: states[body.name] for body in bodies}, sun)
+
+
+def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
+    link = tree.link(ROOT, origin)
+    shape = (n_epochs, 3)
+    return BodyState(np.broadcast_to(link.pose.translation, shape), np.broadcast_to(link.velocity_m_s, shape))
+
+
+def _with_origin(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
+    """Return the tree with the axes at a body's origin."""
+    motion = body.motion
+    if isinstance(motion, Fixed | Table):
+        position, velocity = motion.positions(epochs.time_s)
+        return tree.with_node(body.origin, motion.relative_to or ROOT, Link(pose(position), velocity, np.zeros(3)))
+    if isinstance(motion, Hill):
+        return _with_hill(tree, body, by_name, epochs)
+    state = motion.states(epochs)
+    rotation, rate = rtn_axes(state.position_m, state.velocity_m_s)
+    return tree.with_node(body.origin, ROOT, Link(pose(state.position_m, rotation), state.velocity_m_s, rate))
+
+
+def mean_motion_rad_s(chief: Body, by_name: dict[str, Body], epochs: Epochs) -> float:
+    """Return the mean motion [rad/s] of a body's osculating orbit at start_utc."""
+    chain, link = [chief], chief
+    while isinstance(link.motion, Hill):
+        link = by_name[link.motion.relative_to]
+        chain.append(link)
+    bare = [body.replace(attitude=None, axes=()) for body in chain]
+    start = truth(bare, Epochs(epochs.start_utc, np.zeros(1))).states[chief.name]
+    semi_major_m = float(semi_major_axis_m(start.position_m[0], start.velocity_m_s[0]))
+    if semi_major_m <= 0.0:
+        raise ScenarioError(f"{chief.name}.motion: an open orbit has no mean motion, so nothing can be 'hill' about it")
+    return math.sqrt(EARTH_GM_M3_S2 / semi_major_m**3)
+
+
+def _with_hill(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
+    """Return the tree with a relative orbit under the rtn axes of its chief.
+
+    The mean motion is that of the chief's osculating semi-major axis at start_utc, whatever the chief's own model.
+    """
+    assert isinstance(body.motion, Hill)
+    chief = by_name[body.motion.relative_to]
+    relative_m, relative_m_s = body.motion.relative(epochs.time_s, mean_motion_rad_s(chief, by_name, epochs))
+    chief_link = tree.link(ROOT, chief.origin)
+    turn = chief_link.pose.rotation
+    rate = chief_link.angular_velocity_rad_s
+    position = chief_link.pose.translation + turn.apply(relative_m)
+    velocity = chief_link.velocity_m_s + turn.apply(relative_m_s + np.cross(rate, relative_m))
+    own_turn, own_rate = rtn_axes(position, velocity)
+    chief_from_own = turn.inv() * own_turn
+    link = Link(pose(relative_m, chief_from_own), relative_m_s, own_rate - chief_from_own.inv().apply(rate))
+    return tree.with_node(body.origin, chief.origin, link)
+
+
+def _with_attitude(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
+    """Return the tree with a body's axes under its origin's."""
+    rotation, rate, axes = _turn(tree, body, by_name, epochs)
+    if axes == ROOT:  # from the root's axes into those of the origin
+        base = tree.link(ROOT, body.origin)
+        rotation = base.pose.rotation.inv() * rotation
+        rate = rate - rotation.inv().apply(base.angular_velocity_rad_s)
+    tree = tree.with_node(body.name, body.origin, Link(pose(rotation=rotation), np.zeros(3), rate))
+    for extra in body.axes:
+        tree = tree.with_node(extra.name, body.name, extra.link)
+    return tree
+
+
+def _turn(
+    tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs
+) -> tuple[Rotation, np.ndarray, str]:
+    """Return axes_from_body, the body rate relative to those axes, and which they are: the root's or the origin's."""
+    attitude, motion = body.attitude, body.motion
+    if attitude is None and isinstance(motion, Table):
+        turning = motion.orientations(epochs.time_s)
+        if turning is not None:
+            return *turning, body.origin
+    if attitude is None:
+        attitude = FixedAttitude()
+    if isinstance(attitude, Rtn | LvlhCcsds):
+        return attitude.rtn_from_body(), np.zeros(3), body.origin
+    if isinstance(attitude, LookAt):
+        return *_look(tree, body, attitude, by_name, epochs), ROOT
+    assert isinstance(attitude, FixedAttitude | Spin | Tumble)
+    fixed_to_host = isinstance(attitude, FixedAttitude) and not body.orbits
+    return *attitude.orientation(epochs.time_s), body.origin if fixed_to_host else ROOT
+
+
+def _look(
+    tree: PoseTree, body: Body, attitude: LookAt, by_name: dict[str, Body], epochs: Epochs
+) -> tuple[Rotation, np.ndarray]:
+    seen = by_name[attitude.at].origin if attitude.at in by_name else attitude.at
+    link, base = tree.link(body.origin, seen), tree.link(ROOT, body.origin)
+    relative_m = link.pose.translation
+    to_root = base.pose.rotation
+    line = to_root.apply(relative_m)
+    rate = to_root.apply(link.velocity_m_s + np.cross(base.angular_velocity_rad_s, relative_m))
+    if attitude.up is not None:
+        up = np.array(attitude.up, dtype=float)
+    elif body.orbits:
+        up = to_root.apply([0.0, 0.0, 1.0])
+    else:
+        up = np.array([0.0, 0.0, 1.0])
+    shape = (len(epochs), 3)
+    return look_at(*(np.broadcast_to(vectors, shape) for vectors in (line, rate, up)))

@@ -1,0 +1,110 @@
+"""The receiver: a lens and the focal plane behind it, as far as geometry and light-gathering go."""
+
+import math
+from functools import cached_property
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.part import Count, Number, Part, Positive, Whole
+
+FieldOfView = Annotated[Number, Field(gt=0, lt=180)]
+Transmission = Annotated[Number, Field(gt=0, le=1)]
+
+
+class Receiver(Part):
+    """A lens that images the scene onto a focal plane of square pixels (seed 3.1.4).
+
+    Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Each pixel is
+    sampled by a k x k grid of rays, `rays_per_pixel` = k²; a target whose bounds would get fewer than
+    `min_rays_per_target` is sampled on a finer grid (0: off).
+    """
+
+    fov_deg: FieldOfView | None = None
+    focal_length_mm: Positive | None = None
+    f_number: Positive | None = None
+    aperture_mm: Positive | None = None
+    transmission: Transmission = 0.67
+    n_rows: Count = 128
+    n_cols: Count = 128
+    pixel_pitch_um: Positive = 100.0
+    rays_per_pixel: Count = 16
+    min_rays_per_target: Annotated[Whole, Field(ge=0)] = 4096
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        if (self.fov_deg is None) == (self.focal_length_mm is None):
+            raise ValueError("give exactly one of fov_deg and focal_length_mm")
+        if (self.f_number is None) == (self.aperture_mm is None):
+            raise ValueError("give exactly one of f_number and aperture_mm")
+        if math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
+            near = max(1, round(math.sqrt(self.rays_per_pixel))) ** 2
+            raise ValueError(
+                f"rays_per_pixel is a k x k grid, so a square number: {near} instead of {self.rays_per_pixel}"
+            )
+        if self.n_rows * self.n_cols * self.rays_per_pixel > 2**27:
+            raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; take fewer")
+        return self
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (n_rows, n_cols)."""
+        return self.n_rows, self.n_cols
+
+    @property
+    def rays_per_side(self) -> int:
+        """Return k of the k x k grid of rays in a pixel."""
+        return math.isqrt(self.rays_per_pixel)
+
+    @property
+    def pixel_pitch_m(self) -> float:
+        """Return the pixel pitch [m]."""
+        return self.pixel_pitch_um * units.UM
+
+    @property
+    def focal_length_m(self) -> float:
+        """Return the focal length [m]; from the field of view it is width / (2 tan(FoV/2))."""
+        if self.focal_length_mm is not None:
+            return self.focal_length_mm * units.MM
+        assert self.fov_deg is not None
+        return 0.5 * self.n_cols * self.pixel_pitch_m / math.tan(0.5 * self.fov_deg * units.DEG)
+
+    @property
+    def aperture_m(self) -> float:
+        """Return the diameter of the aperture [m]."""
+        if self.aperture_mm is not None:
+            return self.aperture_mm * units.MM
+        assert self.f_number is not None
+        return self.focal_length_m / self.f_number
+
+    @property
+    def aperture_area_m2(self) -> float:
+        """Return the area of the aperture [m²]."""
+        return 0.25 * math.pi * self.aperture_m**2
+
+    @property
+    def fov_rad(self) -> float:
+        """Return the full field of view across the columns [rad]."""
+        return 2.0 * math.atan(0.5 * self.n_cols * self.pixel_tangent)
+
+    @property
+    def pixel_tangent(self) -> float:
+        """Return pitch / focal length: the width of a pixel in the tangent plane at unit distance."""
+        return self.pixel_pitch_m / self.focal_length_m
+
+    @property
+    def ifov_rad(self) -> float:
+        """Return the instantaneous field of view of a pixel on the boresight [rad]."""
+        return 2.0 * math.atan(0.5 * self.pixel_tangent)
+
+    @cached_property
+    def line_of_sight(self) -> np.ndarray:
+        """Return the unit vectors (row, col, xyz) through the centres of the pixels, in lidar axes."""
+        x = (np.arange(self.n_cols) + 0.5 - 0.5 * self.n_cols) * self.pixel_tangent
+        y = (np.arange(self.n_rows) + 0.5 - 0.5 * self.n_rows) * self.pixel_tangent
+        ray = np.stack([*np.broadcast_arrays(x[None, :], y[:, None]), np.ones(self.shape)], axis=-1)
+        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+        ray.flags.writeable = False
+        return ray

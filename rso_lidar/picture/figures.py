@@ -1,0 +1,62 @@
+"""The page that all figures share: an Agg canvas, a heading, and axes in quiet ink."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rso_lidar.picture.palette import INK, LINE, QUIET, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+LINE_IN = 0.17  # height of a line of small print [inches]
+
+
+def new_figure(
+    width_in: float, height_in: float, title: str, note: str = "", small_print: tuple[str, ...] = ()
+) -> Figure:
+    """Return an empty figure of that size [inches] with its own Agg canvas, a heading, and small print at the foot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    head_in = 0.42 + (0.24 if note else 0.0)
+    foot_in = 0.12 + LINE_IN * len(small_print) if small_print else 0.05
+    rect = (0.0, foot_in / height_in, 1.0, 1.0 - (head_in + foot_in) / height_in)
+    figure = Figure(figsize=(width_in, height_in), dpi=100, layout=ConstrainedLayoutEngine(rect=rect))
+    FigureCanvasAgg(figure)
+    left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
+    figure.text(left, top, title, fontsize=14, weight="bold", color=hexed(INK), va="top", in_layout=False)
+    figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hexed(QUIET), va="top", in_layout=False)
+    for k, line in enumerate(reversed(small_print)):
+        y = (0.07 + LINE_IN * k) / height_in
+        figure.text(left, y, line, fontsize=8.5, color=hexed(QUIET), va="bottom", in_layout=False)
+    return figure
+
+
+def dress(axes: Axes, title: str = "", x: str = "", y: str = "", note: str = "") -> None:
+    """Give a plot its title, a note at the right of it, its labels, a faint grid and quiet ink."""
+    axes.set_title(title, loc="left", fontsize=11, color=hexed(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
+    axes.set_xlabel(x, fontsize=9, color=hexed(QUIET))
+    axes.set_ylabel(y, fontsize=9, color=hexed(QUIET))
+    axes.tick_params(which="both", labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+    axes.grid(color=hexed(LINE), lw=0.4, alpha=0.6)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(hexed(LINE))
+
+
+def in_thousands(*several: Axis) -> None:
+    """Write the ticks of some axes with a comma at each thousand and a true minus."""
+    from matplotlib.ticker import FuncFormatter
+
+    for axis in several:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus(f"{value:,.10g}")))
+
+
+def with_minus(number: str) -> str:
+    """Return a number in words with a true minus for its hyphen."""
+    return number.replace("-", "−")

@@ -1,0 +1,312 @@
+"""One frame as a figure: range, intensity, parts, and range minus truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.picture.figures import new_figure, with_minus
+from rso_lidar.picture.output import FIGURE_SUFFIXES, checked, save_figure
+from rso_lidar.picture.palette import (
+    ERROR_RAMP,
+    FALSE,
+    INK,
+    INTENSITY_RAMP,
+    MARK,
+    MISSED,
+    NO_RETURN,
+    OTHER_PART,
+    PARTS,
+    QUIET,
+    RANGE_RAMP,
+    hexed,
+    ramp,
+)
+from rso_lidar.picture.scale import nice_down, nice_up
+from rso_lidar.picture.sequence import on_target, pixel_rad, sighted, target_ranges_m
+from rso_lidar.picture.window import Window, around, crop
+from rso_lidar.records import Frame, Reading, specs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CM = 0.01  # metres in a centimetre
+
+
+def save_frame(frame: Frame, path: str | Path) -> Path:
+    """Return the path of `frame_figure(frame)` written as PNG, PDF or SVG, by the suffix."""
+    place = checked(path, FIGURE_SUFFIXES)
+    return save_figure(frame_figure(frame), place)
+
+
+def frame_figure(frame: Frame) -> Figure:
+    """Return a figure of one frame: measured range, intensity, the parts that were there, and range minus truth.
+
+    All four show the same square around the target, or the whole field where the target fills it; rows and columns are
+    numbered as in the arrays. Limits of colour leave out one per cent at either end.
+    """
+    window = crop(around(sighted(frame)))
+    figure = new_figure(9.2, 9.0, frame.source.title, _summary(frame), tuple(_geometry(frame)))
+    panels = figure.subplots(2, 2, squeeze=True)
+    _range_panel(panels[0, 0], frame, window)
+    _intensity_panel(panels[0, 1], frame, window)
+    _part_panel(panels[1, 0], frame, window)
+    _error_panel(panels[1, 1], frame, window)
+    for axes in panels.flat:
+        axes.set_xlabel("col", fontsize=9, color=hexed(QUIET))
+        axes.set_ylabel("row", fontsize=9, color=hexed(QUIET))
+        axes.tick_params(labelsize=8, colors=hexed(QUIET))
+        for spine in axes.spines.values():
+            spine.set_color(hexed(QUIET))
+    return figure
+
+
+def _summary(frame: Frame) -> str:
+    """Return the line under the title."""
+    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {frame.source.start_utc}"]
+    returned = on_target(frame)
+    if returned.any():
+        words.append(f"mean range {float(np.mean(frame.range_m[returned], dtype=float)):,.2f} m")
+    words.append(f"{int(frame.valid.sum()):,} returns")
+    words.append(f"{float(np.sum(frame.labels.photons, dtype=float)):,.0f} photons expected")
+    return "   ·   ".join(words)
+
+
+def _geometry(frame: Frame) -> list[str]:
+    """Return lines on where the targets are and where the lidar looks."""
+    lines = []
+    ranges_m = target_ranges_m(frame)
+    for name, range_m in ranges_m.items():
+        lidar_from_target = frame.truth.pose("lidar", name)
+        right, down, ahead = lidar_from_target.translation
+        off_deg = float(np.arctan2(np.hypot(right, down), ahead)) / units.DEG
+        velocity_m_s, _ = frame.truth.rates("lidar", name)
+        speed = float(lidar_from_target.translation @ velocity_m_s) / range_m if range_m > 0 else 0.0
+        rate = with_minus(f"{speed:+.3f}")
+        about = f"{name}: {range_m:,.2f} m, range rate {rate} m/s, {off_deg:.3f}° off the boresight;  "
+        if f"{name}.rtn" in frame.truth.poses:
+            place = frame.truth.pose(f"{name}.rtn", "lidar").translation
+            radial, along, cross = (with_minus(f"{value:,.1f}") for value in place)
+            about += f"in its rtn axes the lidar is at radial {radial}, along-track {along}, cross-track {cross} m"
+        else:
+            turn = ", ".join(f"{value:.4f}" for value in lidar_from_target.rotation.as_quat(canonical=True))
+            about += f"lidar_from_{name} x, y, z, w = {with_minus(turn)}"
+        lines.append(about)
+    pitch_rad = pixel_rad(frame)
+    n_rows, n_cols = frame.valid.shape
+    words = [f"{n_rows} × {n_cols} pixels of {pitch_rad * 1e3:.4f} mrad"]
+    if ranges_m:
+        words.append(f"{pitch_rad * min(ranges_m.values()):.3g} m at the target")
+    if frame.observation.pan_tilt_rad is not None:
+        pan_deg, tilt_deg = frame.observation.pan_tilt_rad / units.DEG
+        words.append(with_minus(f"measured pan {pan_deg:+.3f}°, tilt {tilt_deg:+.3f}°"))
+    return [*lines, ",  ".join(words)]
+
+
+def _caption(name: str) -> str:
+    """Return what an array of the reading is and its unit, from its statement in the record."""
+    spec = specs(Reading)[name]
+    meaning = spec.meaning.split(",")[0]
+    return f"{meaning[0].upper()}{meaning[1:]} [{spec.unit}]"
+
+
+def _show(axes: Axes, values: np.ndarray, window: Window, colours: Any, low: float, high: float) -> Any:
+    """Return what matplotlib makes of an array (row, col) in the window, NaN in the colour map's own for bad values."""
+    extent = (window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5)
+    shown = np.ma.masked_invalid(window.cut(values))
+    return axes.imshow(shown, cmap=colours, vmin=low, vmax=high, extent=extent, interpolation="nearest")
+
+
+def _bar(axes: Axes, drawn: Any, label: str, extend: str = "neither") -> None:
+    place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
+    bar = axes.figure.colorbar(drawn, cax=place, extend=extend)
+    bar.ax.tick_params(labelsize=8, colors=hexed(QUIET))
+    bar.ax.ticklabel_format(useOffset=False, style="plain")
+    bar.outline.set_edgecolor(hexed(QUIET))
+    bar.set_label(label, fontsize=8.5, color=hexed(QUIET))
+
+
+def _head(axes: Axes, text: str, note: str = "") -> None:
+    axes.set_title(text, loc="left", fontsize=11, color=hexed(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
+
+
+def _range_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    from matplotlib import colormaps
+
+    seen = frame.range_m[on_target(frame)]
+    seen = seen if seen.size else frame.range_m[frame.valid]
+    low, high = np.percentile(seen, [1, 99]) if seen.size else (0.0, 1.0)
+    if high - low < 0.1:  # a flat target: its noise does not fill the ramp
+        low, high = low - 0.05, high + 0.05
+    colours = colormaps[RANGE_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    drawn = _show(axes, frame.range_m, window, colours, low, high)
+    shown = window.cut(frame.range_m)
+    below, above = bool((shown < low).any()), bool((shown > high).any())
+    _bar(axes, drawn, _caption("range_m"), ("neither", "min", "max", "both")[below + 2 * above])
+    _head(axes, "Range", "dark: no return")
+    if not window.whole:
+        _locate(axes, window)
+
+
+def _locate(axes: Axes, window: Window) -> None:
+    """Draw the whole field small in a corner, with the window in it."""
+    from matplotlib.patches import Rectangle
+
+    longest = max(window.n_rows, window.n_cols)
+    wide, high = 0.16 * window.n_cols / longest, 0.16 * window.n_rows / longest
+    small = axes.inset_axes((0.985 - wide, 0.985 - high, wide, high))
+    small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor="black")
+    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=hexed(MARK), lw=0))
+    for spine in small.spines.values():
+        spine.set_color("white")
+        spine.set_linewidth(0.7)
+
+
+def _intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    from matplotlib.colors import ListedColormap
+
+    counts = frame.intensity_counts.astype(float)
+    high = max(float(counts.max()), 1.0)
+    colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad="black")
+    drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, 0.0, high)
+    _bar(axes, drawn, _caption("intensity_counts"))
+    saturated = int(frame.saturated.sum())
+    _head(axes, "Intensity", f"{saturated:,} saturated" if saturated else "")
+    seen = frame.range_m[on_target(frame)]
+    pixel_m = pixel_rad(frame) * float(np.median(seen)) if seen.size else 0.0
+    if pixel_m > 0:
+        length_m = nice_down(0.3 * pixel_m * window.width)
+        x, y = window.left + 0.04 * window.width - 0.5, window.bottom - 0.05 * window.height - 0.5
+        axes.plot(
+            [x, x + length_m / pixel_m],
+            [y, y],
+            color="white",
+            lw=2.5,
+            solid_capstyle="butt",
+            scalex=False,
+            scaley=False,
+        )
+        axes.annotate(f"{length_m:g} m", (x, y), xytext=(0, 4), textcoords="offset points", color="white", fontsize=9)
+
+
+def _part_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    labels = frame.labels
+    there = labels.target >= 0
+    kinds, places, counts = np.unique(
+        np.stack([labels.target[there], labels.part[there]], axis=-1), axis=0, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(-counts, kind="stable")
+    named = len(PARTS)
+    colour = _part_colours(frame, kinds, order)
+    shown = np.full(there.shape, np.nan)
+    shown[there] = colour[places.reshape(-1)]
+    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hexed(NO_RETURN))
+    _show(axes, shown, window, colours, -0.5, named + 0.5)
+    entries = [
+        Patch(color=PARTS[colour[which]], label=f"{_part_name(frame, *kinds[which])}  {counts[which]:,}")
+        for which in order
+        if colour[which] < named
+    ]
+    rest = colour == named
+    if rest.any():
+        entries.append(Patch(color=OTHER_PART, label=f"{rest.sum()} more  {counts[rest].sum():,}"))
+    if entries:
+        axes.legend(
+            handles=entries,
+            loc="lower left",
+            bbox_to_anchor=(0, -0.01),
+            fontsize=8,
+            frameon=True,
+            framealpha=0.85,
+            edgecolor="none",
+            handlelength=1.0,
+            borderpad=0.5,
+            labelspacing=0.25,
+        )
+    _head(
+        axes,
+        "Parts, by the labels",
+        f"{int(there.sum()):,} pixels on a target" if entries else "no target in the field",
+    )
+
+
+def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Return the number of the colour of each kind (kind, [target, part]), `len(PARTS)` for those that share the last.
+
+    Where there is a colour for every part of the recording a part keeps its own in all frames; else the parts with most
+    pixels, first in `order`, get them.
+    """
+    starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
+    known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
+    if known and starts[-1] <= len(PARTS):
+        return np.asarray(starts[kinds[:, 0]] + kinds[:, 1])
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return np.asarray(np.minimum(rank, len(PARTS)))
+
+
+def _part_name(frame: Frame, target: int, part: int) -> str:
+    """Return the name of a part, with its target's where there are several."""
+    entries = frame.source.targets
+    entry = entries[target] if target < len(entries) else None
+    known = entry is not None and 0 <= part < len(entry.parts)
+    name = entry.parts[part] if entry is not None and known else f"part {part}"
+    owner = entry.name if entry is not None else f"target {target}"
+    text = f"{owner}: {name}" if len(entries) > 1 else name
+    return text if len(text) <= 26 else text[:25] + "…"
+
+
+def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    there = frame.labels.target >= 0
+    error_cm = (frame.range_m.astype(float) - frame.labels.range_m) / CM
+    single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
+    judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
+    limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
+    colours = colormaps[ERROR_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    drawn = _show(axes, error_cm, window, colours, -limit, limit)
+    missed, false = there & ~frame.valid, frame.valid & ~there & bool(there.any())
+    marks = [(missed, MISSED, "missed"), (false, FALSE, "false")]
+    for mask, colour, _ in marks:
+        _show(
+            axes,
+            np.where(mask, 1.0, np.nan),
+            window,
+            ListedColormap([hexed(colour)]).with_extremes(bad=(0, 0, 0, 0)),
+            0,
+            2,
+        )
+    outside = bool((np.abs(window.cut(error_cm)) > limit).any())
+    _bar(axes, drawn, "Range minus truth of the brightest cluster [cm]", "both" if outside else "neither")
+    entries = [
+        Patch(color=hexed(colour), label=f"{word}  {int(mask.sum()):,}") for mask, colour, word in marks if mask.any()
+    ]
+    if entries:
+        axes.legend(
+            handles=entries,
+            loc="lower left",
+            bbox_to_anchor=(0, -0.01),
+            fontsize=8,
+            framealpha=0.85,
+            edgecolor="none",
+            handlelength=1.0,
+            borderpad=0.5,
+            labelspacing=0.25,
+        )
+    note = ""
+    if judged.size:
+        middle = float(np.median(judged))
+        within = float(np.percentile(np.abs(judged - middle), 68.27))
+        note = with_minus(f"median {middle:+.1f} cm, 68 % within ± {within:.1f} cm")
+    _head(axes, "Error", note)

@@ -1,0 +1,135 @@
+"""Relative orbits: where the lidar was about a target, in the target's rtn axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.picture.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hexed
+from rso_lidar.picture.sequence import pick
+from rso_lidar.records import Frame, Truth
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DRAWN = 600  # frames are read at most this often
+ORIGINS = (".rtn", ".origin")  # axes at a target's origin that do not turn with its body
+STRETCHED = 12.0  # above this ratio of the two extents the axes of a panel get scales of their own
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Positions (time, xyz) [m] of the lidar over `time_s` (time) [s], in axes named `axes`; and a title."""
+
+    time_s: np.ndarray
+    position_m: np.ndarray
+    target: str
+    axes: str
+    title: str
+
+    @property
+    def words(self) -> tuple[str, str, str]:
+        """Return what x, y and z are."""
+        return ("Radial", "Along-track", "Cross-track") if self.axes.endswith(".rtn") else ("x", "y", "z")
+
+
+def track(source: Truth | Iterable[Frame], target: str | None = None) -> Track:
+    """Return where the lidar was about `target` (by default the first), in its rtn axes, or in others without an orbit.
+
+    `source` is a Truth batched over epochs, or frames: a sequence, a recording or an iterator, thinned to 600.
+    """
+    if isinstance(source, Truth):
+        origins = [name for name in source.poses if name.endswith(ORIGINS) and not name.startswith("follower.")]
+        name = _chosen(target, [origin.rpartition(".")[0] for origin in origins], list(source.poses))
+        axes = _axes(source, name)
+        times_s = np.atleast_1d(np.asarray(source.time_s, dtype=float))
+        position_m = np.broadcast_to(source.pose(axes, "lidar").translation, (times_s.size, 3))
+        return Track(times_s, position_m, name, axes, "")
+
+    def look(frame: Frame) -> tuple[float, np.ndarray, str, str, str]:
+        entries = [entry.name for entry in frame.source.targets]
+        name = _chosen(target, entries, [*entries, *frame.truth.poses])
+        axes = _axes(frame.truth, name)
+        return frame.time_s, frame.truth.pose(axes, "lidar").translation, name, axes, frame.source.title
+
+    seen, _ = pick(source, DRAWN, look)
+    times_s, positions_m, names, all_axes, titles = zip(*seen, strict=True)
+    return Track(np.array(times_s), np.stack(positions_m), names[0], all_axes[0], titles[0])
+
+
+def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
+    if target is None:
+        if not first:
+            raise RecordingError(f"orbit: no target to draw about; name one (known axes: {', '.join(known)})")
+        return first[0]
+    if target not in known:
+        raise RecordingError(f"orbit: no target named '{target}'{did_you_mean(target, known)}")
+    return target
+
+
+def _axes(truth: Truth, name: str) -> str:
+    """Return the axes to draw in: those of the orbit, those at the origin of what does not orbit, or the body's."""
+    return next((name + suffix for suffix in ORIGINS if name + suffix in truth.poses), name)
+
+
+def orbit_figure(source: Truth | Iterable[Frame], target: str | None = None) -> Figure:
+    """Return a figure of the lidar's relative orbit: in the orbit's plane, across it, and range over time.
+
+    In rtn axes along-track is to the right and radial is up; the target stands at the origin. `source` is a Truth
+    batched over epochs, or frames; `target` a name, by default the first.
+    """
+    path = track(source, target)
+    range_m = np.linalg.norm(path.position_m, axis=-1)
+    nearest = int(np.argmin(range_m))
+    in_rtn = path.axes.endswith(".rtn")
+    note = f"lidar in the axes {path.axes}   ·   "
+    note += f"nearest {range_m[nearest]:,.1f} m at {path.time_s[nearest]:,.1f} s"
+    figure = new_figure(11.0, 6.6, path.title or "Relative orbit", note)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0))
+    plane, across, ranges = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    drawn = _panel(plane, path, 1, 0, "In the orbit's plane" if in_rtn else f"Seen along z of {path.target}")
+    _panel(across, path, 1, 2, "Across it" if in_rtn else f"Seen along x of {path.target}")
+    ranges.plot(path.time_s, range_m, color=hexed(QUIET), lw=1.0, zorder=1)
+    ranges.scatter(path.time_s, range_m, c=path.time_s, cmap=RANGE_RAMP, s=7, lw=0, zorder=2)
+    ranges.set_ylim(bottom=0)
+    in_thousands(ranges.xaxis, ranges.yaxis)
+    dress(ranges, "Range over time", "Time [s]", f"Range to {path.target} [m]")
+    bar = figure.colorbar(drawn, ax=[plane], location="bottom", fraction=0.035, pad=0.02, aspect=45)
+    bar.set_label("Time [s]", fontsize=9, color=hexed(QUIET))
+    in_thousands(bar.ax.xaxis)
+    bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> Any:
+    """Return the points of one plane, drawn with the target at the origin, start and end."""
+    x, y = path.position_m[:, right], path.position_m[:, up]
+    axes.axhline(0, color=hexed(LINE), lw=0.8, zorder=0)
+    axes.axvline(0, color=hexed(LINE), lw=0.8, zorder=0)
+    axes.plot(x, y, color=hexed(QUIET), lw=1.0, zorder=1)
+    drawn = axes.scatter(x, y, c=path.time_s, cmap=RANGE_RAMP, s=11, lw=0, zorder=2)
+    for k, marker, word in ((0, "o", "start"), (-1, "s", "end")):
+        axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hexed(INK), mew=1.3, zorder=3)
+        axes.annotate(
+            word, (x[k], y[k]), xytext=(8, 7), textcoords="offset points", fontsize=9, color=hexed(INK), zorder=4
+        )
+    axes.plot(0, 0, "P", ms=9, mfc=PARTS[5], mec="white", mew=0.8, zorder=5)
+    axes.annotate(
+        path.target, (0, 0), xytext=(8, -14), textcoords="offset points", fontsize=9, color=PARTS[5], zorder=5
+    )
+    wide, high = (max(float(np.max(v)), 0.0) - min(float(np.min(v)), 0.0) for v in (x, y))
+    stretched = max(wide, high) > STRETCHED * min(wide, high) > 0
+    axes.margins(0.12, 0.16)
+    if not stretched:
+        axes.set_aspect("equal", adjustable="datalim")
+    in_thousands(axes.xaxis, axes.yaxis)
+    words = path.words
+    dress(axes, title, f"{words[right]} [m]", f"{words[up]} [m]", "scales differ" if stretched else "")
+    return drawn

@@ -1,0 +1,71 @@
+"""A scenario seen without casting a ray: geometry at a few hundred epochs, for the description and the advice."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import motion
+from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.records import BodyState
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.scenario import Scenario
+
+_MOST_EPOCHS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """How the lidar sees one target, over the epochs of a preview; angles with a PTU that stands on its demand."""
+
+    name: str
+    range_m: np.ndarray
+    range_rate_m_s: np.ndarray
+    off_boresight_rad: np.ndarray
+    in_field: np.ndarray
+    radius_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """Geometry of a scenario at some of its epochs, the first and the last among them."""
+
+    time_s: np.ndarray
+    sights: tuple[Sight, ...]
+    states: dict[str, BodyState]
+    warned: tuple[str, ...]
+
+
+def preview(scenario: Scenario) -> Preview:
+    """Return the geometry of a scenario at up to 400 of its frames."""
+    numbers = np.unique(np.linspace(0, scenario.time.n_frames - 1, _MOST_EPOCHS).round().astype(int))
+    epochs = scenario.epochs(numbers)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", RsoLidarWarning)
+        surfaces = scenario.surfaces
+        course = motion.truth(scenario.bodies, epochs, local=scenario.local)
+        angles = np.zeros((len(epochs), 2))
+        if scenario.ptu:
+            angles = motion.demand(scenario.ptu, scenario.bodies, *scenario.span, local=scenario.local)(epochs.time_s)
+    poses = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
+    half_field = 0.5 * np.array(scenario.lidar.receiver.shape[::-1]) * scenario.lidar.receiver.pixel_tangent
+    sights = []
+    for surface in surfaces:
+        seen = poses.pose("lidar", surface.name).translation
+        # The rate of range, without the PTU's own turning, which changes no distance.
+        link = poses.link("follower", surface.name)
+        toward = link.pose.translation / np.linalg.norm(link.pose.translation, axis=-1, keepdims=True)
+        rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
+        range_m = np.linalg.norm(seen, axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tangent = np.abs(seen[..., :2] / seen[..., 2:])
+        in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
+        off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
+        columns = (np.broadcast_to(values, (len(epochs),)) for values in (range_m, rate, off, in_field))
+        sights.append(Sight(surface.name, *columns, surface.radius_m))
+    lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
+    return Preview(epochs.time_s, tuple(sights), dict(course.states), tuple(lines))

@@ -1,0 +1,143 @@
+"""Scenario: a mission in one file."""
+
+from __future__ import annotations
+
+import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, PrivateAttr, model_validator
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.motion import Body, Epochs, Ptu, Table, Tle, TrackPoint, working_order
+from rso_lidar.part import Part, Text, Whole
+from rso_lidar.records import Source
+from rso_lidar.scenario.load import read_toml, validated
+from rso_lidar.scenario.parts import Follower, Lidar, Target, Time, World
+from rso_lidar.scenario.surfaces import surface_of
+from rso_lidar.scene import Surface
+from rso_lidar.shipped import find
+
+
+class Scenario(Part):
+    """Everything that a simulation needs, as its TOML file says it.
+
+    Relative paths are looked up beside the scenario file, then among the shipped data.
+    """
+
+    version: Literal[1]
+    name: Text
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    world: World = World()
+    time: Time
+    target: tuple[Target, ...] = ()
+    follower: Follower
+    ptu: Ptu | None = None
+    lidar: Lidar
+    _folder: Path | None = PrivateAttr(default=None)
+
+    @classmethod
+    def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Scenario:
+        """Return the scenario of a TOML file, with some fields set anew, such as ``"lidar.laser.energy_mj=20"``."""
+        path = Path(path)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings)
+
+    @classmethod
+    def loads(
+        cls, text: str, *, folder: Path | None = None, where: str = "scenario", settings: tuple[str, ...] = ()
+    ) -> Scenario:
+        """Return the scenario of a TOML text; `folder` is where its relative paths begin, `where` its name in errors."""
+        scenario = validated(cls, text, where, settings)
+        scenario._folder = folder
+        return scenario
+
+    def __eq__(self, other: object) -> bool:
+        """Two scenarios are equal where they say the same, wherever their files lie."""
+        return isinstance(other, Scenario) and self.model_dump() == other.model_dump()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new scenario."""
+        changed = super().replace(**changes)
+        changed._folder = self._folder
+        return changed
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        bodies: list[Body] = [*self.target, self.follower]
+        working_order(bodies, local=self.local)
+        if self.ptu is not None and isinstance(self.ptu.point, TrackPoint):
+            known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
+            known.remove("follower")
+            if self.ptu.point.at not in known:
+                guess = did_you_mean(self.ptu.point.at, known)
+                raise ValueError(
+                    f"ptu.point.at: nothing is named '{self.ptu.point.at}'{guess} (known: {', '.join(known) or 'none'})"
+                )
+        return self
+
+    @property
+    def local(self) -> bool:
+        """Return whether the root axes have no Earth."""
+        return self.world.axes == "local"
+
+    @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """Return targets and follower, with the files of their motions found."""
+        return tuple(self._found(body) for body in (*self.target, self.follower))
+
+    def _found(self, body: Body) -> Body:
+        motion = body.motion
+        if not isinstance(motion, Tle | Table) or motion.file is None:
+            return body
+        path = self.file(motion.file, f"{body.name}.motion.file")
+        return body.replace(motion=motion.replace(file=str(path)))
+
+    def file(self, name: str, place: str) -> Path:
+        """Return the path of a file that the scenario names at `place`, or raise `ScenarioError`."""
+        path = find(name, self._folder)
+        if path is None:
+            beside = f"beside the scenario ({self._folder})" if self._folder else "in the working folder"
+            raise ScenarioError(f"{place}: no file '{name}' {beside} nor among the shipped data; check the name")
+        return path
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Return the targets' surfaces: meshes in body axes, with materials."""
+        return tuple(surface_of(target, self.file) for target in self.target)
+
+    @cached_property
+    def source(self) -> Source:
+        """Return what every frame carries of where it comes from."""
+        from rso_lidar.scenario.source import source_of
+
+        return source_of(self)
+
+    @property
+    def span(self) -> tuple[datetime.datetime, float]:
+        """Return start_utc and the instant of the last frame [s]."""
+        return self.time.start_utc, (self.time.n_frames - 1) / self.time.frame_rate_hz
+
+    def epochs(self, frames: np.ndarray | None = None) -> Epochs:
+        """Return the instants of all frames, or of some by number."""
+        numbers = np.arange(self.time.n_frames) if frames is None else frames
+        return Epochs(self.time.start_utc, self.time.seconds(numbers))
+
+    def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
+        """Return the generator of one frame's noise: it depends on seed, frame and stage only."""
+        return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
+
+    def describe(self) -> str:
+        """Return some twenty lines for a person: orbit, geometry, optics, link budget, warnings."""
+        from rso_lidar.scenario.describe import describe
+
+        return describe(self)
+
+    def advice(self) -> list[str]:
+        """Return one line for each thing that is allowed and probably not meant."""
+        from rso_lidar.scenario.advice import advice
+
+        return advice(self)

@@ -1,0 +1,54 @@
+"""Where frames come from: the scenario resolved so that a recording can be flown again."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from typing import TYPE_CHECKING, Any
+
+from rso_lidar.motion import Tle
+from rso_lidar.records import Source, TargetEntry
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.scenario import Scenario
+
+_LIBRARIES = ("rso-lidar", "numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
+
+
+def source_of(scenario: Scenario) -> Source:
+    """Return the source record of a scenario."""
+    return Source(
+        scenario=resolved(scenario),
+        title=scenario.name,
+        start_utc=scenario.time.start_utc.isoformat(),
+        seed=scenario.seed,
+        versions={"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _LIBRARIES},
+        targets=tuple(
+            TargetEntry(
+                name=target.name,
+                model=target.model,
+                mesh_sha256=surface.mesh.sha256,
+                parts=surface.mesh.part_names,
+                materials=tuple(_in_words(material) for material in surface.materials),
+                facets=surface.mesh.source_facets,
+            )
+            for target, surface in zip(scenario.target, scenario.surfaces, strict=True)
+        ),
+    )
+
+
+def resolved(scenario: Scenario) -> str:
+    """Return the scenario as TOML with every default written out and element sets inline."""
+    import tomli_w
+
+    tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
+    tables = [*tree["target"], tree["follower"]]
+    for table, body in zip(tables, scenario.bodies, strict=True):
+        if isinstance(body.motion, Tle):
+            table["motion"] = body.motion.inline(scenario.time.start_utc).model_dump(exclude_none=True)
+    return tomli_w.dumps(tree)
+
+
+def _in_words(material: Any) -> str:
+    fields = material.model_dump()
+    return f"{fields.pop('type')} " + " ".join(f"{name}={value:g}" for name, value in fields.items())

@@ -1,0 +1,62 @@
+"""From a target to its surface: the model found, scaled, and given its materials."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from rso_lidar.errors import MeshError, RsoLidarWarning
+from rso_lidar.scenario.parts import Target
+from rso_lidar.scene import Lambertian, Material, Phong, Surface, build_surface, load_mesh, warn_of_size
+from rso_lidar.scene.library import materials, model
+
+_MATERIAL: TypeAdapter[Lambertian | Phong] = TypeAdapter(Material)
+
+
+def surface_of(target: Target, file: Callable[[str, str], Path]) -> Surface:
+    """Return the surface of a target; `file` finds the path of a mesh by name and place in the scenario."""
+    own: Mapping[str, Lambertian | Phong] = {}
+    center_of_mass_m = target.center_of_mass_m
+    if target.is_path:
+        path = file(target.model, f"target {target.name}.model")
+        if center_of_mass_m is None:
+            warnings.warn(
+                f"target {target.name}: the centre of mass of {path.name} is assumed at its origin; "
+                "give center_of_mass_m in mesh coordinates",
+                RsoLidarWarning,
+                stacklevel=2,
+            )
+    else:
+        entry = model(target.model)
+        path = entry.path
+        center_of_mass_m = center_of_mass_m or tuple(entry.center_of_mass_m)
+        if target.material is None:
+            own = {part: material_named(name) for part, name in entry.parts.items()}
+    mesh = load_mesh(path)
+    scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
+    warn_of_size(mesh, scale, target.name)
+    return build_surface(
+        target.name,
+        mesh,
+        scale=scale,
+        mesh_axes=target.mesh_axes,
+        center_of_mass_m=center_of_mass_m or (0.0, 0.0, 0.0),
+        material=target.material,
+        part_materials={**own, **target.part_materials},
+    )
+
+
+def material_named(name: str) -> Lambertian | Phong:
+    """Return a material of the catalogue by name."""
+    fields = materials().get(name)
+    if fields is None:
+        raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
+    known = {key: value for key, value in fields.items() if key in _KEYS.get(fields.get("type", ""), ())}
+    try:
+        return _MATERIAL.validate_python(known)
+    except ValidationError as error:
+        raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; mend the entry") from None
+
+
+_KEYS = {"lambertian": ("type", "reflectance"), "phong": ("type", "diffuse", "specular", "exponent")}

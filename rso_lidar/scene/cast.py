@@ -1,0 +1,125 @@
+"""Rays meet facets: embree finds which, float64 says where.
+
+Embree works in float32, so rays are moved into each target's axes, cast from a point near the target, and the range is
+taken from the facet's plane in float64. Rows of pixels are cast in bands on threads; what a band gives does not depend
+on how many there are.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from rso_lidar.records import Hits, Rays, Truth
+from rso_lidar.scene.surface import Surface
+
+_BAND_RAYS = 16_384
+
+
+def cast(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None = None) -> Hits:
+    """Return the first facet that each ray meets, over all targets.
+
+    `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
+    """
+    n_rays = len(rays.pixel)
+    range_m = np.full(n_rays, np.inf)
+    target = np.full(n_rays, -1, dtype=np.int16)
+    facet = np.zeros(n_rays, dtype=np.int32)
+    cosine = np.zeros(n_rays)
+    for number, surface in enumerate(surfaces):
+        target_from_lidar = truth.pose(surface.name, "lidar")
+        aimed = _aimed(rays, surface, target_from_lidar) if len(surfaces) > 1 else slice(None)
+        direction = rays.direction[aimed]
+        if not len(direction):
+            continue
+        bands = _bands(rays.pixel[aimed], rays.shape[1])
+        meet = partial(_meet, surface, target_from_lidar, direction)
+        found = list(_pool(threads).map(meet, bands)) if len(bands) > 1 else [meet(bands[0])]
+        ray, met_facet, met_range, met_cosine = (np.concatenate(column) for column in zip(*found, strict=True))
+        if len(surfaces) > 1:
+            ray = aimed[ray]
+        nearer = np.flatnonzero(met_range < range_m[ray])
+        ray = ray[nearer]
+        range_m[ray], cosine[ray] = met_range[nearer], met_cosine[nearer]
+        target[ray], facet[ray] = number, met_facet[nearer]
+    hit = np.flatnonzero(target >= 0)
+    target, facet, cosine = target[hit], facet[hit], cosine[hit]
+    brdf, part, source_facet = _surface_of(surfaces, target, facet, cosine)
+    return Hits(
+        rays=rays,
+        ray=hit,
+        pixel=rays.pixel[hit],
+        weight=rays.weight[hit],
+        target=target,
+        facet=source_facet,
+        part=part,
+        range_m=range_m[hit],
+        cos_incidence=cosine,
+        brdf_per_sr=brdf,
+    )
+
+
+@lru_cache(maxsize=4)
+def _pool(threads: int | None) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max_workers=threads, thread_name_prefix="cast")
+
+
+def _aimed(rays: Rays, surface: Surface, target_from_lidar: RigidTransform) -> np.ndarray:
+    """Return the rays that pass the sphere about a target."""
+    centre, radius = surface.sphere
+    toward = target_from_lidar.inv().apply(centre)
+    along = np.einsum("ri,i->r", rays.direction, toward)
+    beside2 = toward @ toward - along**2
+    inside = toward @ toward <= radius**2
+    aimed: np.ndarray = np.flatnonzero((beside2 <= (1.0 + 1e-6) * radius**2) & ((along > 0.0) | inside))
+    return aimed
+
+
+def _bands(pixel: np.ndarray, n_cols: int) -> list[slice]:
+    """Return slices of rays that each hold whole rows of pixels, of some `_BAND_RAYS` rays."""
+    edges = [0]
+    while edges[-1] < len(pixel):
+        last = min(edges[-1] + _BAND_RAYS, len(pixel)) - 1
+        next_row = (pixel[last] // n_cols + 1) * n_cols
+        edges.append(int(np.searchsorted(pixel, next_row)))
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def _meet(
+    surface: Surface, target_from_lidar: RigidTransform, direction: np.ndarray, band: slice
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return ray, facet, range [m] and cos α of the hits of one band of rays on one target."""
+    centre, radius = surface.sphere
+    origin = target_from_lidar.translation
+    turned = np.einsum("ij,rj->ri", target_from_lidar.rotation.as_matrix(), direction[band])
+    start_m = max(0.0, float(np.linalg.norm(centre - origin)) - 1.01 * radius - 0.01)
+    start = (origin + start_m * turned).astype(np.float32)
+    found = surface.embree.run(start, turned.astype(np.float32), query="INTERSECT", output=1)
+    ray = np.flatnonzero(found["primID"] >= 0)
+    facet = found["primID"][ray]
+    normal, turned = surface.normals[facet], turned[ray]
+    cosine = np.einsum("ri,ri->r", normal, turned)
+    above = surface.plane_offset_m[facet] - np.einsum("ri,i->r", normal, origin)
+    rough = start_m + found["tfar"][ray].astype(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = above / cosine
+    # Seen edge-on, a facet's plane says nothing about range: there, and only there, embree's own distance stands.
+    grazing = ~(np.abs(exact - rough) <= 1e-3 * (1.0 + 2.0 * radius))
+    range_m = np.where(grazing, rough, exact)
+    return ray + (band.start or 0), facet, range_m, np.minimum(np.abs(cosine), 1.0)
+
+
+def _surface_of(
+    surfaces: Sequence[Surface], target: np.ndarray, facet: np.ndarray, cosine: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return BRDF [1/sr], part and the source file's facet number of each hit."""
+    brdf, part, source_facet = np.zeros(len(facet)), np.zeros(len(facet), np.int16), np.zeros(len(facet), np.int32)
+    for number, surface in enumerate(surfaces):
+        on = np.flatnonzero(target == number) if len(surfaces) > 1 else slice(None)
+        brdf[on] = surface.brdf_per_sr(facet[on], cosine[on])
+        part[on] = surface.part[facet[on]]
+        source_facet[on] = surface.mesh.source_facet[facet[on]]
+    return brdf, part, source_facet

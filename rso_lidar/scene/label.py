@@ -1,0 +1,62 @@
+"""What was really there, pixel by pixel."""
+
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.records import Hits, Labels, Photons
+
+
+def label(hits: Hits, photons: Photons) -> Labels:
+    """Return the labels of one flash: of several clusters in a pixel, the one that returns most photons speaks."""
+    n_pixels = photons.shape[0] * photons.shape[1]
+    sky: dict[str, Any] = {
+        "range_m": np.full(n_pixels, np.nan),
+        "first_range_m": np.full(n_pixels, np.nan),
+        "cluster_count": np.zeros(n_pixels, np.uint8),
+        "target": np.full(n_pixels, -1, np.int16),
+        "part": np.full(n_pixels, -1, np.int16),
+        "facet": np.full(n_pixels, -1, np.int32),
+        "cos_incidence": np.full(n_pixels, np.nan, np.float32),
+        "photons": np.bincount(photons.pixel, photons.photons, n_pixels),
+        "filled_fraction": np.bincount(hits.pixel, hits.weight, n_pixels),
+    }
+    if len(photons.pixel):
+        _fill(sky, hits, photons)
+    return Labels(**{name: values.reshape(photons.shape) for name, values in sky.items()})
+
+
+def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
+    """Write the labels of the pixels that see something."""
+    n_clusters = len(photons.cluster_pixel)
+    bright = np.bincount(photons.cluster, photons.photons, n_clusters)
+    # A black facet returns nothing and is there all the same: then area weighs instead of light.
+    share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight)
+    mean_range = np.bincount(photons.cluster, share * hits.range_m, n_clusters) / np.bincount(
+        photons.cluster, share, n_clusters
+    )
+
+    first = np.flatnonzero(np.diff(photons.cluster_pixel, prepend=-1))  # nearest cluster of each pixel that has any
+    pixel = photons.cluster_pixel[first]
+    best = _first_greatest(bright, first)
+    labels["first_range_m"][pixel] = mean_range[first]
+    labels["range_m"][pixel] = mean_range[best]
+    labels["cluster_count"][pixel] = np.minimum(np.diff(first, append=n_clusters), 255)
+
+    of_best = np.zeros(n_clusters, dtype=bool)
+    of_best[best] = True
+    candidates = np.flatnonzero(of_best[photons.cluster])
+    starts = np.flatnonzero(np.diff(photons.pixel[candidates], prepend=-1))
+    chosen = candidates[_first_greatest(photons.photons[candidates], starts)]
+    for name in ("target", "part", "facet", "cos_incidence"):
+        labels[name][pixel] = getattr(hits, name)[chosen]
+
+
+def _first_greatest(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the index of the first greatest value in each group; group g begins at ``starts[g]``."""
+    sizes = np.diff(starts, append=len(values))
+    greatest = np.repeat(np.maximum.reduceat(values, starts), sizes)
+    where = np.flatnonzero(values == greatest)
+    group = np.repeat(np.arange(len(starts)), sizes)[where]
+    chosen: np.ndarray = where[np.flatnonzero(np.diff(group, prepend=-1))]
+    return chosen

@@ -1,0 +1,155 @@
+"""Meshes from files: triangles in metres, by named parts, with what was repaired."""
+
+import hashlib
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import MeshError, RsoLidarWarning
+
+SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
+
+# The ISS is 109 m across and a marble-sized target is not a spacecraft: outside these sizes metres are doubtful.
+_LARGEST_M, _SMALLEST_M = 250.0, 0.02
+_OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """The triangles of one file, in its own coordinates.
+
+    `vertices` (vertex, xyz) f8; `facets` (facet, 3) indices of vertices; `part` (facet) index into `part_names`;
+    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order.
+    """
+
+    path: Path
+    sha256: str
+    vertices: np.ndarray
+    facets: np.ndarray
+    part: np.ndarray
+    part_names: tuple[str, ...]
+    source_facet: np.ndarray
+    source_facets: int
+    degenerate: int
+
+    @property
+    def size_m(self) -> np.ndarray:
+        """Return the sides (xyz) of the box about the mesh, in its own unit (metres once it is scaled)."""
+        used = self.vertices[np.unique(self.facets)]
+        sides: np.ndarray = used.max(axis=0) - used.min(axis=0)
+        return sides
+
+
+@lru_cache(maxsize=32)
+def _read_cached(path: Path, _stamp: tuple[int, int]) -> Mesh:
+    return _read(path)
+
+
+def load_mesh(path: Path) -> Mesh:
+    """Return the mesh of an STL, OBJ, PLY, GLB, glTF or OFF file; each named geometry in it is a part.
+
+    Facets without area are dropped and counted. Raises `MeshError` for a file that is missing, unreadable, empty, or
+    that holds vertices that are not finite.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        known = ", ".join(SUFFIXES)
+        raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}")
+    if not path.is_file():
+        raise MeshError(f"{path}: no such mesh file; check the name, or give a model of the catalogue")
+    status = path.stat()
+    return _read_cached(path.resolve(), (status.st_mtime_ns, status.st_size))
+
+
+def _read(path: Path) -> Mesh:
+    blob = path.read_bytes()
+    if not blob:
+        raise MeshError(f"{path.name}: the file is empty; export the mesh again")
+    pieces = _pieces(path)
+    if not pieces or not sum(len(facets) for _, _, facets in pieces):
+        raise MeshError(f"{path.name}: no triangles in it; export the mesh again as a triangulated surface")
+    names: list[str] = []
+    vertices, facets, part = [], [], []
+    base = 0
+    for name, piece_vertices, piece_facets in pieces:
+        if name not in names:
+            names.append(name)
+        vertices.append(piece_vertices)
+        facets.append(piece_facets + base)
+        part.append(np.full(len(piece_facets), names.index(name), dtype=np.int16))
+        base += len(piece_vertices)
+    all_vertices, all_facets = np.concatenate(vertices), np.concatenate(facets)
+    if all_facets.size and (all_facets.min() < 0 or all_facets.max() >= len(all_vertices)):
+        raise MeshError(f"{path.name}: a facet names a vertex that is not in the file; export the mesh again")
+    bad = ~np.isfinite(all_vertices[all_facets]).all(axis=(1, 2))
+    if bad.any():
+        raise MeshError(
+            f"{path.name}: {int(bad.sum())} of {len(bad)} facets have coordinates that are not finite, "
+            f"the first is facet {int(np.argmax(bad))}; mend the mesh and export it again"
+        )
+    corners = all_vertices[all_facets]
+    twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    sound = np.flatnonzero(twice_area > 1e-12 * np.maximum(longest, 1e-300) ** 2)
+    if not len(sound):
+        raise MeshError(f"{path.name}: all {len(all_facets)} facets are without area; export the mesh again")
+    return Mesh(
+        path=path,
+        sha256=hashlib.sha256(blob).hexdigest(),
+        vertices=all_vertices,
+        facets=all_facets[sound],
+        part=np.concatenate(part)[sound],
+        part_names=tuple(names),
+        source_facet=sound.astype(np.int32),
+        source_facets=len(all_facets),
+        degenerate=len(all_facets) - len(sound),
+    )
+
+
+def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Return name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
+    import trimesh
+
+    options: dict[str, Any] = {"process": False}
+    if path.suffix.lower() == ".obj":
+        options |= {"split_groups": True, "split_objects": True, "group_material": False, "skip_materials": True}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
+            scene = trimesh.load_scene(path, **options)
+    except Exception as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise MeshError(
+            f"{path.name}: cannot be read as {path.suffix[1:].upper()} ({reason}); export it again"
+        ) from None
+    pieces = []
+    for node in scene.graph.nodes_geometry:
+        parent_from_node, geometry_name = scene.graph[node]
+        geometry = scene.geometry[geometry_name]
+        facets = getattr(geometry, "faces", None)
+        if facets is None or not len(facets):
+            continue  # points and lines reflect nothing
+        vertices = np.asarray(geometry.vertices, dtype=float)
+        if not np.array_equal(parent_from_node, np.eye(4)):
+            vertices = vertices @ parent_from_node[:3, :3].T + parent_from_node[:3, 3]
+        name = "body" if path.suffix.lower() in (".stl", ".off", ".ply") else str(geometry_name)
+        pieces.append((name, vertices, np.asarray(facets, dtype=np.int64)))
+    return pieces
+
+
+def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
+    """Warn where a mesh, once scaled to metres, cannot be in metres, and say which unit is likely."""
+    largest = float(mesh.size_m.max()) * scale
+    if _SMALLEST_M <= largest <= _LARGEST_M:
+        return
+    fits = [unit for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest * metres <= 120.0]
+    guess = f"; it may be in {' or '.join(fits)} (scale = {_OTHER_UNITS[fits[0]] * scale:g})" if fits else ""
+    warnings.warn(
+        f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m",
+        RsoLidarWarning,
+        stacklevel=2,
+    )

@@ -1,0 +1,154 @@
+"""Surfaces: a target's mesh in body axes, with the material of every facet."""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.scene.brdf import Lambertian, Phong
+from rso_lidar.scene.mesh import Mesh
+
+_scenes: OrderedDict[str, Any] = OrderedDict()
+_scenes_lock = Lock()
+_SCENES_KEPT = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
+
+    `vertices` (vertex, xyz) f8, `facets` (facet, 3), `part` (facet) index into `part_names`, `source_facet` (facet)
+    number in the file, `materials` one for each part.
+    """
+
+    name: str
+    mesh: Mesh
+    vertices: np.ndarray
+    materials: tuple[Lambertian | Phong, ...]
+
+    @property
+    def facets(self) -> np.ndarray:
+        """Return the vertex indices (facet, 3)."""
+        return self.mesh.facets
+
+    @property
+    def part(self) -> np.ndarray:
+        """Return the part of each facet."""
+        return self.mesh.part
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """Return the corners (facet, 3, xyz) f8 [m]."""
+        corners: np.ndarray = self.vertices[self.facets]
+        return corners
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Return the unit normals (facet, xyz) f8 by winding; which side is out, a visual mesh does not know."""
+        corners = self.corners
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        unit: np.ndarray = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        return unit
+
+    @cached_property
+    def plane_offset_m(self) -> np.ndarray:
+        """Return n · p of each facet's plane (facet) f8 [m]."""
+        offset: np.ndarray = np.einsum("fi,fi->f", self.normals, self.corners.mean(axis=1))
+        return offset
+
+    @cached_property
+    def sphere(self) -> tuple[np.ndarray, float]:
+        """Return centre (xyz) and radius [m] of a sphere that holds the surface."""
+        used = self.corners.reshape(-1, 3)
+        centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
+        return centre, float(np.linalg.norm(used - centre, axis=1).max())
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Return the distance [m] of the farthest point from the body's origin."""
+        return float(np.linalg.norm(self.corners.reshape(-1, 3), axis=1).max())
+
+    @cached_property
+    def outline(self) -> np.ndarray:
+        """Return the points (point, xyz) of the convex hull: no facet is seen outside their projection."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        used = np.unique(self.corners.reshape(-1, 3), axis=0)
+        try:
+            return used[ConvexHull(used).vertices] if len(used) > 64 else used
+        except QhullError:  # a flat sheet has no hull in space
+            low, high = used.min(axis=0), used.max(axis=0)
+            return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+
+    @cached_property
+    def content(self) -> str:
+        """Return a hash of the geometry, under which its acceleration structure is kept."""
+        return hashlib.sha256(self.corners.astype(np.float32).tobytes()).hexdigest()
+
+    @property
+    def embree(self) -> Any:
+        """Return embree's scene of this surface in body axes, built once for each geometry and committed."""
+        with _scenes_lock:
+            if self.content not in _scenes:
+                _scenes[self.content] = _build(self.corners)
+                while len(_scenes) > _SCENES_KEPT:
+                    _scenes.popitem(last=False)
+            _scenes.move_to_end(self.content)
+            return _scenes[self.content]
+
+    def brdf_per_sr(self, facet: np.ndarray, cos_incidence: np.ndarray) -> np.ndarray:
+        """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit) at cos α (hit)."""
+        if len(set(self.materials)) == 1:
+            return self.materials[0].brdf_per_sr(cos_incidence)
+        part = self.part[facet]
+        brdf = np.empty(len(facet))
+        for number, material in enumerate(self.materials):
+            of_part = np.flatnonzero(part == number)
+            brdf[of_part] = material.brdf_per_sr(cos_incidence[of_part])
+        return brdf
+
+
+def _build(corners: np.ndarray) -> Any:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    triangles = corners.astype(np.float32)
+    TriangleMesh(scene, triangles)
+    outside = (triangles.max(axis=(0, 1)) + 1.0)[None]
+    scene.run(outside, np.array([[1.0, 0.0, 0.0]], dtype=np.float32))  # the first ray commits the scene, in one thread
+    return scene
+
+
+def build_surface(
+    name: str,
+    mesh: Mesh,
+    *,
+    scale: float = 1.0,
+    mesh_axes: str = "z_up",
+    center_of_mass_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    material: Lambertian | Phong | None = None,
+    part_materials: Mapping[str, Lambertian | Phong] | None = None,
+) -> Surface:
+    """Return the surface of a target: its mesh scaled to metres, turned and moved to body axes, with materials.
+
+    `center_of_mass_m` is in the mesh's own axes, after scaling. `mesh_axes` "y_up" turns the file's y to body z.
+    `part_materials` overrides `material` for the parts it names.
+    """
+    overrides = dict(part_materials or {})
+    for part in overrides:
+        if part not in mesh.part_names:
+            guess = did_you_mean(part, mesh.part_names)
+            known = ", ".join(mesh.part_names)
+            raise ScenarioError(f"target {name}: part_materials: no part '{part}' in {mesh.path.name}{guess} ({known})")
+    vertices = mesh.vertices * scale - np.asarray(center_of_mass_m)
+    if mesh_axes == "y_up":
+        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+    default = material or Lambertian()
+    return Surface(name, mesh, vertices, tuple(overrides.get(part, default) for part in mesh.part_names))

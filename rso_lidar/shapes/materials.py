@@ -1,0 +1,116 @@
+"""The optical presets that the models name: statements for models/materials.toml, at 1064 nm.
+
+Each splits a total hemispherical reflectance into a diffuse share and a specular lobe of modified Phong (Lafortune &
+Willems 1994: kd/pi + ks (n+2)/(2 pi) cos^n). The totals lean on tabulated data, the splits are engineering defaults.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+UNCALIBRATED = "uncalibrated engineering default"
+
+
+def _phong(
+    what: str, source: str, confidence: str, lobe: tuple[float, float, float], rgb: tuple[float, float, float]
+) -> dict[str, Any]:
+    diffuse, specular, exponent = lobe
+    return {
+        "type": "phong",
+        "diffuse": diffuse,
+        "specular": specular,
+        "exponent": exponent,
+        "what": what,
+        "source": source,
+        "confidence": f"{confidence}; split and exponent: {UNCALIBRATED}",
+        "display_rgb": list(rgb),
+    }
+
+
+MATERIALS: dict[str, dict[str, Any]] = {
+    "lambertian_30": {
+        "type": "lambertian",
+        "reflectance": 0.30,
+        "what": "The default surface of the paper: Lambertian, reflectance 0.30 at every wavelength",
+        "source": "Paper on Global Shutter Flash LiDAR simulation, section 5",
+        "confidence": "a definition, not a measurement",
+        "display_rgb": [0.62, 0.62, 0.62],
+    },
+    "mli_gold": _phong(
+        "Multi-layer insulation, aluminised Kapton, crinkled; total 0.80-0.88 at 1064 nm, 0.85-0.90 at 1570 nm",
+        "Bare aluminium 0.95 (Rakic 1995, McPeak 2015 n,k) seen through Kapton",
+        "medium",
+        (0.15, 0.65, 30.0),
+        (0.83, 0.62, 0.22),
+    ),
+    "mli_silver": _phong(
+        "Multi-layer insulation, aluminium side outward, crinkled; total 0.92-0.95 at 1064 nm, 0.95-0.97 at 1570 nm",
+        "Bare aluminium 0.95 at 1064 nm (Rakic 1995, McPeak 2015 n,k)",
+        "medium",
+        (0.10, 0.80, 30.0),
+        (0.80, 0.81, 0.83),
+    ),
+    "solar_cell": _phong(
+        "Triple-junction solar cell under cover glass; total 0.05-0.15 at 1064 nm, 0.10-0.25 at 1570 nm",
+        "Range of published cell reflectances; first-surface glint of the cover glass as a narrow lobe",
+        "low",
+        (0.02, 0.08, 1000.0),
+        (0.10, 0.12, 0.32),
+    ),
+    "solar_cell_si": _phong(
+        "Silicon solar cell under cover glass (1990s to 2000s); total 0.10-0.30 at 1064 nm, 0.3-0.6 at 1570 nm",
+        "Range of published cell reflectances; silicon grows transparent past 1.1 um and shows its back contact",
+        "low",
+        (0.03, 0.15, 1000.0),
+        (0.08, 0.10, 0.28),
+    ),
+    "white_paint": _phong(
+        "White thermal paint (Z93, S13, A276 class); total 0.80-0.90 at 1064 nm, 0.65-0.80 at 1570 nm",
+        "Published range for the class",
+        "medium",
+        (0.80, 0.02, 10.0),
+        (0.92, 0.92, 0.90),
+    ),
+    "black_paint": _phong(
+        "Black optical paint (Z306 class); total 0.04-0.05 at 1064 and 1570 nm",
+        "Published range for the class",
+        "high",
+        (0.04, 0.01, 20.0),
+        (0.06, 0.06, 0.06),
+    ),
+    "black_anodise": _phong(
+        "Black dyed anodise; total 0.3-0.6 at 1064 and 1570 nm, for the dye is transparent in the near infrared",
+        "Published range for the class",
+        "medium",
+        (0.35, 0.05, 20.0),
+        (0.12, 0.12, 0.13),
+    ),
+    "aluminium": _phong(
+        "Machined or clear-anodised aluminium; total 0.60-0.75 at 1064 nm, 0.75-0.85 at 1570 nm; for other metals too",
+        "Bare smooth aluminium 0.95 (Rakic 1995, McPeak 2015 n,k) less roughness and oxide",
+        "medium",
+        (0.25, 0.40, 60.0),
+        (0.66, 0.67, 0.69),
+    ),
+    "cfrp": _phong(
+        "Bare carbon-fibre composite; total 0.05-0.10 at 1064 nm, 0.06-0.12 at 1570 nm",
+        "Published range for the class",
+        "low",
+        (0.05, 0.03, 30.0),
+        (0.18, 0.18, 0.19),
+    ),
+    "osr": _phong(
+        "Optical solar reflector or silvered Teflon, a mirror; total 0.95-0.97 at 1064 nm, 0.96 at 1570 nm",
+        "Bare silver 0.99 (Johnson & Christy 1972, Ciesielski 2017 n,k) behind silica or Teflon",
+        "medium",
+        (0.02, 0.94, 3000.0),
+        (0.75, 0.82, 0.90),
+    ),
+    "lens_glass": _phong(
+        "Polished front lens, coated for other wavelengths; first surface 0.035-0.042, little wavelength dependence",
+        "Fresnel reflectance at normal incidence for refractive indices of 1.46 to 1.52",
+        "medium",
+        (0.01, 0.04, 3000.0),
+        (0.20, 0.24, 0.30),
+    ),
+}

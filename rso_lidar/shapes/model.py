@@ -1,0 +1,95 @@
+"""What a builder returns: a craft as named pieces, each a closed solid of one material with an estimated mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.shapes.solids import Solid
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One named part of a craft.
+
+    `mass_kg` is an estimate, spread evenly through the volume, or over the surface where `hollow`.
+    """
+
+    solid: Solid
+    material: str
+    mass_kg: float
+    hollow: bool = False
+
+
+@dataclass(frozen=True)
+class Model:
+    """A craft: its pieces, and the statements about it that go into the index."""
+
+    name: str
+    what: str
+    source: str
+    confidence: str
+    axes: str
+    pieces: Mapping[str, Piece]
+
+    @property
+    def parts(self) -> dict[str, Solid]:
+        """Return (vertices [m], facets) by part name."""
+        return {name: piece.solid for name, piece in self.pieces.items()}
+
+    @property
+    def materials(self) -> dict[str, str]:
+        """Return the name of the material by part name."""
+        return {name: piece.material for name, piece in self.pieces.items()}
+
+    @property
+    def facet_count(self) -> int:
+        """Return the number of facets of all parts."""
+        return sum(len(solid.facets) for solid in self.parts.values())
+
+    @property
+    def size_m(self) -> np.ndarray:
+        """Return the extents along x, y, z [m]."""
+        vertices = np.concatenate([solid.vertices for solid in self.parts.values()])
+        return np.asarray(vertices.max(axis=0) - vertices.min(axis=0))
+
+    @property
+    def mass_kg(self) -> float:
+        """Return the estimated mass [kg]."""
+        return sum(piece.mass_kg for piece in self.pieces.values())
+
+    @property
+    def center_of_mass_m(self) -> np.ndarray:
+        """Return the estimated centre of mass in the axes of the model [m]."""
+        return _moments(self)[0]
+
+    @property
+    def inertia_kg_m2(self) -> np.ndarray:
+        """Return the estimated inertia tensor (3, 3) about the centre of mass, in the axes of the model [kg m2]."""
+        return _moments(self)[1]
+
+
+def _moments(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre of mass and inertia from exact integrals over tetrahedra (solid) or triangles (hollow).
+
+    With corners a, b, c and s = a + b + c, the second moment of a tetrahedron with its fourth corner at the origin is
+    V/20 (aa' + bb' + cc' + ss'), that of a triangle A/12 (aa' + bb' + cc' + ss'); inertia is tr(S) 1 - S.
+    """
+    first, second = np.zeros(3), np.zeros((3, 3))
+    for piece in model.pieces.values():
+        a, b, c = (piece.solid.vertices[piece.solid.facets[:, k]] for k in range(3))
+        s = a + b + c
+        if piece.hollow:
+            weight = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+            arm, divisor = s / 3.0, 12.0
+        else:
+            weight = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+            arm, divisor = s / 4.0, 20.0
+        weight = weight * (piece.mass_kg / weight.sum())
+        first += weight @ arm
+        second += sum(np.einsum("i,ij,ik->jk", weight, corner, corner) for corner in (a, b, c, s)) / divisor
+    center = first / model.mass_kg
+    second -= model.mass_kg * np.outer(center, center)
+    return center, np.trace(second) * np.eye(3) - second

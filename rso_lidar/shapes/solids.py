@@ -1,0 +1,262 @@
+"""Closed solids with outward facets: what the models are put together from. Metres, pure numpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rso_lidar.units import DEG
+
+Point = Sequence[float]
+
+
+class Solid(NamedTuple):
+    """A closed surface of triangles: `vertices` (n, 3) [m] and `facets` (k, 3), wound so that normals point outward."""
+
+    vertices: np.ndarray
+    facets: np.ndarray
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
+        """Return the solid shifted [m]."""
+        return Solid(self.vertices + np.array([x, y, z], dtype=float), self.facets)
+
+    def turned(self, axis: str, angle_deg: float) -> Solid:
+        """Return the solid turned about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+        i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+        cos, sin = math.cos(angle_deg * DEG), math.sin(angle_deg * DEG)
+        vertices = self.vertices.copy()
+        vertices[:, i] = cos * self.vertices[:, i] - sin * self.vertices[:, j]
+        vertices[:, j] = sin * self.vertices[:, i] + cos * self.vertices[:, j]
+        return Solid(vertices, self.facets)
+
+    def facing(self, direction: Point) -> Solid:
+        """Return the solid with its +z turned to `direction`, by way of the shortest turn that keeps y level."""
+        z = np.asarray(direction, dtype=float)
+        z = z / np.linalg.norm(z)
+        side = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+        x = np.cross(side, z)
+        x /= np.linalg.norm(x)
+        return Solid(self.vertices @ np.array([x, np.cross(z, x), z]), self.facets)
+
+    def mirrored(self, axis: str) -> Solid:
+        """Return the mirror image across the plane normal to "x", "y" or "z", wound outward again."""
+        sign = np.array([-1.0 if name == axis else 1.0 for name in "xyz"])
+        return Solid(self.vertices * sign, self.facets[:, ::-1])
+
+    def volume_m3(self) -> float:
+        """Return the enclosed volume [m3]; negative where facets face inward."""
+        a, b, c = (self.vertices[self.facets[:, k]] for k in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def join(*solids: Solid) -> Solid:
+    """Return several closed solids as one; they may interpenetrate."""
+    starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
+    return Solid(
+        np.concatenate([solid.vertices for solid in solids]),
+        np.concatenate([solid.facets + start for solid, start in zip(solids, starts[:-1], strict=True)]),
+    )
+
+
+def box(size_m: Point, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
+    """Return a box of `size_m` (x, y, z) about `center_m`.
+
+    >>> box((1, 2, 3)).volume_m3()
+    6.0
+    """
+    half_x, half_y, half_z = (0.5 * side for side in size_m)
+    outline = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
+    return prism(outline, -half_z, half_z).moved(*center_m)
+
+
+def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
+    """Return a convex outline (x, y), counter-clockwise seen from +z, extruded from z = `bottom_m` to `top_m`."""
+    outline = np.asarray(list(outline_m), dtype=float)
+    n = len(outline)
+    low, high = (np.column_stack([outline, np.full(n, z)]) for z in (bottom_m, top_m))
+    facets = []
+    for k in range(n):
+        after = (k + 1) % n
+        facets += [(k, after, n + after), (k, n + after, n + k)]
+    for k in range(1, n - 1):
+        facets += [(0, k + 1, k), (n, n + k, n + k + 1)]
+    return Solid(np.concatenate([low, high]), np.array(facets))
+
+
+def revolved(profile_m: Iterable[Point], sides: int = 32) -> Solid:
+    """Return a profile of (radius, z) turned about +z.
+
+    A profile that begins and ends on the axis makes a closed body; one that stays off the axis is closed upon itself
+    and makes a ring. Either sense of the profile will do.
+    """
+    profile = [(float(radius), float(z)) for radius, z in profile_m]
+    solid_body = profile[0][0] == 0.0 and profile[-1][0] == 0.0
+    angle = np.arange(sides) * (2.0 * math.pi / sides)
+    rings: list[np.ndarray] = []
+    vertices: list[tuple[float, float, float]] = []
+    for radius, z in profile:
+        first = len(vertices)
+        if radius == 0.0:
+            vertices.append((0.0, 0.0, z))
+            rings.append(np.full(sides, first))
+        else:
+            vertices += [(radius * math.cos(a), radius * math.sin(a), z) for a in angle]
+            rings.append(first + np.arange(sides))
+    facets: list[tuple[int, int, int]] = []
+    for below, above in zip(rings, rings[1:] if solid_body else rings[1:] + rings[:1], strict=False):
+        for k in range(sides):
+            after = (k + 1) % sides
+            if below[k] != below[after]:
+                facets.append((below[k], below[after], above[after]))
+            if above[k] != above[after]:
+                facets.append((below[k], above[after], above[k]))
+    solid = Solid(np.array(vertices), np.array(facets, dtype=int))
+    return solid if solid.volume_m3() > 0.0 else Solid(solid.vertices, solid.facets[:, ::-1])
+
+
+def cylinder(radius_m: float, bottom_m: float, top_m: float, sides: int = 32) -> Solid:
+    """Return a cylinder about +z."""
+    return frustum(radius_m, radius_m, bottom_m, top_m, sides)
+
+
+def frustum(bottom_radius_m: float, top_radius_m: float, bottom_m: float, top_m: float, sides: int = 32) -> Solid:
+    """Return a truncated cone about +z; a radius of 0 makes a tip."""
+    profile = [(0.0, bottom_m), (bottom_radius_m, bottom_m), (top_radius_m, top_m), (0.0, top_m)]
+    return revolved([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > 0.0], sides)
+
+
+def ring(inner_m: float, outer_m: float, bottom_m: float, top_m: float, sides: int = 48) -> Solid:
+    """Return a flat ring about +z of rectangular section, radii `inner_m` to `outer_m`."""
+    return revolved([(inner_m, bottom_m), (outer_m, bottom_m), (outer_m, top_m), (inner_m, top_m)], sides)
+
+
+def torus(radius_m: float, wire_radius_m: float, sides: int = 48, around: int = 8) -> Solid:
+    """Return a ring about +z of round section."""
+    turn = [2.0 * math.pi * k / around for k in range(around)]
+    return revolved([(radius_m + wire_radius_m * math.cos(a), wire_radius_m * math.sin(a)) for a in turn], sides)
+
+
+def wall(inner_profile_m: Sequence[Point], thickness_m: float, sides: int = 48) -> Solid:
+    """Return a thin wall of revolution, open at both ends: a profile of (radius, z) thickened away from the axis."""
+    outer = [(radius + thickness_m, z) for radius, z in reversed(inner_profile_m)]
+    return revolved([*inner_profile_m, *outer], sides)
+
+
+def dish(diameter_m: float, focal_length_m: float, thickness_m: float, rings: int = 14, sides: int = 64) -> Solid:
+    """Return a paraboloid reflector, vertex at the origin, opening to +z: front surface z = r^2 / (4 f)."""
+    radii = [0.5 * diameter_m * k / rings for k in range(rings + 1)]
+    front = [(radius, radius**2 / (4.0 * focal_length_m)) for radius in radii]
+    return revolved([*front, *((radius, z - thickness_m) for radius, z in reversed(front))], sides)
+
+
+def dome(radius_m: float, height_m: float, rings: int = 10, sides: int = 48) -> Solid:
+    """Return half an ellipsoid with its flat side at z = 0 and its top at z = `height_m`."""
+    turn = [0.5 * math.pi * k / rings for k in range(rings)]
+    curve = [(radius_m * math.cos(a), height_m * math.sin(a)) for a in turn]
+    return revolved([(0.0, 0.0), *curve, (0.0, height_m)], sides)
+
+
+def ball(radius_m: float, center_m: Point = (0.0, 0.0, 0.0), splits: int = 2) -> Solid:
+    """Return an icosphere: an icosahedron with facets cut in four `splits` times, all vertices on the sphere."""
+    golden = 0.5 * (1.0 + math.sqrt(5.0))
+    corners = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    points = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners])
+    edge = {(i, j) for i in range(12) for j in range(12) if i != j and np.linalg.norm(points[i] - points[j]) < 2.1}
+    facets = np.array(
+        [(i, j, k) for i, j in sorted(edge) for k in range(j + 1, 12) if i < j and {(i, k), (j, k)} <= edge]
+    )
+    normal = np.cross(points[facets[:, 1]] - points[facets[:, 0]], points[facets[:, 2]] - points[facets[:, 0]])
+    inward = np.einsum("ij,ij->i", normal, points[facets[:, 0]]) < 0.0
+    facets[inward] = facets[inward][:, ::-1]
+    for _ in range(splits):
+        sides = np.sort(facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        unique, where = np.unique(sides, axis=0, return_inverse=True)
+        middle = len(points) + where.reshape(-1, 3)
+        points = np.concatenate([points, points[unique].mean(axis=1)])
+        a, b, c = facets.T
+        ab, bc, ca = middle.T
+        corner_triples = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        facets = np.concatenate([np.column_stack(triple) for triple in corner_triples])
+    points = radius_m * points / np.linalg.norm(points, axis=1, keepdims=True)
+    return Solid(points + np.asarray(center_m, dtype=float), facets)
+
+
+def tube(start_m: Point, end_m: Point, radius_m: float, sides: int = 8) -> Solid:
+    """Return a round bar between two points."""
+    return pipe([start_m, end_m], radius_m, sides)
+
+
+def pipe(points_m: Iterable[Point], radius_m: float, sides: int = 8) -> Solid:
+    """Return a bar of round section (or a polygon of few `sides`) through a line of points, closed at both ends."""
+    points = np.asarray(list(points_m), dtype=float)
+    steps = np.diff(points, axis=0)
+    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    tangents = np.concatenate([steps[:1], steps[:-1] + steps[1:], steps[-1:]])
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    across = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+    angle = (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
+    vertices = []
+    for point, tangent in zip(points, tangents, strict=True):
+        across = across - tangent * (across @ tangent)  # carried along, so that the bar does not twist
+        across = across / np.linalg.norm(across)
+        up = np.cross(tangent, across)
+        vertices.append(point + radius_m * (np.outer(np.cos(angle), across) + np.outer(np.sin(angle), up)))
+    n = len(points)
+    facets = []
+    for ring_index in range(n - 1):
+        base = ring_index * sides
+        for k in range(sides):
+            after = (k + 1) % sides
+            facets += [
+                (base + k, base + after, base + sides + after),
+                (base + k, base + sides + after, base + sides + k),
+            ]
+    last = (n - 1) * sides
+    for k in range(1, sides - 1):
+        facets += [(0, k + 1, k), (last, last + k, last + k + 1)]
+    return Solid(np.concatenate(vertices), np.array(facets))
+
+
+def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[int, int]], thickness_m: float) -> Solid:
+    """Return a flat plate with rectangular windows, centred on z = 0.
+
+    Parameters
+    ----------
+    x_m, y_m
+        Ascending lines that rule the plate into cells [m].
+    opened
+        Cells (column, row) that are windows. Solid cells must not meet at a corner only.
+    thickness_m
+        Thickness [m].
+    """
+    columns, rows = len(x_m) - 1, len(y_m) - 1
+    windows = set(opened)
+    filled = {(i, j) for i in range(columns) for j in range(rows)} - windows
+    stride = rows + 1
+    layer = (columns + 1) * stride
+    xy = np.array([(x, y) for x in x_m for y in y_m], dtype=float)
+    half = 0.5 * thickness_m
+    vertices = np.concatenate([np.column_stack([xy, np.full(layer, z)]) for z in (-half, half)])
+    facets = []
+    for i, j in sorted(filled):
+        corners = [i * stride + j, (i + 1) * stride + j, (i + 1) * stride + j + 1, i * stride + j + 1]
+        a, b, c, d = corners
+        facets += [(layer + a, layer + b, layer + c), (layer + a, layer + c, layer + d), (a, c, b), (a, d, c)]
+        for k, beside in enumerate([(i, j - 1), (i + 1, j), (i, j + 1), (i - 1, j)]):
+            if beside not in filled:
+                e, f = corners[k], corners[(k + 1) % 4]
+                facets += [(e, f, layer + f), (e, layer + f, layer + e)]
+    used, renumbered = np.unique(np.array(facets), return_inverse=True)
+    return Solid(vertices[used], renumbered.reshape(-1, 3))
+
+
+def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
+    """Return a field of `count` (along x, along y) equal boxes that fills `size_m`, with gaps between."""
+    nx, ny = count
+    step_x, step_y = (size_m[0] + gap_m) / nx, (size_m[1] + gap_m) / ny
+    tile = (step_x - gap_m, step_y - gap_m, size_m[2])
+    places = [((i - 0.5 * (nx - 1)) * step_x, (j - 0.5 * (ny - 1)) * step_y) for i in range(nx) for j in range(ny)]
+    return join(*(box(tile, (x, y, 0.0)) for x, y in places)).moved(*center_m)

@@ -1,0 +1,110 @@
+"""The whole walk on one page: a photon goes through the house once, room by room, and never turns back."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from rso_lidar import detector, motion, optics, scene
+from rso_lidar.errors import ScenarioError
+from rso_lidar.records import Command, Frame, Observation, Record, Truth
+from rso_lidar.scenario import Scenario
+
+Controller = Callable[[Observation], Command | None]
+
+DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
+KEPT = ("rays", "hits", "photons")
+
+
+def simulate(
+    scenario: Scenario,
+    controller: Controller | None = None,
+    *,
+    frames: slice | Iterable[int] | None = None,
+    threads: int | None = None,
+    keep: Iterable[str] = (),
+) -> Iterator[Frame]:
+    """Yield one Frame per laser flash.
+
+    Parameters
+    ----------
+    scenario : what to fly.
+    controller : called with each frame's Observation; the Command it returns acts from the next flash on.
+    frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
+        only, so it may not be combined with a controller, which depends on history.
+    threads : how many bands of rays are cast at once (None: one for each core); it does not change a bit.
+    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons.
+    """
+    kept = _known(keep)
+    numbers = frame_numbers(scenario, frames)
+    if controller is not None and frames is not None:
+        raise ScenarioError("simulate: frames depend on history with a controller; leave out frames or the controller")
+    return _fly(scenario, controller, numbers, threads, kept)
+
+
+def _fly(
+    scenario: Scenario,
+    controller: Controller | None,
+    numbers: np.ndarray,
+    threads: int | None,
+    keep: tuple[str, ...],
+) -> Iterator[Frame]:
+    ptu = scenario.ptu
+    course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
+    demand = motion.demand(ptu, scenario.bodies, *scenario.span, local=scenario.local) if ptu else None
+    head = motion.start(ptu, demand) if ptu and demand else None
+    command: Command | None = None
+    for row, k in enumerate(numbers.tolist()):
+        truth, pointing = course.at(row), None
+        if ptu and demand and head:
+            head = motion.step(ptu, head, demand, until_s=truth.time_s, command=command)
+            pointing = motion.sense(ptu, head, scenario.rng(k, POINTING))
+        truth = motion.aimed(truth, ptu, pointing, scenario.lidar.mount)
+        frame = flash(scenario, truth, scenario.rng(k, DETECTION), threads, index=k, keep=keep)
+        yield frame
+        command = controller(frame.observation) if controller else None  # the only feedback there is
+        if command is not None and ptu is None:
+            raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
+
+
+def flash(
+    scenario: Scenario,
+    truth: Truth,
+    rng: np.random.Generator,
+    threads: int | None = None,
+    *,
+    index: int = 0,
+    keep: tuple[str, ...] = (),
+) -> Frame:
+    """Return the frame of one laser pulse. Whoever wants an intermediate product calls these lines himself."""
+    surfaces, lidar = scenario.surfaces, scenario.lidar
+    extent = scene.extent(surfaces, truth)
+    rays = optics.pixel_rays(lidar.receiver, lidar.laser, extent)
+    hits = scene.cast(rays, surfaces, truth, threads)
+    photons = optics.collect(hits, lidar.laser, lidar.receiver)
+    reading = detector.detect(photons, lidar.detector, rng)
+    labels = scene.label(hits, photons)
+    measured = truth.pointing.measured_rad if truth.pointing else None
+    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
+    made: dict[str, Record] = {"rays": rays, "hits": hits, "photons": photons}
+    return Frame(index, observation, labels, truth, scenario.source, {name: made[name] for name in keep})
+
+
+def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> np.ndarray:
+    """Return the numbers of the frames that `frames` chooses, or raise `ScenarioError`."""
+    n_frames = scenario.time.n_frames
+    if frames is None:
+        return np.arange(n_frames)
+    numbers = np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array(list(frames), dtype=np.int64)
+    if not len(numbers):
+        raise ScenarioError(f"frames: the choice is empty; the scenario has frames 0 to {n_frames - 1}")
+    if numbers[0] < 0 or numbers[-1] >= n_frames or np.any(np.diff(numbers) <= 0):
+        raise ScenarioError(f"frames: need rising numbers from 0 to {n_frames - 1}")
+    return numbers
+
+
+def _known(keep: Iterable[str]) -> tuple[str, ...]:
+    names = tuple(keep)
+    for name in names:
+        if name not in KEPT:
+            raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
+    return names

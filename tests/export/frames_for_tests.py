@@ -1,0 +1,149 @@
+"""Frames made of random numbers, for tests that need no simulator."""
+
+import contextlib
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from rso_lidar import export
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import (
+    BodyState,
+    Frame,
+    Labels,
+    Observation,
+    Pointing,
+    Reading,
+    Source,
+    TargetEntry,
+    Truth,
+)
+
+PARENTS = {
+    "tdrs": "inertial",
+    "tdrs.rtn": "inertial",
+    "follower": "tdrs.rtn",
+    "ptu": "follower",
+    "lidar": "ptu",
+}
+SOURCE = Source(
+    scenario='version = 1\nname = "Hügel"\n' + "# element set\n" * 20,
+    title="TDRS hop, 3 km to 300 m",
+    start_utc="2024-09-17T12:00:00Z",
+    seed=20240917,
+    versions={"rso_lidar": "0.1.0", "numpy": "2.4.6"},
+    targets=(
+        TargetEntry("tdrs", "tdrs", "ab" * 32, ("bus", "solar_array"), ("lambertian 0.3", "phong"), 4000),
+        TargetEntry("rock", "asteroid", "cd" * 32, ("body",), ("lambertian 0.1",), 12),
+    ),
+)
+
+
+def line_of_sight(shape):
+    rows, cols = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
+    sight = np.stack([cols - shape[1] / 2 + 0.5, rows - shape[0] / 2 + 0.5, np.full(shape, 20.0 * shape[0])], axis=-1)
+    return sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+
+
+_SIGHT = {}
+
+
+def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2, settings=None):
+    """Return frame k of a made-up run; the same for the same arguments."""
+    rng = np.random.default_rng([seed, k])
+    sight = _SIGHT.setdefault(shape, line_of_sight(shape))
+    valid = np.zeros(shape, bool)
+    side = [max(1, round(lit**0.5 * size)) for size in shape]
+    valid[: side[0], : side[1]] = True
+    noise = rng.uniform(0, 1, shape)
+
+    def sky(values, absent):
+        return np.where(valid, values, absent)
+
+    reading = Reading(
+        range_m=sky(300 + noise, np.nan),
+        intensity_counts=sky(rng.integers(1, 4096, shape), 0),
+        saturated=sky(noise > 0.9, 0),
+    )
+    labels = Labels(
+        range_m=sky(300 + noise, np.nan),
+        first_range_m=sky(299 + noise, np.nan),
+        cluster_count=sky(1 + (noise > 0.8), 0),
+        target=sky(rng.integers(0, 2, shape), -1),
+        part=sky(rng.integers(0, 2, shape), -1),
+        facet=sky(rng.integers(0, 4000, shape), -1),
+        cos_incidence=sky(noise, np.nan),
+        photons=sky(1000 * noise, 0),
+        filled_fraction=sky(noise, 0),
+    )
+    time_s = 0.1 * k
+    observation = Observation(
+        time_s=time_s,
+        reading=reading,
+        settings={"focal_length_m": 0.2, "energy_j": 0.05} if settings is None else settings,
+        line_of_sight=sight,
+        pan_tilt_rad=rng.normal(size=2) if ptu else None,
+    )
+    pointing = None
+    if ptu:
+        pointing = Pointing(rng.normal(size=2), rng.normal(size=2), observation.pan_tilt_rad, rng.normal(size=2))
+    parents = {name: parent for name, parent in PARENTS.items() if ptu or name != "ptu"}
+    if not ptu:
+        parents["lidar"] = "follower"
+    size = {"tdrs": 4.2e7, "tdrs.rtn": 4.2e7, "follower": 3e3}
+    links = {
+        name: Link(
+            RigidTransform.from_components(size.get(name, 1) * rng.normal(size=3), Rotation.random(rng=rng)),
+            rng.normal(size=3),
+            rng.normal(size=3),
+        )
+        for name in parents
+    }
+    states = {name: BodyState(4.2e7 * rng.normal(size=3), 3e3 * rng.normal(size=3)) for name in ("tdrs", "follower")}
+    sun = rng.normal(size=3)
+    truth = Truth(time_s, PoseTree(parents, links), states, sun / np.linalg.norm(sun), pointing)
+    return Frame(3 * k, observation, labels, truth, source)
+
+
+def make_frames(count, **how):
+    return (make_frame(k, **how) for k in range(count))
+
+
+def leave_unfinished(path, frames, run_id):
+    """Record frames, and then let an exception end the run."""
+    with contextlib.suppress(ZeroDivisionError), export.Recorder(path, SOURCE, run_id=run_id) as recorder:
+        for frame in frames:
+            recorder.write(frame)
+        raise ZeroDivisionError
+
+
+def assert_same(a, b):
+    """Two frames hold the same: arrays bit for bit, rotations to the rounding of a quaternion."""
+    assert (a.index, a.time_s, a.truth.time_s) == (b.index, b.time_s, b.truth.time_s)
+    assert a.source == b.source
+    assert dict(a.observation.settings) == dict(b.observation.settings)
+    for record in (lambda f: f.observation.reading, lambda f: f.labels):
+        for name, value in vars(record(a)).items():
+            other = getattr(record(b), name)
+            assert value.dtype == other.dtype
+            np.testing.assert_array_equal(value, other, err_msg=name)
+    np.testing.assert_array_equal(a.line_of_sight, b.line_of_sight)
+    assert (a.truth.pointing is None) == (b.truth.pointing is None)
+    if a.truth.pointing is not None:
+        np.testing.assert_array_equal(a.observation.pan_tilt_rad, b.observation.pan_tilt_rad)
+        for name, value in vars(a.truth.pointing).items():
+            np.testing.assert_array_equal(value, getattr(b.truth.pointing, name), err_msg=name)
+    np.testing.assert_array_equal(a.truth.sun_direction, b.truth.sun_direction)
+    assert list(a.truth.states) == list(b.truth.states)
+    for name, state in a.truth.states.items():
+        np.testing.assert_array_equal(state.position_m, b.truth.states[name].position_m)
+        np.testing.assert_array_equal(state.velocity_m_s, b.truth.states[name].velocity_m_s)
+    assert list(a.truth.poses) == list(b.truth.poses)
+    for name, link in a.truth.poses.items():
+        other = b.truth.poses[name]
+        assert a.truth.poses.parent(name) == b.truth.poses.parent(name)
+        np.testing.assert_array_equal(link.pose.translation, other.pose.translation)
+        np.testing.assert_array_equal(link.velocity_m_s, other.velocity_m_s)
+        np.testing.assert_array_equal(link.angular_velocity_rad_s, other.angular_velocity_rad_s)
+        # A rotation goes matrix -> quaternion -> matrix: some roundings of 1.1e-16 each.
+        np.testing.assert_allclose(link.pose.rotation.as_matrix(), other.pose.rotation.as_matrix(), atol=2e-15)

@@ -1,0 +1,126 @@
+"""The shape of rooms and modules: short, flat, well named, and no random numbers out of nowhere."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "rso_lidar"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+SOURCES = [
+    file for folder in ("rso_lidar", "tests", "examples", "benchmarks") for file in (ROOT / folder).rglob("*.py")
+]
+NO_ROOM = {"utils", "util", "helpers", "common", "core", "base", "manager", "misc"}
+LONGEST = 400  # lines; past it a module is two
+
+# What numpy.random offers that keeps no state of its own.
+STATELESS = {"Generator", "default_rng", "SeedSequence", "BitGenerator", "PCG64", "PCG64DXSM", "Philox", "SFC64"}
+
+
+def relative(file):
+    return file.relative_to(ROOT).as_posix()
+
+
+def test_there_is_a_package_to_look_at():
+    assert PACKAGE / "units.py" in MODULES
+
+
+@pytest.mark.parametrize("module", MODULES, ids=relative)
+def test_module_is_short(module):
+    lines = len(module.read_text(encoding="utf-8").splitlines())
+    assert lines <= LONGEST, f"{relative(module)} has {lines} lines: past {LONGEST} a module is two"
+
+
+@pytest.mark.parametrize("module", MODULES, ids=relative)
+def test_module_says_what_is_in_it(module):
+    assert ast.get_docstring(ast.parse(module.read_text(encoding="utf-8")))
+
+
+def test_every_module_and_room_is_named_after_what_lives_there():
+    names = {word for file in PACKAGE.rglob("*.py") for word in file.relative_to(PACKAGE).with_suffix("").parts}
+    assert not names & NO_ROOM
+
+
+def test_rooms_are_flat():
+    nested = [relative(file) for file in MODULES if len(file.relative_to(PACKAGE).parts) > 2]
+    assert not nested, "no package inside a package"
+
+
+def test_every_room_has_a_door():
+    rooms = {file.parent for file in MODULES}
+    assert all((room / "__init__.py").is_file() for room in rooms)
+
+
+def dotted(node):
+    """Return the words of an attribute chain such as ``np.random.rand``, or nothing."""
+    words = []
+    while isinstance(node, ast.Attribute):
+        words.append(node.attr)
+        node = node.value
+    return [*([node.id] if isinstance(node, ast.Name) else []), *words[::-1]]
+
+
+def random_sins(source):
+    """Return what in a source text draws random numbers that no seed governs."""
+    sins = []
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Import(names=names):
+                sins += [alias.name for alias in names if alias.name in ("random", "numpy.random")]
+            case ast.ImportFrom(module="random"):
+                sins.append("from random")
+            case ast.ImportFrom(module="numpy.random", names=names):
+                sins += [alias.name for alias in names if alias.name not in STATELESS]
+            case ast.Attribute():
+                words = dotted(node)
+                if words[:2] in (["np", "random"], ["numpy", "random"]) and set(words[2:3]) - STATELESS:
+                    sins.append(".".join(words))
+            case ast.Call(func=func, args=args, keywords=keywords):
+                name = (dotted(func) or [""])[-1]
+                given = {keyword.arg for keyword in keywords}
+                if name in ("default_rng", "SeedSequence") and not args and not given:
+                    sins.append(f"{name}() without a seed")
+                if name == "rvs" and not given & {"random_state", "rng"}:
+                    sins.append("rvs() without a generator")
+                if (
+                    dotted(func)[-2:] == ["Rotation", "random"]
+                    and len(args) < 2
+                    and not given & {"random_state", "rng"}
+                ):
+                    sins.append("Rotation.random() without a generator")
+    return sins
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=relative)
+def test_no_random_number_without_a_generator(source):
+    assert random_sins(source.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    "sin",
+    [
+        "import random",
+        "from random import gauss",
+        "from numpy.random import rand",
+        "import numpy as np\nnp.random.seed(1)",
+        "import numpy\nx = numpy.random.normal(size=3)",
+        "import numpy as np\nrng = np.random.default_rng()",
+        "from scipy.stats import norm\nnorm.rvs(3)",
+        "from scipy.spatial.transform import Rotation\nRotation.random(5)",
+    ],
+)
+def test_a_sin_is_seen(sin):
+    assert random_sins(sin)
+
+
+@pytest.mark.parametrize(
+    "honest",
+    [
+        "import numpy as np\nrng = np.random.default_rng(7)\nrng.normal()",
+        "import numpy as np\ndef f(rng: np.random.Generator): return rng.random()",
+        "from scipy.spatial.transform import Rotation\nRotation.random(5, rng=rng)",
+    ],
+)
+def test_a_generator_handed_on_is_no_sin(honest):
+    assert random_sins(honest) == []

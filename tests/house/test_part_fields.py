@@ -1,0 +1,91 @@
+"""Every number that a user writes ends in its unit, or is known to need none."""
+
+import importlib
+import types
+from pathlib import Path
+from typing import Annotated, Union, get_args, get_origin
+
+import pytest
+
+from rso_lidar.part import Part
+
+ROOT = Path(__file__).resolve().parents[2]
+UNITS = """
+    m km s ns rad deg m_s deg_s deg_s2 hz mhz nm um mm mj kg kg_m2 n_m na per_sr per_s counts photons electrons fraction
+"""
+SUFFIXES = tuple(f"_{unit}" for unit in UNITS.split())
+NO_SUFFIX = {  # name: why it needs none
+    "adc_bits": "a number of bits",
+    "axis": "a direction, of any length",
+    "counts_per_photon": "a ratio whose name says both units",
+    "damping": "share of critical damping",
+    "diffuse": "share of the light",
+    "eccentricity": "a ratio of lengths",
+    "excess_noise_factor": "a ratio of variances",
+    "exponent": "a power",
+    "f_number": "a ratio of lengths, and everybody's word for it",
+    "min_rays_per_target": "a number of rays",
+    "n_cols": "a number of pixels",
+    "n_rows": "a number of pixels",
+    "norad_id": "a catalogue number",
+    "photons_at_95_percent": "photons, as its first word says",
+    "quantum_efficiency": "share of the photons",
+    "quaternion_xyzw": "a unit quaternion, in the order that it ends in",
+    "rays_per_pixel": "a number of rays",
+    "reflectance": "share of the light",
+    "scale": "a ratio of lengths",
+    "seed": "a number that only names a stream of noise",
+    "specular": "share of the light",
+    "transmission": "share of the light",
+    "up": "a direction, of any length",
+}
+
+
+def parts():
+    """Return every part class there is, in whatever room it lives."""
+    for file in sorted((ROOT / "rso_lidar").rglob("*.py")):
+        words = file.relative_to(ROOT).with_suffix("").parts
+        if words[-1] not in ("__init__", "__main__"):
+            importlib.import_module(".".join(words))
+    found, waiting = set(), [Part]
+    while waiting:
+        waiting += (below := waiting.pop().__subclasses__())
+        found.update(below)
+    return sorted((cls for cls in found if cls.__module__.startswith("rso_lidar")), key=lambda cls: cls.__qualname__)
+
+
+def numeric(annotation):
+    """Return whether a number can stand in a field, on its own or in a list."""
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return issubclass(annotation, int | float) and annotation is not bool
+    if get_origin(annotation) is Annotated:
+        return numeric(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, types.UnionType, tuple, list):
+        return any(numeric(inner) for inner in get_args(annotation))
+    return False
+
+
+PARTS = parts()
+NUMBERS = [(cls, name) for cls in PARTS for name, field in cls.model_fields.items() if numeric(field.annotation)]
+
+
+def test_there_are_parts_with_numbers():
+    assert len(PARTS) >= 1
+    assert len(NUMBERS) >= 1
+
+
+@pytest.mark.parametrize(("cls", "name"), NUMBERS, ids=[f"{cls.__name__}.{name}" for cls, name in NUMBERS])
+def test_number_ends_in_its_unit(cls, name):
+    assert name.endswith(SUFFIXES) or name in NO_SUFFIX
+
+
+def test_no_reason_is_given_for_a_name_that_is_gone():
+    assert set(NO_SUFFIX) <= {name for _, name in NUMBERS}
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_part_has_prose_and_keeps_the_rules(cls):
+    assert cls.__doc__
+    assert cls.model_config["frozen"]
+    assert cls.model_config["extra"] == "forbid"
+    assert cls.model_config["allow_inf_nan"] is False

@@ -1,0 +1,91 @@
+"""The wheel holds all that is needed: it is built, unpacked and run in another folder, far from the checkout."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.toml"))
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+
+# Isolated (-I): neither the working folder nor PYTHONPATH counts. What an editable install adds comes after the wheel.
+RUN = """
+import runpy, sys
+sys.path.insert(0, sys.argv.pop(1))
+import rso_lidar
+assert rso_lidar.__file__.startswith(sys.path[0]), rso_lidar.__file__
+"""
+
+
+def call(*command, **options):
+    run = subprocess.run(command, capture_output=True, text=True, **options)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Build the wheel as `python -m build` does, without a network."""
+    folder = tmp_path_factory.mktemp("wheel")
+    call(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT), cwd=folder)
+    (file,) = folder.glob("*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def away(wheel, tmp_path_factory):
+    """Install the wheel on its own; return a function that runs code against it from an empty folder."""
+    site = tmp_path_factory.mktemp("site").resolve()
+    folder = tmp_path_factory.mktemp("elsewhere")
+    pip = ["-m", "pip", "install", "-qq", "--no-deps", "--no-index", "--target", str(site), str(wheel)]
+    call(sys.executable, *pip, cwd=folder, env={**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1"})
+
+    def run(code, *arguments):
+        return call(sys.executable, "-I", "-c", RUN + code, str(site), *arguments, cwd=folder)
+
+    run.folder = folder
+    return run
+
+
+def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    sources = {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("*.py")}
+    data = {
+        f"rso_lidar/{file.relative_to(ROOT).as_posix()}"
+        for folder in ("tle", "models")
+        for file in (ROOT / folder).rglob("*")
+        if file.is_file()
+    }
+    info = f"rso_lidar-{VERSION}.dist-info"
+    assert {"rso_lidar/tle/index.toml", "rso_lidar/models/index.toml"} <= data
+    assert names - {name for name in names if name.startswith(info)} == sources | data | {"rso_lidar/py.typed"}
+    assert f"{info}/licenses/LICENSE" in names
+
+
+def test_wheel_says_its_version(away):
+    assert VERSION in away("runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)", "--version")
+
+
+def test_wheel_finds_what_it_ships(away):
+    away(
+        "from rso_lidar.shipped import shipped\n"
+        "assert shipped('models/index.toml').is_file()\n"
+        "assert shipped('tle/index.toml').is_file()\n"
+        "assert str(shipped()).startswith(sys.path[0])"
+    )
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
+def test_wheel_flies_two_frames_of_an_example(away, example):
+    shutil.copy(example, away.folder)
+    command = ["run", example.name, "-o", f"{example.stem}.h5", "--frames", "0:2", "--overwrite"]
+    away("runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)", *command)
+    code = "import sys; recording = rso_lidar.open(sys.argv[1]); print(len(recording), recording[1].range_m.shape)"
+    assert away(code, f"{example.stem}.h5").startswith("2 (")

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.picture import orbit_figure, save_figure
+from rso_lidar.picture.trajectory import track
+from rso_lidar.pose import Link, PoseTree, pose
+from rso_lidar.records import Truth
+
+
+def batch(times_s, position_m, node):
+    """A truth over epochs: the lidar at positions in the target's `node` axes."""
+    parents = {node: "inertial", "tdrs": node, "lidar": node}
+    far = Link(pose(np.array([42_164e3, 0, 0])), np.zeros(3), np.zeros(3))
+    turned = Link(pose(rotation=Rotation.from_euler("z", 90, degrees=True)), np.zeros(3), np.zeros(3))
+    lidar = Link(pose(position_m), np.zeros_like(position_m), np.zeros(3))
+    return Truth(
+        times_s, PoseTree(parents, {node: far, "tdrs": turned, "lidar": lidar}), {}, np.zeros((len(times_s), 3))
+    )
+
+
+def ellipse(count=50):
+    """The 2 by 1 ellipse of Clohessy and Wiltshire about the target, in rtn axes."""
+    phase = np.linspace(0, 2 * np.pi, count)
+    return phase * 900, np.stack([100 * np.cos(phase), -200 * np.sin(phase), 30 * np.sin(phase)], axis=-1)
+
+
+def test_frames_give_the_lidar_in_rtn_axes(coming):
+    path = track(coming)
+    assert (path.target, path.axes, path.words[1]) == ("tdrs", "tdrs.rtn", "Along-track")
+    np.testing.assert_allclose(path.time_s, [frame.time_s for frame in coming])
+    np.testing.assert_allclose(path.position_m[0, 1], -3000.0, atol=1e-6)
+    np.testing.assert_allclose(path.position_m[-1, 1], -300.0, atol=1e-6)
+
+
+def test_a_truth_over_epochs_needs_no_frames():
+    times_s, position_m = ellipse()
+    path = track(batch(times_s, position_m, "tdrs.rtn"))
+    np.testing.assert_allclose(path.position_m, position_m, atol=1e-7)
+    figure = orbit_figure(batch(times_s, position_m, "tdrs.rtn"))
+    plane = figure.axes[0]
+    np.testing.assert_allclose(plane.lines[2].get_xydata(), position_m[:, [1, 0]], atol=1e-7)
+    assert plane.get_aspect() == 1.0
+    assert "scales differ" not in plane.get_title(loc="right")
+
+
+@pytest.mark.parametrize("node", ["tdrs.origin", "base"])
+def test_without_an_orbit_other_axes_serve(node):
+    times_s, position_m = ellipse()
+    path = track(batch(times_s, position_m, node), target="tdrs")
+    assert path.words == ("x", "y", "z")
+    if node == "base":  # the body's own axes, turned by 90 degrees about z
+        position_m = np.stack([position_m[:, 1], -position_m[:, 0], position_m[:, 2]], axis=-1)
+    np.testing.assert_allclose(path.position_m, position_m, atol=1e-7)
+
+
+def test_unknown_and_missing_targets_are_told(coming):
+    with pytest.raises(RecordingError, match="no target named 'tdr'; did you mean 'tdrs'"):
+        orbit_figure(coming, "tdr")
+    times_s, position_m = ellipse()
+    with pytest.raises(RecordingError, match="no target to draw about"):
+        orbit_figure(batch(times_s, position_m, "base"))
+
+
+def test_long_thin_tracks_say_that_scales_differ(coming, tmp_path, caplog):
+    figure = orbit_figure(coming)
+    assert figure.axes[1].get_title(loc="right") == "scales differ"
+    assert save_figure(figure, tmp_path / "orbit.png").stat().st_size > 20_000
+    assert caplog.text == ""  # matplotlib grumbles into its log where limits and aspect quarrel
+
+
+def test_a_lidar_that_stands_still_has_a_figure(tmp_path):
+    times_s = np.arange(3.0)
+    still = np.broadcast_to([0.0, -50.0, 0.0], (3, 3)).copy()
+    assert save_figure(orbit_figure(batch(times_s, still, "tdrs.rtn")), tmp_path / "still.png").is_file()

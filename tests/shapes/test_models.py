@@ -1,0 +1,184 @@
+"""The craft that travel with the package: closed, of the published size, and as the builders make them."""
+
+import hashlib
+
+import numpy as np
+import pytest
+import trimesh
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.scene.library import materials, models
+from rso_lidar.shapes import MATERIALS, build, builders
+from rso_lidar.shapes.write import glb, write
+
+NAMES = sorted(builders())
+CRAFT = [name for name in NAMES if name not in ("plate", "sphere")]
+
+
+@pytest.fixture(scope="module")
+def built():
+    return {name: build(name) for name in NAMES}
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return {name: trimesh.load_scene(models()[name].path, process=False) for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_part_is_closed_and_every_shell_faces_outward(built, name):
+    for part, solid in built[name].parts.items():
+        mesh = trimesh.Trimesh(*solid, process=False)
+        assert mesh.is_watertight, part
+        assert mesh.is_winding_consistent, part
+        assert mesh.area_faces.min() > 0.0, part
+        label = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+        a, b, c = (mesh.triangles[:, k] for k in range(3))
+        volumes = np.bincount(
+            label, np.einsum("ij,ij->i", a - mesh.centroid, np.cross(b - mesh.centroid, c - mesh.centroid))
+        )
+        assert volumes.min() > 0.0, f"{part}: a shell is inside out"
+
+
+@pytest.mark.parametrize("name", CRAFT)
+def test_craft_has_fine_structure_in_a_small_file(built, name):
+    assert 2_000 <= built[name].facet_count <= 30_000
+    assert models()[name].size_bytes < 800_000
+    assert len(built[name].parts) >= 10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_part_names_are_plain(built, name):
+    assert all(part.replace("_", "").replace("-", "").isalnum() and part.isascii() for part in built[name].parts)
+
+
+def test_tdrs_has_the_span_that_boeing_published(built):
+    # 68 ft 10 in by 43 ft 5 in, given to the inch: half an inch is 13 mm
+    assert built["tdrs"].size_m[:2] == pytest.approx([(68 + 10 / 12) * 0.3048, (43 + 5 / 12) * 0.3048], abs=0.013)
+    for side in ("east", "west"):
+        across = np.ptp(built["tdrs"].parts[f"antenna_single_access_{side}"].vertices, axis=0)
+        assert across[:2] == pytest.approx(15 * 0.3048, abs=0.02)  # 15 ft; a rim of 64 sides is up to 3 mm short
+
+
+def test_juno_has_the_published_span_width_and_antenna(built):
+    parts = built["juno"].parts
+    for wing in ("left", "right"):
+        radius = np.hypot(*parts[f"solar_substrate_{wing}"].vertices[:, :2].T)
+        assert 2 * radius.max() == pytest.approx(20.1, abs=0.05)  # 20.1 m, given to 0.1 m
+    board = parts["solar_substrate_x"].vertices
+    assert np.ptp(board[:, 1]) == pytest.approx(2.65, abs=0.005)
+    # 8.9 m is published for a wing; beside a 3.5 m bus it does not fit into 20.1 m, which leaves 8.4 m (6 % less)
+    wing = np.hypot(*parts["solar_array_left"].vertices[:, :2].T)
+    assert 0.93 * 8.9 < wing.max() - wing.min() < 8.9
+    assert np.ptp(parts["antenna_high_gain"].vertices[:, 0]) == pytest.approx(2.5, abs=0.005)
+    assert np.ptp(parts["bus"].vertices[:, 1]) == pytest.approx(3.5, abs=0.05)
+    assert 3.5 < built["juno"].size_m[2] < 4.6  # 3.5 m the body, 4.6 m over all
+
+
+def test_juno_wings_stand_at_120_degrees(built):
+    centers = [
+        built["juno"].parts[f"solar_array_{wing}"].vertices[:, :2].mean(axis=0) for wing in ("x", "left", "right")
+    ]
+    angles = [np.arctan2(y, x) for x, y in centers]
+    assert np.diff(np.unwrap(angles)) == pytest.approx(2 * np.pi / 3, abs=1e-9)
+
+
+def test_cubesat_rails_are_the_standard_s(built):
+    rails = np.ptp(built["cubesat_3u"].parts["rails"].vertices, axis=0)
+    assert rails == pytest.approx([0.3405, 0.1000, 0.1000], abs=1e-9)  # drawn, not made: the standard allows 0.1 mm
+    body = np.abs(built["cubesat_3u"].parts["bus"].vertices[:, 1:]).max()
+    assert body <= 0.050 + 0.0065  # nothing of the body stands out of the rails by more than the standard's 6.5 mm
+    assert built["cubesat_3u"].mass_kg <= 6.0
+
+
+def test_rocket_body_is_as_long_and_as_wide_as_a_centaur(built):
+    parts = built["rocket_body"].parts
+    stage = np.concatenate([solid.vertices for name, solid in parts.items() if "adapter" not in name])
+    assert np.ptp(stage[:, 0]) == pytest.approx(12.68, abs=0.01)
+    assert 2 * np.hypot(*parts["tank"].vertices[:, 1:].T).max() == pytest.approx(3.05, abs=0.03)  # a raised band: 12 mm
+    nozzle = parts["nozzle"].vertices
+    inner = np.hypot(*nozzle[:, 1:].T)
+    throat, exit_plane = inner.min(), inner[np.isclose(nozzle[:, 0], nozzle[:, 0].min(), atol=0.02)].min()
+    assert (exit_plane / throat) ** 2 == pytest.approx(84.0, rel=0.01)
+    assert built["rocket_body"].mass_kg == pytest.approx(2247.0, rel=0.01)
+
+
+def test_plate_and_sphere_are_what_they_say(built):
+    assert built["plate"].size_m == pytest.approx([0.002, 4.0, 4.0])
+    assert np.linalg.norm(built["sphere"].parts["sphere"].vertices, axis=1) == pytest.approx(1.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ["tdrs", "juno"])
+def test_craft_has_the_outline_of_nasa_s_model(built, name, shared):
+    """NASA's public model of the craft, in the same axes: extents agree within a tenth of the largest."""
+    theirs = trimesh.load_mesh(shared / "meshes" / f"{name}.stl")
+    assert built[name].size_m == pytest.approx(theirs.extents, abs=0.1 * theirs.extents.max())
+    ours = np.concatenate([solid.vertices for solid in built[name].parts.values()])
+    assert np.array([ours.min(axis=0), ours.max(axis=0)]) == pytest.approx(
+        theirs.bounds, abs=0.05 * theirs.extents.max()
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_holds_what_the_builder_makes(built, loaded, name):
+    assert list(loaded[name].geometry) == list(built[name].parts)
+    assert set(loaded[name].graph.nodes_geometry) == set(built[name].parts)
+    for part, solid in built[name].parts.items():
+        pose, _ = loaded[name].graph[part]
+        assert np.array_equal(pose, np.eye(4))
+        mesh = loaded[name].geometry[part]
+        assert np.array_equal(mesh.faces, solid.facets)
+        # float32 holds 16 m to half of 0.95 um
+        assert np.abs(mesh.vertices - solid.vertices).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_index_says_what_the_file_is(built, name):
+    entry = models()[name]
+    content = entry.path.read_bytes()
+    assert entry.sha256 == hashlib.sha256(content).hexdigest()
+    assert entry.size_bytes == len(content)
+    assert entry.facets == built[name].facet_count
+    assert dict(entry.parts) == built[name].materials
+    assert set(entry.parts.values()) <= set(materials())
+    assert entry.size_m == pytest.approx(built[name].size_m, abs=1e-4)
+    assert entry.center_of_mass_m == pytest.approx(built[name].center_of_mass_m, abs=1e-5)
+    assert entry.licence == "MIT"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_inertia_is_that_of_a_possible_body(name):
+    inertia = np.array(models()[name].inertia_kg_m2)
+    assert np.array_equal(inertia, inertia.T)
+    smallest, middle, largest = np.linalg.eigvalsh(inertia)
+    assert smallest > 0.0
+    assert largest <= smallest + middle + 1e-4  # rounded to five digits behind the point
+
+
+def test_no_material_returns_more_light_than_comes():
+    assert materials() == MATERIALS
+    for name, table in materials().items():
+        if table["type"] == "lambertian":
+            assert 0.0 < table["reflectance"] <= 1.0
+        else:
+            assert table["type"] == "phong"
+            assert table["diffuse"] >= 0.0
+            assert table["specular"] >= 0.0
+            assert table["diffuse"] + table["specular"] <= 1.0, name
+            assert table["exponent"] >= 1.0
+            assert "uncalibrated" in table["confidence"]
+        assert table["what"]
+        assert table["source"]
+
+
+def test_writing_twice_writes_the_same(tmp_path, built):
+    first = {path.name: path.read_bytes() for path in write(tmp_path / "one")}
+    second = {path.name: path.read_bytes() for path in write(tmp_path / "two")}
+    assert first == second
+    assert set(first) == {*(f"{name}.glb" for name in NAMES), "index.toml", "materials.toml"}
+    assert first["tdrs.glb"] == glb(built["tdrs"])
+
+
+def test_unknown_shape_is_one_line_with_a_cure():
+    with pytest.raises(ScenarioError, match=r"unknown shape 'tdrss'; did you mean 'tdrs'\? \(known: tdrs, "):
+        build("tdrss")

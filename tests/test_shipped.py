@@ -1,0 +1,68 @@
+"""Finding the data that travels with the package, and files that a user names."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rso_lidar
+from rso_lidar.shipped import find, shipped
+
+
+@pytest.mark.parametrize("folder", ["tle", "models"])
+def test_both_folders_have_an_index(folder):
+    assert shipped(f"{folder}/index.toml").is_file()
+
+
+def test_without_a_name_it_is_the_folder_that_holds_both():
+    assert shipped("tle/index.toml") == shipped() / "tle" / "index.toml"
+
+
+def test_a_path_need_not_exist():
+    assert not shipped("models/no_such_model.glb").exists()
+
+
+def test_in_a_wheel_the_data_lies_inside_the_package(tmp_path):
+    """The same module, with the data beside it, finds that data."""
+    package = tmp_path / "rso_lidar"
+    shutil.copytree(shipped("models"), package / "models")
+    shutil.copy(Path(rso_lidar.__file__).with_name("shipped.py"), package)
+    (package / "__init__.py").touch()
+    code = "from rso_lidar.shipped import shipped; print(shipped('models/index.toml'))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert Path(run.stdout.strip()) == (package / "models" / "index.toml").resolve()
+
+
+def test_find_an_absolute_path(tmp_path):
+    file = tmp_path / "a.tle"
+    assert find(file) is None
+    file.touch()
+    assert find(str(file)) == file
+
+
+def test_find_looks_beside_the_file_first_and_then_among_the_shipped(tmp_path):
+    assert find("tle/index.toml", tmp_path) == shipped("tle/index.toml")
+    (tmp_path / "tle").mkdir()
+    (tmp_path / "tle" / "index.toml").touch()
+    assert find("tle/index.toml", tmp_path) == tmp_path / "tle" / "index.toml"
+
+
+def test_find_without_a_folder_means_the_working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.tle").touch()
+    found = find("a.tle")
+    assert found is not None
+    assert found.resolve() == (tmp_path / "a.tle").resolve()
+
+
+def test_find_knows_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    (tmp_path / "a.tle").touch()
+    assert find("~/a.tle") == tmp_path / "a.tle"
+
+
+def test_what_is_nowhere_is_none(tmp_path):
+    assert find("tle/no_such_file.tle", tmp_path) is None
