@@ -8,9 +8,10 @@ the place and the cure.
 from __future__ import annotations
 
 import datetime
+import re
 import types
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Self, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, Union, cast, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
@@ -65,7 +66,7 @@ class _PartMeta(ModelMetaclass):
         try:
             return super().__call__(*args, **fields)
         except ValidationError as error:
-            raise ScenarioError(f"{cls.__name__}: {explain(error, cls, fields)}") from None
+            raise ScenarioError(f"{cls.__name__}: {explain(error, cast(type[BaseModel], cls), fields)}") from None
 
 
 class Part(BaseModel, metaclass=_PartMeta):
@@ -87,7 +88,8 @@ class Part(BaseModel, metaclass=_PartMeta):
 def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
     """Return one line, ``place: what: what to do``, for the first problem of a validation, and how many more there are."""
     problems = error.errors(include_url=False)
-    first = problems[0]
+    # A key that is not known often leaves another missing: the misspelling is what to tell.
+    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     place, owner = _place(first["loc"], part, raw)
     text = _what(first, owner)
@@ -157,6 +159,14 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         return f"unknown type '{context['tag']}'{guess or ''} (known: {', '.join(known)})"
     if kind == "union_tag_not_found":
         return f"needs a table with a 'type', not {_show(value)}"
+    if kind == "literal_error":
+        known = [word.strip(" '") for word in re.split(r",| or ", context["expected"])]
+        noun = "type" if problem["loc"][-1] == "type" else "value"
+        return f"unknown {noun} {_show(value)}{did_you_mean(str(value), known)} (known: {', '.join(known)})"
+    if kind == "datetime_type":
+        return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"
+    if kind == "tuple_type":
+        return f"needs a list ([[...]] for a list of tables), not {_show(value)}"
     if kind == "value_error":
         return str(context["error"])
     if kind == "model_type" or kind == "model_attributes_type":

@@ -303,7 +303,8 @@ class Frame:
     @property
     def valid(self) -> np.ndarray:
         """Return where the sensor reported a return (row, col), true or false; the labels tell which."""
-        return np.isfinite(self.range_m)
+        valid: np.ndarray = np.isfinite(self.range_m)
+        return valid
 
     @property
     def line_of_sight(self) -> np.ndarray:

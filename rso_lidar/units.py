@@ -22,6 +22,7 @@ DAY_S = 86_400.0
 # Multiply by these to reach SI; divide by them to leave it.
 DEG = math.pi / 180.0
 KM = 1e3
+CM = 1e-2
 MM = 1e-3
 UM = 1e-6
 NM = 1e-9
@@ -38,6 +39,5 @@ def photon_energy_j(wavelength_m: float) -> float:
     return PLANCK_J_S * SPEED_OF_LIGHT_M_S / wavelength_m
 
 
-def one_way_m(delay_s: float) -> float:
-    """Return the range [m] of light that comes back after `delay_s` [s], out and back."""
-    return 0.5 * SPEED_OF_LIGHT_M_S * delay_s
+# Light goes out and comes back: multiply a delay by this to have a range, divide a range by it to have a delay.
+RANGE_PER_DELAY_M_S = 0.5 * SPEED_OF_LIGHT_M_S

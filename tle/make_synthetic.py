@@ -9,26 +9,32 @@ import math
 from pathlib import Path
 
 import tomli_w
-from sgp4.api import WGS72, Satrec, jday
-from sgp4.exporter import export_tle
+
+from rso_lidar.units import DAY_S, DEG
 
 HERE = Path(__file__).resolve().parent
 
 
-def element_set(name, number, epoch, *, e, i_deg, raan_deg, perigee_deg, anomaly_deg, rev_per_day, bstar=0.0):
+def element_set(
+    name, number, epoch, *, e, i_deg, raan_deg, perigee_deg, anomaly_deg, rev_per_day, bstar=0.0, designator="24001A"
+):
     """Return the three lines of an invented element set; `epoch` is (year, month, day, hour, minute, second) UTC."""
+    from sgp4.api import WGS72, Satrec, jday
+    from sgp4.exporter import export_tle
+
     jd, fraction = jday(*epoch)
     satellite = Satrec()
     satellite.sgp4init(
         WGS72, "i", number, jd + fraction - 2433281.5, bstar, 0.0, 0.0, e,
-        math.radians(perigee_deg), math.radians(i_deg), math.radians(anomaly_deg),
-        rev_per_day * 2.0 * math.pi / 1440.0, math.radians(raan_deg),
+        perigee_deg * DEG, i_deg * DEG, anomaly_deg * DEG,
+        rev_per_day * math.tau / (DAY_S / 60.0), raan_deg * DEG,
     )  # fmt: skip
-    satellite.classification, satellite.intldesg, satellite.elnum, satellite.revnum = "U", "24001A", 1, 1
+    satellite.classification, satellite.intldesg, satellite.elnum, satellite.revnum = "U", designator, 1, 1
     satellite.ephtype = 0
     return "\n".join([name, *export_tle(satellite)]) + "\n"
 
 
+# fmt: off
 SETS = {
     "tdrs": (
         "A geosynchronous relay satellite of moderate inclination",
@@ -36,10 +42,26 @@ SETS = {
             element_set(
                 "TDRS (SYNTHETIC)", 99001, (2024, 9, 17, 6, 0, 0),
                 e=2.5e-4, i_deg=4.3, raan_deg=71.0, perigee_deg=120.0, anomaly_deg=215.0, rev_per_day=1.00273791,
-            )  # fmt: skip
+            )
+        ],
+    ),
+    # At the epoch both cross the equator northward, the follower 0.0124 deg (1.5 km) behind. Their planes, 0.19 deg apart
+    # in inclination, cross there too, so that the two pass at 7.6 km/s x 0.19 deg = 25 m/s.
+    "flyby": (
+        "Two objects in low Earth orbit whose planes cross at the node: they pass at 1.5 km and 25 m/s, 17 September 2024",
+        [
+            element_set(
+                "ROCKET BODY (SYNTHETIC)", 99002, (2024, 9, 17, 12, 0, 0), designator="24002B",
+                e=1.0e-3, i_deg=97.60, raan_deg=35.0, perigee_deg=90.0, anomaly_deg=270.0, rev_per_day=15.06,
+            ),
+            element_set(
+                "FOLLOWER (SYNTHETIC)", 99003, (2024, 9, 17, 12, 0, 0), designator="24002C",
+                e=1.0e-3, i_deg=97.79, raan_deg=35.0, perigee_deg=90.0, anomaly_deg=269.9876, rev_per_day=15.06,
+            ),
         ],
     ),
 }
+# fmt: on
 
 
 def main():

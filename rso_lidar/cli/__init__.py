@@ -10,12 +10,15 @@ from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 130 interrupted."""
-    from rso_lidar.cli.app import app
+    from rso_lidar.cli.app import app, usage_error
 
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
     try:
-        app(arguments, prog_name="rso-lidar")
+        sys.exit(app(arguments, prog_name="rso-lidar", standalone_mode=False))
+    except usage_error as error:
+        _say(f"error: {error.format_message().rstrip('.')}; see rso-lidar --help")
+        sys.exit(2)
     except RunError as error:
         # After a write that failed, HDF5 may crash while the interpreter cleans up: leave at once, all said.
         _say(f"error: {error}")
@@ -30,7 +33,6 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
-    sys.exit(0)
 
 
 def _say(line: str) -> None:

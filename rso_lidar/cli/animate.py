@@ -12,7 +12,9 @@ from rso_lidar.cli.plot import RecordingFile
 def animate(
     recording: RecordingFile,
     output: Annotated[Path, typer.Argument(metavar="OUT", help="Animation (.gif, or .mp4 with the extra 'mp4').")],
-    max_frames: Annotated[int, typer.Option("--max-frames", min=1, help="Thin the recording evenly to this many.")] = 120,
+    max_frames: Annotated[
+        int, typer.Option("--max-frames", min=1, help="Thin the recording evenly to this many.")
+    ] = 120,
     rate_hz: Annotated[float | None, typer.Option("--rate", min=0.1, help="Pictures per second.")] = None,
 ) -> None:
     """Animate a recording as GIF or MP4."""

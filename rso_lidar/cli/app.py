@@ -1,10 +1,14 @@
 """The application: all commands in the order in which one meets them."""
 
-from typing import Annotated
+import importlib.metadata
+from typing import Annotated, Any
 
 import typer
 
 from rso_lidar.cli import animate, check, info, models, plot, run, schema
+
+# What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
+usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
 app = typer.Typer(
     name="rso-lidar",
@@ -26,9 +30,7 @@ app.command("schema")(schema.schema)
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from rso_lidar import __version__
-
-        typer.echo(f"rso-lidar {__version__}")
+        typer.echo(f"rso-lidar {importlib.metadata.version('rso-lidar')}")
         raise typer.Exit
 
 

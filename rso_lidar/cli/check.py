@@ -1,4 +1,4 @@
-"""`rso-lidar check`: is this scenario sound, and what does it mean?"""
+"""`rso-lidar check`: whether a scenario is sound, and what it means."""
 
 from pathlib import Path
 from typing import Annotated

@@ -19,14 +19,18 @@ def info(recording: RecordingFile) -> None:
         if not count:
             raise RecordingError(f"{recording}: holds no frames yet; run the scenario again")
         first, last = frames[0], frames[count - 1]
-        typer.echo(f"frames      {count}, {first.time_s:g} to {last.time_s:g} s after {source.start_utc}; seed {source.seed}")
+        typer.echo(
+            f"frames      {count}, {first.time_s:g} to {last.time_s:g} s after {source.start_utc}; seed {source.seed}"
+        )
         rows, cols = first.range_m.shape
         typer.echo(f"pixels      {rows} x {cols}")
         for name, frame in (("first", first), ("last", last)):
             typer.echo(f"{name:<12}{_returns(frame.range_m, frame.labels.target)}")
         for number, target in enumerate(source.targets):
             parts = ", ".join(target.parts[:8]) + (", ..." if len(target.parts) > 8 else "")
-            typer.echo(f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}")
+            typer.echo(
+                f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}"
+            )
             typer.echo(f"            mesh SHA-256 {target.mesh_sha256}")
         typer.echo("axes        " + ", ".join(["inertial", *first.truth.poses]))
         typer.echo("versions    " + ", ".join(f"{name} {text}" for name, text in source.versions.items()))

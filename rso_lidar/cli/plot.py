@@ -16,7 +16,9 @@ def plot(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png); beside the recording.")] = None,
     frame: Annotated[int | None, typer.Option("--frame", help="Draw this frame alone, counted from 0.")] = None,
     path: Annotated[bool, typer.Option("--path", help="Draw the relative trajectory and range over time.")] = False,
-    curves: Annotated[bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")] = False,
+    curves: Annotated[
+        bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")
+    ] = False,
 ) -> None:
     """Draw a contact sheet of a recording; or one frame, its trajectory, or its curves."""
     with export.open(recording) as frames:

@@ -26,7 +26,9 @@ def run(
     output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5).")],
     frames: Annotated[str | None, typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
-    threads: Annotated[int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
+    ] = None,
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
@@ -141,9 +143,13 @@ class Tally:
             f"frames      {self._frames} in {seconds:.1f} s, {self._frames / seconds:.1f} frames/s",
         ]
         if self._seen:
-            lines.append(f"on target   {self._seen:,} pixels, {self._found:,} of them reported ({self._found / self._seen:.1%})")
+            lines.append(
+                f"on target   {self._seen:,} pixels, {self._found:,} of them reported ({self._found / self._seen:.1%})"
+            )
             lines.append(f"range       {self._nearest:.2f} to {self._farthest:.2f} m (truth)")
         if self._empty:
             lines.append(f"empty       {self._empty} frames have no target in view")
-        lines.append(f"elsewhere   {self._false:,} false triggers in the sky, {self._false / max(self._frames, 1):.2f} a frame")
+        lines.append(
+            f"elsewhere   {self._false:,} false triggers in the sky, {self._false / max(self._frames, 1):.2f} a frame"
+        )
         return "\n".join(lines)

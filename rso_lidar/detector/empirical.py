@@ -54,7 +54,7 @@ class Empirical(Part):
     @property
     def full_scale_counts(self) -> int:
         """Return the greatest count that the converter reports."""
-        return 2**self.adc_bits - 1
+        return int(2**self.adc_bits) - 1
 
     @cached_property
     def threshold_photons(self) -> float:
@@ -88,15 +88,18 @@ class Empirical(Part):
         s = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
         photons = np.maximum(photons, 1e-9)
         shot = s**2 * self.excess_noise_factor / (self.quantum_efficiency * photons)
-        white = 2.0 * s * self.sample_ns * units.NS / math.sqrt(math.pi) * (self.noise_equivalent_photons / photons) ** 2
-        noise: np.ndarray = np.sqrt(self.range_plateau_m**2 + (0.5 * units.SPEED_OF_LIGHT_M_S) ** 2 * (shot + white))
+        white = (
+            2.0 * s * self.sample_ns * units.NS / math.sqrt(math.pi) * (self.noise_equivalent_photons / photons) ** 2
+        )
+        noise: np.ndarray = np.sqrt(self.range_plateau_m**2 + units.RANGE_PER_DELAY_M_S**2 * (shot + white))
         return noise
 
     def counts(self, photons: np.ndarray) -> np.ndarray:
         """Return counts before quantisation: linear, then bending, then clipped at full scale (seed fig. 13)."""
         linear = self.counts_per_photon * np.maximum(photons, 0.0)
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
-        return np.minimum(bent, float(self.full_scale_counts))
+        clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))
+        return clipped
 
     def detect(self, photons: Photons, rng: np.random.Generator) -> Reading:
         """Return what the sensor says of one flash."""
@@ -109,12 +112,12 @@ class Empirical(Part):
         )
 
         # Every draw is made whatever came before it, so that a frame's noise depends on its generator alone.
-        false_delay_s = 2.0 / units.SPEED_OF_LIGHT_M_S * self.armed_from_m + self._first_false_s(rng, n_pixels)
+        false_delay_s = self.armed_from_m / units.RANGE_PER_DELAY_M_S + self._first_false_s(rng, n_pixels)
         noise = rng.standard_normal((2, n_clusters))
         false_excess = rng.standard_exponential(n_pixels)
 
         seen = signal + noise[0] * self.signal_noise_photons(signal)
-        range_m = units.one_way_m(delay_s)
+        range_m = delay_s * units.RANGE_PER_DELAY_M_S
         armed = (range_m >= self.armed_from_m) & (range_m <= self.armed_to_m)
         triggers = np.flatnonzero((seen >= self.threshold_photons) & armed)
         pixel, first = np.unique(photons.cluster_pixel[triggers], return_index=True)  # clusters run from near to far
@@ -128,9 +131,9 @@ class Empirical(Part):
 
         true_delay_s = np.full(n_pixels, np.inf)
         true_delay_s[pixel] = delay_s[latched]
-        window_end_s = 2.0 / units.SPEED_OF_LIGHT_M_S * self.armed_to_m
+        window_end_s = self.armed_to_m / units.RANGE_PER_DELAY_M_S
         false = np.flatnonzero(false_delay_s < np.minimum(true_delay_s, window_end_s))
-        report_m[false] = units.one_way_m(false_delay_s[false])
+        report_m[false] = false_delay_s[false] * units.RANGE_PER_DELAY_M_S
         report_photons[false] = self._false_photons(false_excess[false])
         return self._quantised(report_m, report_photons, photons.shape)
 

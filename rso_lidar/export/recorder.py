@@ -20,10 +20,12 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.export import hdf5_layout
-from rso_lidar.export.recording import Recording
+from rso_lidar.export.recording import SUPERBLOCK_BYTES, Recording
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")
+_LIBVER = ("v110", "v110")
+_CACHE_BYTES = 2**18  # for each of some sixty datasets; nothing written is looked at again
 _SMALL_FRAMES_PER_COPY = 32 * hdf5_layout.FRAMES_PER_CHUNK
 _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
 
@@ -87,6 +89,7 @@ class Recorder:
         self._source, self._overwrite, self._resume = source, overwrite, resume
         self._file: Any = None
         self._first: Frame | None = None
+        self._superblock = b""
         self._variables: dict[str, hdf5_layout.Variable] = {}
         self._columns: dict[str, tuple[Any, Any, tuple[int, ...]]] = {}
         self._spaces: dict[tuple[int, ...], Any] = {}
@@ -123,6 +126,7 @@ class Recorder:
             self._file.flush()
             self._put({"time": time})
             self._columns["time"][0].flush()
+            self._superblock = _superblock(self._file)
         self.written += 1
 
     # ------------------------------------------------------------------------------------------------ first things
@@ -133,9 +137,13 @@ class Recorder:
 
         self._first = first
         starting = self.temporary.with_name(f"{self.temporary.name}.starting")
+        with h5py.File(starting, "w", driver="core", backing_store=False, libver=_LIBVER) as draft:
+            self._variables = hdf5_layout.lay_out(draft, self._source, first)
+            draft.flush()
+            image = draft.id.get_file_image()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with self._watched(), self._swept(starting):
-            self._file = h5py.File(starting, "w", libver=("v110", "v110"), locking="best-effort")
-            self._variables = hdf5_layout.lay_out(self._file, self._source, first)
+            starting.write_bytes(image)
+            self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", rdcc_nbytes=_CACHE_BYTES)
             for path, variable in self._variables.items():
                 shape = variable.shape
                 self._columns[path] = (self._file[path].id, h5py.h5t.py_create(variable.spec.dtype), shape)
@@ -148,6 +156,7 @@ class Recorder:
                 self.written = len(old)
             self._file.swmr_mode = True
             self._file.flush()
+            self._superblock = _superblock(self._file)
             starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
 
     @contextlib.contextmanager
@@ -239,20 +248,28 @@ class Recorder:
         """Close the file with what is unwritten going nowhere.
 
         HDF5 keeps what it could not write, tries again when the file closes and when the interpreter ends, and crashes
-        there. So its file descriptor is turned to the null device first; the file keeps its last good flush.
+        there. So its file descriptor is turned to the null device first. The failed flush may have told the superblock
+        of an end of file that was never reached: the last good one is put back, in place, which needs no room.
         """
         file, self._file = self._file, None
-        self._columns.clear()
         if not file:
             return
         try:
             descriptor = file.id.get_vfd_handle()
+            if self._superblock:
+                os.pwrite(descriptor, self._superblock, 0)
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.dup2(nowhere, descriptor)
             os.close(nowhere)
+            self._columns.clear()
             file.close()
         except (OSError, RuntimeError, ValueError):
-            _unclosable.append(file)
+            _unclosable.append((file, self._columns))
+
+
+def _superblock(file: Any) -> bytes:
+    """Return the first bytes of an h5py file as they stand on the disk; none where the system cannot (Windows)."""
+    return os.pread(file.id.get_vfd_handle(), SUPERBLOCK_BYTES, 0) if hasattr(os, "pread") else b""
 
 
 def _reason(error: BaseException) -> str:

@@ -34,6 +34,8 @@ from rso_lidar.records import (
 
 TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
 
+SUPERBLOCK_BYTES = 48
+
 
 class Stored:
     """One dataset of a recording, indexed like a numpy array whose first axis is time; only those frames are read."""
@@ -242,8 +244,6 @@ class Recording(Sequence[Frame]):
         for path, dataset in self._datasets.items():
             if len(dataset) < self._count:
                 raise RecordingError(f"{self.path}: {path} ends before /time; copy or record it again")
-        if not self.complete:
-            self._check_length()
         self.line_of_sight: np.ndarray = self._file["line_of_sight"][:]
 
     def _need(self, *paths: str) -> None:
@@ -251,17 +251,6 @@ class Recording(Sequence[Frame]):
         if missing:
             more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
             raise RecordingError(f"{self.path}: the dataset {missing[0]} is missing{more}; copy or record it again")
-
-    def _check_length(self) -> None:
-        """Make sure that the raw chunks lie inside the file: behind its end HDF5 would read zeros, and say nothing."""
-        size = self.path.stat().st_size
-        for path, dataset in self._datasets.items():
-            if dataset.chunks[0] == 1:
-                continue  # compressed: zlib notices
-            ends: list[int] = []
-            dataset.id.chunk_iter(lambda chunk, ends=ends: ends.append(chunk.byte_offset + chunk.size))
-            if max(ends, default=0) > size:
-                raise RecordingError(f"{self.path}: is cut short ({path} lies behind its end); copy it again")
 
     def _source(self) -> Source:
         attributes = self._file.attrs
@@ -338,17 +327,20 @@ def _opened(path: Path, *, swmr: bool) -> Any:
             raise RecordingError(f"{path}: is a folder; name a recording in it")
         if not path.exists():
             raise RecordingError(f"{path}: there is no such file{_near(path)}")
-        with path.open("rb"):
-            pass
+        with path.open("rb") as stream:
+            head = stream.read(SUPERBLOCK_BYTES)
         if not h5py.is_hdf5(path):
             raise RecordingError(f"{path}: is not an HDF5 file, or is cut short; give a recording made by `run`")
+        # The superblock (version 2 and 3) says after every flush where the file ends. HDF5 does not look there while a
+        # file is marked as being written, and then reads zeros behind its end, or tries for ever.
+        size = path.stat().st_size
+        if size < SUPERBLOCK_BYTES or (head[8] >= 2 and size < int.from_bytes(head[28:36], "little")):
+            raise RecordingError(f"{path}: is cut short; copy or record it again")
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
     try:
-        return h5py.File(path, "r", swmr=swmr, locking="best-effort")
+        return h5py.File(path, "r", swmr=swmr, locking="best-effort", rdcc_nbytes=2**20)
     except (OSError, RuntimeError) as error:
-        if "truncated" in str(error):
-            raise RecordingError(f"{path}: is cut short; copy or record it again") from error
         if "h5clear" in str(error) or "already open" in str(error):
             raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error
         what = " ".join(str(error).split())[:120]

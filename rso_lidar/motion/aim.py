@@ -10,7 +10,7 @@ from rso_lidar.motion.body import Body
 from rso_lidar.motion.epochs import Epochs
 from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint
 from rso_lidar.motion.ptu import Mount, Ptu, ptu_link
-from rso_lidar.motion.truth import truth
+from rso_lidar.motion.truth import truth, unwarned
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import Pointing, Truth
 
@@ -27,7 +27,8 @@ def demand(ptu: Ptu, bodies: Sequence[Body], start_utc: datetime.datetime, end_s
 
     def directions(time_s: np.ndarray) -> np.ndarray:
         """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
-        course = truth(bodies, Epochs(start_utc, time_s), local=local)
+        with unwarned():
+            course = truth(bodies, Epochs(start_utc, time_s), local=local)
         from_follower = course.pose("follower", sought).translation
         toward = ptu.mount.rotation.inv().apply(from_follower - np.asarray(ptu.mount.position_m))
         return np.broadcast_to(toward, (len(time_s), 3))

@@ -79,10 +79,10 @@ def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
     try:
         return list(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        names = [name for name in error.args[1] if name in by_name] or error.args[1]
-        chain = " -> ".join(dict.fromkeys(names))
+        names = [name.partition(".")[0] for name in error.args[1]]
+        chain = " -> ".join(name for name, before in zip(names, [None, *names], strict=False) if name != before)
         raise ScenarioError(
-            f"{names[0]}: relative_to and look_at go round in a loop ({chain}); break it by giving one body an orbit"
+            f"{names[0]}: relative_to and look_at go round in a loop ({chain}); break it: relate one to something else"
         ) from None
 
 
@@ -99,7 +99,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
     motion = body.motion
     if local and body.orbits:
         raise ScenarioError(
-            f'{body.name}.motion: \'{motion.type}\' needs an Earth, and [world] axes = "local" has none; '
+            f"{body.name}.motion: '{motion.type}' needs an Earth, and [world] axes = \"local\" has none; "
             "use 'fixed' or 'table', or leave out [world]"
         )
     relative_to = getattr(motion, "relative_to", None)

@@ -108,7 +108,11 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
         place = f"{where}: line {number}"
         line1, line2, problem = line, "", None
         if kind[1] == "2":
-            line1, line2, problem = "", line, f"{place}: a line 2 without its line 1 before it: restore the missing line"
+            line1, line2, problem = (
+                "",
+                line,
+                f"{place}: a line 2 without its line 1 before it: restore the missing line",
+            )
         elif after is None:
             problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
         elif not after[1].startswith("2"):

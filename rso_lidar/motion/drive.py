@@ -98,14 +98,14 @@ def _first_order(response: FirstOrder, dt: float, axis: Pair, asked: list[float]
     (x, v), (low, high) = axis, travel
     tau, most = response.time_constant_s, response.max_rate_rad_s
     change = response.max_acceleration_rad_s2 * dt
-    decay, per_dt = math.exp(-dt / tau), 1.0 / dt
+    decay, step = math.exp(-dt / tau), most * dt
     for d in asked:
         new = d + decay * (x - d)
-        mean = (new - x) * per_dt
-        if -change <= mean - v <= change and -most <= mean <= most:
-            x, v = new, (d - new) / tau
+        rate = (d - new) / tau
+        if -change <= rate - v <= change and -step <= new - x <= step:
+            x, v = new, rate
         else:
-            v = max(-most, min(most, max(v - change, min(v + change, mean))))
+            v = max(-most, min(most, max(v - change, min(v + change, rate))))
             x += v * dt
         if not low <= x <= high:
             x, v = (low if x < low else high), 0.0
@@ -135,15 +135,15 @@ def _second_order(response: SecondOrder, dt: float, axis: Pair, asked: list[floa
 def _exponential(natural: float, damping: float, dt: float) -> tuple[float, float, float, float]:
     """Return the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows; w = `natural` [rad/s]."""
     sigma = damping * natural
-    phase = natural * natural * (1.0 - damping * damping)
+    phase = natural * natural * (1.0 - damping) * (1.0 + damping)
     if phase >= 0.0:
         root = math.sqrt(phase)
         cosine, sine = math.cos(root * dt), math.sin(root * dt) / root if root else dt
         fading = math.exp(-sigma * dt)
     else:  # overdamped: the slow exponential outside, so that nothing overflows
         root = math.sqrt(-phase)
-        fast = math.exp(-2.0 * root * dt)
-        cosine, sine = 0.5 * (1.0 + fast), 0.5 * (1.0 - fast) / root
+        lost = -math.expm1(-2.0 * root * dt)
+        cosine, sine = 1.0 - 0.5 * lost, 0.5 * lost / root
         fading = math.exp(-natural * natural / (sigma + root) * dt)
     return (
         fading * (cosine + sigma * sine),

@@ -6,7 +6,6 @@ rtn: x radially out, z along r x v, y = z x x (along-track); V-bar is +y, R-bar 
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -38,7 +37,10 @@ class Hill(Part):
         [[0.0, -3000.0, 0.0]]
         """
         return _clohessy_wiltshire(
-            np.asarray(self.position_m), np.asarray(self.velocity_m_s), np.asarray(time_s, dtype=float), mean_motion_rad_s
+            np.asarray(self.position_m),
+            np.asarray(self.velocity_m_s),
+            np.asarray(time_s, dtype=float),
+            mean_motion_rad_s,
         )
 
 
@@ -66,20 +68,19 @@ def _clohessy_wiltshire(
 def two_impulse_hop(
     from_m: np.ndarray | Vector, to_m: np.ndarray | Vector, duration_s: float, mean_motion_rad_s: float
 ) -> np.ndarray:
-    """Return the departure velocity (3) [m/s] in rtn axes that flies from one rtn position [m] to another in `duration_s`."""
+    """Return the departure velocity (3) [m/s] that flies from one position [m] to another in `duration_s`, all rtn."""
     still, start = np.zeros(3), np.asarray(from_m, dtype=float)
     time_s = np.asarray(duration_s, dtype=float)
     coast, _ = _clohessy_wiltshire(start, still, time_s, mean_motion_rad_s)
-    per_velocity = np.stack(
+    per_velocity_s = np.stack(
         [_clohessy_wiltshire(still, unit, time_s, mean_motion_rad_s)[0] for unit in np.eye(3)], axis=1
     )
-    scale = duration_s if duration_s > 0.0 else math.nan
-    if not np.linalg.cond(per_velocity / scale) < 1e9:
+    if duration_s <= 0.0 or np.linalg.cond(per_velocity_s) > 1e9:
         raise ScenarioError(
             f"hop: no departure velocity reaches the aim in {duration_s:g} s (zero, or whole half revolutions of the "
             "chief): change the duration"
         )
-    velocity: np.ndarray = np.linalg.solve(per_velocity, np.asarray(to_m, dtype=float) - coast)
+    velocity: np.ndarray = np.linalg.solve(per_velocity_s, np.asarray(to_m, dtype=float) - coast)
     return velocity
 
 

@@ -23,6 +23,7 @@ from rso_lidar.records import BodyState
 GM = units.EARTH_GM_M3_S2
 _EPS = float(np.finfo(float).eps)
 _MAX_STEPS = 100
+_BLOCK = 16_384  # epochs solved at a time: what fits a processor's cache
 
 
 class Kepler(Part):
@@ -47,12 +48,16 @@ class Kepler(Part):
             sign = "positive for an ellipse (eccentricity < 1)" if e < 1.0 else "negative for a hyperbola"
             raise ValueError(f"semi_major_axis_km: {a_km:g} with eccentricity {e:g}: make it {sign}")
         if not 0.0 <= self.inclination_deg <= 180.0:
-            raise ValueError(f"inclination_deg: {self.inclination_deg:g} is outside 0 to 180: turn raan_deg by 180 instead")
+            raise ValueError(
+                f"inclination_deg: {self.inclination_deg:g} is outside 0 to 180: turn raan_deg by 180 instead"
+            )
         if (self.true_anomaly_deg is None) == (self.mean_anomaly_deg is None):
             raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg: give one of them")
         if self.perigee_m < units.EARTH_RADIUS_M:
             low_km = (units.EARTH_RADIUS_M - self.perigee_m) / units.KM
-            raise ValueError(f"semi_major_axis_km: the perigee lies {low_km:.1f} km below the Earth's surface: raise it")
+            raise ValueError(
+                f"semi_major_axis_km: the perigee lies {low_km:.1f} km below the Earth's surface: raise it"
+            )
         if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
             limit = math.acos(-1.0 / e) / units.DEG
             raise ValueError(f"true_anomaly_deg: lies beyond the asymptote: keep it within {limit:.3f} of perigee")
@@ -194,7 +199,10 @@ def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
         dt = dt + since_perigee_s
     r0 = float(np.linalg.norm(r0_vector))
     sigma0 = 0.0 if alpha <= 0.0 else float(r0_vector @ v0_vector) / math.sqrt(GM)
-    chi, bad = _universal_anomaly(dt, r0, sigma0, _perigee(r0_vector, v0_vector), alpha)
+    perigee = _perigee(r0_vector, v0_vector)
+    blocks = [dt[k : k + _BLOCK] for k in range(0, len(dt), _BLOCK)] or [dt]
+    solved = [_universal_anomaly(block, r0, sigma0, perigee, alpha) for block in blocks]
+    chi, bad = (np.concatenate(column) for column in zip(*solved, strict=True))
     if bad.any():
         first = float(np.atleast_1d(dt_s)[np.argmax(bad)])
         raise PropagationError(
@@ -202,7 +210,7 @@ def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
             "ask for epochs nearer to it",
             bad,
         )
-    u0, u1, u2, u3 = _universal_functions(chi, alpha)
+    u0, u1, u2, _ = _universal_functions(chi, alpha)
     r = r0 * u0 + sigma0 * u1 + u2
     f, g = 1.0 - u2 / r0, (r0 * u1 + sigma0 * u2) / math.sqrt(GM)
     f_dot, g_dot = -math.sqrt(GM) * u1 / (r * r0), 1.0 - u2 / r
@@ -288,16 +296,20 @@ def _universal_functions(chi: np.ndarray, alpha: float) -> tuple[np.ndarray, np.
 def stumpff(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return Stumpff's c2(z) = (1 - cos sqrt z) / z and c3(z) = (sqrt z - sin sqrt z) / sqrt z^3, for z of either sign.
 
-    Below |z| = 2 by their series to z^11, exact to rounding; above in closed form.
+    Within |z| = 1 by their series to z^8, exact to rounding; beyond in closed form.
     """
     z = np.asarray(z, dtype=float)
-    near = np.clip(z, -2.0, 2.0)
-    c2, c3 = np.zeros_like(near), np.zeros_like(near)
-    for k in range(11, -1, -1):
-        c2 = 1.0 / math.factorial(2 * k + 2) - near * c2
-        c3 = 1.0 / math.factorial(2 * k + 3) - near * c3
+    c2, c3 = np.full_like(z, np.nan), np.full_like(z, np.nan)
+    near = np.abs(z) <= 1.0
+    if near.any():
+        small = z[near]
+        even, odd = np.zeros_like(small), np.zeros_like(small)
+        for k in range(8, -1, -1):
+            even = 1.0 / math.factorial(2 * k + 2) - small * even
+            odd = 1.0 / math.factorial(2 * k + 3) - small * odd
+        c2[near], c3[near] = even, odd
     for sign, wave in ((1.0, np.sin), (-1.0, np.sinh)):
-        beyond = sign * z > 2.0
+        beyond = sign * z > 1.0
         if beyond.any():
             size = sign * z[beyond]
             root = np.sqrt(size)

@@ -114,7 +114,7 @@ class DemandCurve:
     """Pan and tilt [rad] that follow directions, as a demand: cubic between knots 0.05 s apart, from t = 0.
 
     Cubic Hermite with central differences for slopes (Catmull-Rom): for an angle f the error is below
-    0.016 h^3 max|f'''|, 4 nrad at a flyby of 6 deg/s. Past the last knot, at most one interval, the last cubic goes on.
+    0.017 h^3 max|f'''|, 5 nrad at a flyby of 6 deg/s. Past the last knot, at most one interval, the last cubic goes on.
     Knots are asked for in blocks of 512, always the same ones, and two blocks are held: a run of any length takes
     constant memory, and an instant has the same bits whatever else is asked for. Pan is unwrapped from t = 0.
 

@@ -2,8 +2,9 @@
 
 SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation (IAU 2000A
 nutation, IAU 2006 precession, the frame bias), taken at whole hours TT and interpolated by a cubic through the four
-hours around an epoch: within 1e-14 of skyfield's own and far faster. The hours are absolute, so a state is the same bits
-whatever other epochs are asked for with it. Velocity is rotated only, as in skyfield: the axes turn by 1e-11 rad/s.
+hours around an epoch: within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The hours are absolute,
+so a state is the same bits whatever other epochs are asked for with it. Velocity is rotated only, as in skyfield: the
+axes turn by 1e-11 rad/s.
 """
 
 from __future__ import annotations

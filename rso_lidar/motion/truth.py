@@ -1,12 +1,14 @@
 """Where everything is at each epoch: the tree of axes (seed 3.1.1), for all epochs in one vectorised go."""
 
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RsoLidarWarning, ScenarioError
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble, look_at
 from rso_lidar.motion.body import Body, working_order
 from rso_lidar.motion.ephemeris import Fixed, Table
@@ -41,6 +43,14 @@ def truth(bodies: Sequence[Body], epochs: Epochs, *, local: bool = False) -> Tru
     return Truth(epochs.time_s, tree, {body.name: states[body.name] for body in bodies}, sun)
 
 
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """Keep still about what the run itself has warned of, where its bodies are worked out once more on the side."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RsoLidarWarning)
+        yield
+
+
 def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
     link = tree.link(ROOT, origin)
     shape = (n_epochs, 3)
@@ -67,9 +77,10 @@ def mean_motion_rad_s(chief: Body, by_name: dict[str, Body], epochs: Epochs) -> 
         link = by_name[link.motion.relative_to]
         chain.append(link)
     bare = [body.replace(attitude=None, axes=()) for body in chain]
-    start = truth(bare, Epochs(epochs.start_utc, np.zeros(1))).states[chief.name]
+    with unwarned():
+        start = truth(bare, Epochs(epochs.start_utc, np.zeros(1))).states[chief.name]
     semi_major_m = float(semi_major_axis_m(start.position_m[0], start.velocity_m_s[0]))
-    if semi_major_m <= 0.0:
+    if not 0.0 < semi_major_m < math.inf:
         raise ScenarioError(f"{chief.name}.motion: an open orbit has no mean motion, so nothing can be 'hill' about it")
     return math.sqrt(EARTH_GM_M3_S2 / semi_major_m**3)
 
@@ -106,9 +117,7 @@ def _with_attitude(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs:
     return tree
 
 
-def _turn(
-    tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs
-) -> tuple[Rotation, np.ndarray, str]:
+def _turn(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> tuple[Rotation, np.ndarray, str]:
     """Return axes_from_body, the body rate relative to those axes, and which they are: the root's or the origin's."""
     attitude, motion = body.attitude, body.motion
     if attitude is None and isinstance(motion, Table):

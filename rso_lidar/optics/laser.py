@@ -55,8 +55,10 @@ class Laser(Part):
         if self.footprint == "gaussian":
             return np.ones(np.broadcast(x, y).shape, dtype=bool)
         if self.footprint == "circle":
-            return x * x + y * y <= self.half_width**2
-        return (np.abs(x) <= self.half_width) & (np.abs(y) <= self.half_width)
+            inside: np.ndarray = x * x + y * y <= self.half_width**2
+        else:
+            inside = (np.abs(x) <= self.half_width) & (np.abs(y) <= self.half_width)
+        return inside
 
     def density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return photons per unit area of the tangent plane at (x, y), whose integral is `photons`.
@@ -70,6 +72,7 @@ class Laser(Part):
         """
         t2 = self.half_width**2
         if self.footprint == "gaussian":
-            return 2.0 * self.photons / (math.pi * t2) * np.exp(-2.0 * (x * x + y * y) / t2)
+            bell: np.ndarray = 2.0 * self.photons / (math.pi * t2) * np.exp(-2.0 * (x * x + y * y) / t2)
+            return bell
         area = {"square": 4.0 * t2, "circle": math.pi * t2, "as_printed": t2}[self.footprint]
         return np.where(self.lit(x, y), self.photons / area, 0.0)

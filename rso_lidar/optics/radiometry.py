@@ -21,7 +21,7 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver) -> Photons:
     density = laser.density(direction[:, 0] / cos_axis, direction[:, 1] / cos_axis)
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     photons = density * hits.weight * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
-    delay_s = hits.range_m * (2.0 / units.SPEED_OF_LIGHT_M_S)
+    delay_s = hits.range_m / units.RANGE_PER_DELAY_M_S
     cluster, cluster_pixel = _clusters(hits.pixel, delay_s, laser.pulse_fwhm_s)
     return Photons(
         shape=hits.rays.shape,
@@ -39,7 +39,8 @@ def _depth_spread_s(hits: Hits, delay_s: np.ndarray, receiver: Receiver) -> np.n
     """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle."""
     cosine = np.maximum(hits.cos_incidence, 1e-6)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
-    return delay_s * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
+    spread: np.ndarray = delay_s * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
+    return spread
 
 
 def _clusters(pixel: np.ndarray, delay_s: np.ndarray, gap_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -120,7 +120,7 @@ def _by_pixel(cells: np.ndarray, shape: tuple[int, int], k: int) -> np.ndarray:
 
 
 def _unit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    direction = np.empty((x.size, 3))
+    direction = np.empty((x.size, 3), order="F")  # x, y and z each in one piece, as casting wants them
     direction[:, 2] = 1.0 / np.sqrt(1.0 + x * x + y * y)
     direction[:, 0] = x * direction[:, 2]
     direction[:, 1] = y * direction[:, 2]

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import LINE, PARTS, QUIET, hexed
-from rso_lidar.picture.sequence import on_target, pick, target_ranges_m
+from rso_lidar.picture.sequence import on_target, pick, started, target_ranges_m
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 DRAWN = 600  # frames are read at most this often
 BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
-CM = 0.01  # metres in a centimetre
 NONE = float("nan")
 
 
@@ -72,12 +72,12 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     Frames are a sequence, a recording or an iterator, thinned to 600. The band of photons runs from the 10th to the
     90th percentile of pixels that see a target, that of errors from the 16th to the 84th of pixels with one cluster.
     """
-    points, total = pick(frames, DRAWN, lambda frame: (Point.of(frame), frame.source))
-    table = {name: np.array([getattr(point, name) for point, _ in points]) for name in Point.__dataclass_fields__}
+    points, total = pick(frames, DRAWN, lambda frame: (Point.of(frame), frame.source.title, started(frame)))
+    table = {name: np.array([getattr(point, name) for point, _, _ in points]) for name in Point.__dataclass_fields__}
     time_s = table["time_s"]
-    source = points[0][1]
+    _, title, start = points[0]
     count = f"{total:,} frames" if total == len(points) else f"{len(points):,} of {total:,} frames"
-    figure = new_figure(8.4, 9.2, source.title, f"{count}   ·   time since {source.start_utc}")
+    figure = new_figure(8.4, 9.2, title, f"{count}   ·   time since {start}")
     ranges, share, photons, errors = figure.subplots(4, 1, sharex=True)
 
     ranges.plot(time_s, table["true_range_m"], color=hexed(LINE), lw=3.5, label="truth, to the target's origin")
@@ -109,7 +109,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     dress(photons, y="Expected photons\nper pixel on the target")
     _entries(photons)
 
-    low_cm, middle_cm, high_cm = (table[f"error_{rank}_m"] / CM for rank in (16, 50, 84))
+    low_cm, middle_cm, high_cm = (table[f"error_{rank}_m"] / units.CM for rank in (16, 50, 84))
     errors.axhline(0, color=hexed(LINE), lw=0.8)
     errors.fill_between(time_s, low_cm, high_cm, color=ORANGE, alpha=0.25, lw=0, label="16 to 84 %")
     errors.plot(time_s, middle_cm, ".", color=RED, ms=4, label="median, pixels of one cluster")

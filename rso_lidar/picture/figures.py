@@ -27,6 +27,8 @@ def new_figure(
     rect = (0.0, foot_in / height_in, 1.0, 1.0 - (head_in + foot_in) / height_in)
     figure = Figure(figsize=(width_in, height_in), dpi=100, layout=ConstrainedLayoutEngine(rect=rect))
     FigureCanvasAgg(figure)
+    most = int(width_in * 8.2)  # letters of the title that fit
+    title = title if len(title) <= most else title[: most - 1] + "…"
     left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
     figure.text(left, top, title, fontsize=14, weight="bold", color=hexed(INK), va="top", in_layout=False)
     figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hexed(QUIET), va="top", in_layout=False)

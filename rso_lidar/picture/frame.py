@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from rso_lidar.picture.palette import (
     ramp,
 )
 from rso_lidar.picture.scale import nice_down, nice_up
-from rso_lidar.picture.sequence import on_target, pixel_rad, sighted, target_ranges_m
+from rso_lidar.picture.sequence import on_target, pixel_rad, sighted, started, target_ranges_m
 from rso_lidar.picture.window import Window, around, crop
 from rso_lidar.records import Frame, Reading, specs
 
@@ -34,7 +35,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CM = 0.01  # metres in a centimetre
+Corner = Literal["lower left", "lower right", "upper left", "upper right"]
+
+WIDTH_IN = 10.6
+LETTERS = 172  # of small print in a line
+MOST_TARGETS = 3  # whose geometry is told
 
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
@@ -50,7 +55,7 @@ def frame_figure(frame: Frame) -> Figure:
     numbered as in the arrays. Limits of colour leave out one per cent at either end.
     """
     window = crop(around(sighted(frame)))
-    figure = new_figure(9.2, 9.0, frame.source.title, _summary(frame), tuple(_geometry(frame)))
+    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, _summary(frame), tuple(_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
     _range_panel(panels[0, 0], frame, window)
     _intensity_panel(panels[0, 1], frame, window)
@@ -67,7 +72,7 @@ def frame_figure(frame: Frame) -> Figure:
 
 def _summary(frame: Frame) -> str:
     """Return the line under the title."""
-    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {frame.source.start_utc}"]
+    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {started(frame)}"]
     returned = on_target(frame)
     if returned.any():
         words.append(f"mean range {float(np.mean(frame.range_m[returned], dtype=float)):,.2f} m")
@@ -80,7 +85,7 @@ def _geometry(frame: Frame) -> list[str]:
     """Return lines on where the targets are and where the lidar looks."""
     lines = []
     ranges_m = target_ranges_m(frame)
-    for name, range_m in ranges_m.items():
+    for name, range_m in list(ranges_m.items())[:MOST_TARGETS]:
         lidar_from_target = frame.truth.pose("lidar", name)
         right, down, ahead = lidar_from_target.translation
         off_deg = float(np.arctan2(np.hypot(right, down), ahead)) / units.DEG
@@ -95,10 +100,11 @@ def _geometry(frame: Frame) -> list[str]:
         else:
             turn = ", ".join(f"{value:.4f}" for value in lidar_from_target.rotation.as_quat(canonical=True))
             about += f"lidar_from_{name} x, y, z, w = {with_minus(turn)}"
-        lines.append(about)
+        lines += textwrap.wrap(about, LETTERS)
     pitch_rad = pixel_rad(frame)
     n_rows, n_cols = frame.valid.shape
-    words = [f"{n_rows} × {n_cols} pixels of {pitch_rad * 1e3:.4f} mrad"]
+    words = [f"{len(ranges_m) - MOST_TARGETS} more targets"] if len(ranges_m) > MOST_TARGETS else []
+    words += [f"{n_rows} × {n_cols} pixels of {pitch_rad * 1e3:.4f} mrad"]
     if ranges_m:
         words.append(f"{pitch_rad * min(ranges_m.values()):.3g} m at the target")
     if frame.observation.pan_tilt_rad is not None:
@@ -221,15 +227,14 @@ def _part_panel(axes: Axes, frame: Frame, window: Window) -> None:
     if entries:
         axes.legend(
             handles=entries,
-            loc="lower left",
-            bbox_to_anchor=(0, -0.01),
-            fontsize=8,
-            frameon=True,
-            framealpha=0.85,
-            edgecolor="none",
+            loc="upper left",
+            bbox_to_anchor=(1.02, 1.02),
+            fontsize=7.5,
+            frameon=False,
+            labelcolor=hexed(QUIET),
             handlelength=1.0,
-            borderpad=0.5,
-            labelspacing=0.25,
+            borderpad=0.0,
+            labelspacing=0.45,
         )
     _head(
         axes,
@@ -261,7 +266,19 @@ def _part_name(frame: Frame, target: int, part: int) -> str:
     name = entry.parts[part] if entry is not None and known else f"part {part}"
     owner = entry.name if entry is not None else f"target {target}"
     text = f"{owner}: {name}" if len(entries) > 1 else name
-    return text if len(text) <= 26 else text[:25] + "…"
+    return text if len(text) <= 27 else f"{text[:13]}…{text[-13:]}"  # names often differ at their end
+
+
+def _free_corner(busy: np.ndarray) -> Corner:
+    """Return the corner of a panel (row, col) with the fewest busy pixels."""
+    high, wide = (max(1, size // 4) for size in busy.shape)
+    corners: dict[Corner, np.ndarray] = {
+        "lower left": busy[-high:, :wide],
+        "lower right": busy[-high:, -wide:],
+        "upper left": busy[:high, :wide],
+        "upper right": busy[:high, -wide:],
+    }
+    return min(corners, key=lambda corner: int(corners[corner].sum()))
 
 
 def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
@@ -270,7 +287,7 @@ def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
     from matplotlib.patches import Patch
 
     there = frame.labels.target >= 0
-    error_cm = (frame.range_m.astype(float) - frame.labels.range_m) / CM
+    error_cm = (frame.range_m.astype(float) - frame.labels.range_m) / units.CM
     single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
     judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
     limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
@@ -295,8 +312,7 @@ def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
     if entries:
         axes.legend(
             handles=entries,
-            loc="lower left",
-            bbox_to_anchor=(0, -0.01),
+            loc=_free_corner(window.cut(there | frame.valid)),
             fontsize=8,
             framealpha=0.85,
             edgecolor="none",

@@ -70,7 +70,7 @@ class Scale:
             return Scale(True, -1.0, 1.0, low_counts, high_counts, logarithmic)
         medians_m = np.array([np.median(seen) for seen in ranges_m])
         half_m = max(
-            float(np.percentile(np.abs(seen - middle), 98)) for seen, middle in zip(ranges_m, medians_m, strict=True)
+            float(np.percentile(np.abs(seen - middle), 92)) for seen, middle in zip(ranges_m, medians_m, strict=True)
         )
         if 2 * half_m < RELATIVE_BELOW * float(np.ptp(medians_m)):
             half_m = nice_up(half_m)
@@ -99,7 +99,7 @@ class Scale:
     def range_words(self) -> tuple[str, str, str]:
         """Return what the range colours mean, and the words at the low and high end."""
         if self.relative:
-            return "Range minus the frame's median", f"{self.low_m:+g} m".replace("-", "−"), f"{self.high_m:+g} m"
+            return "Range minus the frame's median", f"≤ −{-self.low_m:g} m", f"≥ +{self.high_m:g} m"
         return "Range", f"{self.low_m:,.6g} m", f"{self.high_m:,.6g} m"
 
     @property

@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.window import Window, around
+from rso_lidar.picture.window import Window, around, grown
 from rso_lidar.records import Frame
 
 T = TypeVar("T")
@@ -107,6 +107,11 @@ def target_ranges_m(frame: Frame) -> dict[str, float]:
     }
 
 
+def started(frame: Frame) -> str:
+    """Return when `time_s` is zero, in words that end in Z."""
+    return frame.source.start_utc.replace("+00:00", "Z")
+
+
 def pixel_rad(frame: Frame) -> float:
     """Return the angle [rad] between the lines of sight of two neighbours in the middle of the field."""
     n_rows, n_cols = frame.valid.shape
@@ -133,14 +138,17 @@ class Glimpse:
     def of(frame: Frame) -> Glimpse:
         """Return a glimpse of a frame."""
         ranges_m = target_ranges_m(frame)
+        returned, bounds = on_target(frame), around(sighted(frame))
+        if returned.any():  # of a target that is mostly too faint, show what came back
+            bounds = grown(around(returned), bounds)
         return Glimpse(
             time_s=frame.time_s,
             title=frame.source.title,
-            start_utc=frame.source.start_utc,
+            start_utc=started(frame),
             range_m=np.array(frame.range_m),
             intensity_counts=np.array(frame.intensity_counts),
-            on_target=on_target(frame),
-            bounds=around(sighted(frame)),
+            on_target=returned,
+            bounds=bounds,
             true_range_m=min(ranges_m.values(), default=float("nan")),
             pixel_rad=pixel_rad(frame),
         )

@@ -55,6 +55,14 @@ def around(mask: np.ndarray) -> Window:
     return Window(int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1, n_rows, n_cols)
 
 
+def grown(inner: Window, outer: Window) -> Window:
+    """Return `inner` grown about its middle to at least half the height and half the width of `outer`."""
+    height, width = max(inner.height, -(-outer.height // 2)), max(inner.width, -(-outer.width // 2))
+    top, height = _span(inner.top, inner.bottom, height, inner.n_rows)
+    left, width = _span(inner.left, inner.right, width, inner.n_cols)
+    return Window(top, top + height, left, left + width, inner.n_rows, inner.n_cols)
+
+
 def crop(bounds: Window, previous: Window | None = None) -> Window:
     """Return the square crop that shows `bounds` with a margin, of the next size of the ladder, or the whole field.
 

@@ -49,7 +49,11 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
         share = float(np.mean(sight.in_field))
         if share < 1.0:
             first = float(seen.time_s[np.argmin(sight.in_field)])
-            how = "never in the field of view" if share == 0.0 else f"out of the field of view {1 - share:.0%} of the time"
+            how = (
+                "never in the field of view"
+                if share == 0.0
+                else f"out of the field of view {1 - share:.0%} of the time"
+            )
             lines.append(f"target {sight.name}: {how}, first at {first:g} s; turn the follower, or track it with [ptu]")
         if float(sight.range_m.min()) < sight.radius_m:
             lines.append(f"target {sight.name}: the lidar comes within its bounding sphere; mind the trajectory")

@@ -66,7 +66,9 @@ def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
     text: str = motion.type
     if isinstance(motion, Tle):
         sets = motion.elements(scenario.time.start_utc)
-        text += f" {sets.norad_id} {sets.name}, {motion.epoch_age_days(scenario.epochs(np.array([0]))):.1f} days from epoch"
+        text += (
+            f" {sets.norad_id} {sets.name}, {motion.epoch_age_days(scenario.epochs(np.array([0]))):.1f} days from epoch"
+        )
     if getattr(motion, "relative_to", None):
         text += f" relative to {motion.relative_to}"  # type: ignore[union-attr]
     attitude = body.attitude.type if body.attitude else "as its motion"

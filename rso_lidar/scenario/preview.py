@@ -65,7 +65,9 @@ def preview(scenario: Scenario) -> Preview:
             tangent = np.abs(seen[..., :2] / seen[..., 2:])
         in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
         off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
-        columns = (np.broadcast_to(values, (len(epochs),)) for values in (range_m, rate, off, in_field))
-        sights.append(Sight(surface.name, *columns, surface.radius_m))
+        range_m, rate, off, in_field = (
+            np.broadcast_to(values, (len(epochs),)) for values in (range_m, rate, off, in_field)
+        )
+        sights.append(Sight(surface.name, range_m, rate, off, in_field, surface.radius_m))
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
     return Preview(epochs.time_s, tuple(sights), dict(course.states), tuple(lines))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -10,7 +12,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean
 from rso_lidar.motion import Body, Epochs, Ptu, Table, Tle, TrackPoint, working_order
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
@@ -37,6 +39,7 @@ class Scenario(Part):
     ptu: Ptu | None = None
     lidar: Lidar
     _folder: Path | None = PrivateAttr(default=None)
+    _where: str = PrivateAttr(default="scenario")
 
     @classmethod
     def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Scenario:
@@ -50,7 +53,7 @@ class Scenario(Part):
     ) -> Scenario:
         """Return the scenario of a TOML text; `folder` is where its relative paths begin, `where` its name in errors."""
         scenario = validated(cls, text, where, settings)
-        scenario._folder = folder
+        scenario._folder, scenario._where = folder, where
         return scenario
 
     def __eq__(self, other: object) -> bool:
@@ -62,7 +65,7 @@ class Scenario(Part):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, validated like a new scenario."""
         changed = super().replace(**changes)
-        changed._folder = self._folder
+        changed._folder, changed._where = self._folder, self._where
         return changed
 
     @model_validator(mode="after")
@@ -91,23 +94,39 @@ class Scenario(Part):
 
     def _found(self, body: Body) -> Body:
         motion = body.motion
-        if not isinstance(motion, Tle | Table) or motion.file is None:
+        if not isinstance(motion, Tle | Table):
             return body
-        path = self.file(motion.file, f"{body.name}.motion.file")
-        return body.replace(motion=motion.replace(file=str(path)))
+        with self._place(f"{body.name}.motion"):
+            if motion.file is not None:
+                motion = motion.replace(file=str(self.file(motion.file)))
+            if isinstance(motion, Tle):
+                motion.elements(self.time.start_utc)  # a bad set is told now, with its place
+        return body.replace(motion=motion)
 
-    def file(self, name: str, place: str) -> Path:
-        """Return the path of a file that the scenario names at `place`, or raise `ScenarioError`."""
+    @contextmanager
+    def _place(self, place: str) -> Iterator[None]:
+        """Say in which scenario, and where in it, an error belongs."""
+        try:
+            yield
+        except RsoLidarError as error:
+            raise type(error)(f"{self._where}: {place}: {error}") from None
+
+    def file(self, name: str) -> Path:
+        """Return the path of a file that the scenario names, or raise `ScenarioError`."""
         path = find(name, self._folder)
         if path is None:
             beside = f"beside the scenario ({self._folder})" if self._folder else "in the working folder"
-            raise ScenarioError(f"{place}: no file '{name}' {beside} nor among the shipped data; check the name")
+            raise ScenarioError(f"no file '{name}' {beside} nor among the shipped data; check the name")
         return path
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
         """Return the targets' surfaces: meshes in body axes, with materials."""
-        return tuple(surface_of(target, self.file) for target in self.target)
+        surfaces = []
+        for target in self.target:
+            with self._place(f"target {target.name}"):
+                surfaces.append(surface_of(target, self.file))
+        return tuple(surfaces)
 
     @cached_property
     def source(self) -> Source:

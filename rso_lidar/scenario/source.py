@@ -6,7 +6,7 @@ import importlib.metadata
 import platform
 from typing import TYPE_CHECKING, Any
 
-from rso_lidar.motion import Tle
+from rso_lidar.motion import Tle, utc_text
 from rso_lidar.records import Source, TargetEntry
 
 if TYPE_CHECKING:
@@ -20,9 +20,10 @@ def source_of(scenario: Scenario) -> Source:
     return Source(
         scenario=resolved(scenario),
         title=scenario.name,
-        start_utc=scenario.time.start_utc.isoformat(),
+        start_utc=utc_text(scenario.time.start_utc, 0.0),
         seed=scenario.seed,
-        versions={"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _LIBRARIES},
+        versions={"python": platform.python_version()}
+        | {name: importlib.metadata.version(name) for name in _LIBRARIES},
         targets=tuple(
             TargetEntry(
                 name=target.name,

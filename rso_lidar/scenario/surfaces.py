@@ -14,12 +14,12 @@ from rso_lidar.scene.library import materials, model
 _MATERIAL: TypeAdapter[Lambertian | Phong] = TypeAdapter(Material)
 
 
-def surface_of(target: Target, file: Callable[[str, str], Path]) -> Surface:
-    """Return the surface of a target; `file` finds the path of a mesh by name and place in the scenario."""
+def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
+    """Return the surface of a target; `file` finds the path of a mesh that the scenario names."""
     own: Mapping[str, Lambertian | Phong] = {}
     center_of_mass_m = target.center_of_mass_m
     if target.is_path:
-        path = file(target.model, f"target {target.name}.model")
+        path = file(target.model)
         if center_of_mass_m is None:
             warnings.warn(
                 f"target {target.name}: the centre of mass of {path.name} is assumed at its origin; "
@@ -30,7 +30,7 @@ def surface_of(target: Target, file: Callable[[str, str], Path]) -> Surface:
     else:
         entry = model(target.model)
         path = entry.path
-        center_of_mass_m = center_of_mass_m or tuple(entry.center_of_mass_m)
+        center_of_mass_m = center_of_mass_m or entry.center_of_mass_m
         if target.material is None:
             own = {part: material_named(name) for part, name in entry.parts.items()}
     mesh = load_mesh(path)

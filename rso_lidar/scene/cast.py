@@ -31,15 +31,17 @@ def cast(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | N
     cosine = np.zeros(n_rays)
     for number, surface in enumerate(surfaces):
         target_from_lidar = truth.pose(surface.name, "lidar")
-        aimed = _aimed(rays, surface, target_from_lidar) if len(surfaces) > 1 else slice(None)
-        direction = rays.direction[aimed]
-        if not len(direction):
+        direction, pixel, aimed = rays.direction, rays.pixel, None
+        if len(surfaces) > 1:
+            aimed = _aimed(rays, surface, target_from_lidar)
+            direction, pixel = direction[aimed], pixel[aimed]
+        if not len(pixel):
             continue
-        bands = _bands(rays.pixel[aimed], rays.shape[1])
+        bands = _bands(pixel, rays.shape[1])
         meet = partial(_meet, surface, target_from_lidar, direction)
         found = list(_pool(threads).map(meet, bands)) if len(bands) > 1 else [meet(bands[0])]
         ray, met_facet, met_range, met_cosine = (np.concatenate(column) for column in zip(*found, strict=True))
-        if len(surfaces) > 1:
+        if aimed is not None:
             ray = aimed[ray]
         nearer = np.flatnonzero(met_range < range_m[ray])
         ray = ray[nearer]
@@ -93,16 +95,21 @@ def _meet(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return ray, facet, range [m] and cos α of the hits of one band of rays on one target."""
     centre, radius = surface.sphere
-    origin = target_from_lidar.translation
-    turned = np.einsum("ij,rj->ri", target_from_lidar.rotation.as_matrix(), direction[band])
+    origin, rotation = target_from_lidar.translation, target_from_lidar.rotation.as_matrix()
     start_m = max(0.0, float(np.linalg.norm(centre - origin)) - 1.01 * radius - 0.01)
-    start = (origin + start_m * turned).astype(np.float32)
-    found = surface.embree.run(start, turned.astype(np.float32), query="INTERSECT", output=1)
+    x, y, z = direction[band].T
+    turned = [row[0] * x + row[1] * y + row[2] * z for row in rotation]  # no BLAS: its bits change with the band
+    start, along = np.empty((len(x), 3), np.float32), np.empty((len(x), 3), np.float32)
+    for axis in range(3):
+        along[:, axis] = turned[axis]
+        start[:, axis] = origin[axis] + start_m * turned[axis]
+    found = surface.embree.run(start, along, query="INTERSECT", output=1)
     ray = np.flatnonzero(found["primID"] >= 0)
     facet = found["primID"][ray]
-    normal, turned = surface.normals[facet], turned[ray]
-    cosine = np.einsum("ri,ri->r", normal, turned)
-    above = surface.plane_offset_m[facet] - np.einsum("ri,i->r", normal, origin)
+    plane = surface.planes
+    normal = [plane[axis][facet] for axis in range(3)]
+    cosine = normal[0] * turned[0][ray] + normal[1] * turned[1][ray] + normal[2] * turned[2][ray]
+    above = plane[3][facet] - (normal[0] * origin[0] + normal[1] * origin[1] + normal[2] * origin[2])
     rough = start_m + found["tfar"][ray].astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         exact = above / cosine

@@ -47,11 +47,11 @@ class ModelEntry:
     licence: str
     confidence: str
     axes: str
-    size_m: tuple[float, ...]
+    size_m: tuple[float, float, float]
     facets: int
     size_bytes: int
     sha256: str
-    center_of_mass_m: tuple[float, ...]
+    center_of_mass_m: tuple[float, float, float]
     mass_kg: float
     inertia_kg_m2: tuple[tuple[float, ...], ...]
     parts: Mapping[str, str]

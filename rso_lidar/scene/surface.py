@@ -49,18 +49,16 @@ class Surface:
         return corners
 
     @cached_property
-    def normals(self) -> np.ndarray:
-        """Return the unit normals (facet, xyz) f8 by winding; which side is out, a visual mesh does not know."""
+    def planes(self) -> np.ndarray:
+        """Return the facets' planes (4, facet) f8: unit normal x, y, z by winding, and n · p [m].
+
+        Which side of a facet is out, a visual mesh does not know.
+        """
         corners = self.corners
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        unit: np.ndarray = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        return unit
-
-    @cached_property
-    def plane_offset_m(self) -> np.ndarray:
-        """Return n · p of each facet's plane (facet) f8 [m]."""
-        offset: np.ndarray = np.einsum("fi,fi->f", self.normals, self.corners.mean(axis=1))
-        return offset
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        offset = np.einsum("fi,fi->f", normal, corners.mean(axis=1))
+        return np.ascontiguousarray(np.column_stack([normal, offset]).T)
 
     @cached_property
     def sphere(self) -> tuple[np.ndarray, float]:
@@ -146,7 +144,7 @@ def build_surface(
         if part not in mesh.part_names:
             guess = did_you_mean(part, mesh.part_names)
             known = ", ".join(mesh.part_names)
-            raise ScenarioError(f"target {name}: part_materials: no part '{part}' in {mesh.path.name}{guess} ({known})")
+            raise ScenarioError(f"part_materials: no part '{part}' in {mesh.path.name}{guess} ({known})")
     vertices = mesh.vertices * scale - np.asarray(center_of_mass_m)
     if mesh_axes == "y_up":
         vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)

@@ -8,8 +8,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.aim import LIDAR_FROM_PTU
-from rso_lidar.motion.point import pan_tilt
-from rso_lidar.motion.ptu import Mount, ptu_link
+from rso_lidar.motion.ptu import Mount
 from rso_lidar.records import Command, Observation, Reading
 
 
@@ -49,6 +48,12 @@ class Pointing:
         self.gate_m, self.min_pixels, self.alpha = gate_m, min_pixels, alpha
         self.lead_s, self.coast_s = lead_s, coast_s
         self._ptu_from_lidar = (mount or Mount()).rotation * LIDAR_FROM_PTU.inv()
+        x, self._boresight_y, z = self._ptu_from_lidar.apply([0.0, 0.0, 1.0])
+        self._reach, self._boresight_tilt = math.hypot(x, z), math.atan2(z, x)
+        if self._reach < 1e-6:
+            raise ScenarioError(
+                "Pointing: the mount turns the lidar along the tilt axis, so tilt cannot aim it: turn it"
+            )
         self._called_s = math.nan
         self._forget()
 
@@ -62,9 +67,7 @@ class Pointing:
         seen = cluster(observation.reading, self.gate_m, self.min_pixels)
         if seen.any():
             toward = observation.line_of_sight[seen].mean(axis=0)
-            link = ptu_link(Mount(), *measured)
-            pan, tilt = pan_tilt(link.pose.rotation.apply(self._ptu_from_lidar.apply(toward)))
-            self._update(time_s, np.array([float(pan), float(tilt)]), measured)
+            self._update(time_s, self._aim(self._ptu_from_lidar.apply(toward), *measured.tolist()), measured)
         elif not self._seen or time_s - self._time_s > self.coast_s:
             self._forget()
             return Command()
@@ -74,6 +77,21 @@ class Pointing:
     def _forget(self) -> None:
         self._seen, self._time_s = 0, math.nan
         self._angle, self._rate = np.zeros(2), np.zeros(2)
+
+    def _aim(self, toward: np.ndarray, pan: float, tilt: float) -> np.ndarray:
+        """Return the pan and tilt (2,) [rad] that bring the lidar's boresight to a direction (3,) seen in ptu axes.
+
+        The boresight lies `_boresight_tilt` above the ptu's x, `_reach` long in the plane x-z, `_boresight_y` beside it;
+        so tilt brings it to the height of the direction, and pan then turns it there.
+        """
+        x, y, z = (toward / np.linalg.norm(toward)).tolist()
+        x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
+        x, y = x * math.cos(pan) - y * math.sin(pan), x * math.sin(pan) + y * math.cos(pan)
+        raised = math.asin(max(-1.0, min(1.0, z / self._reach)))
+        if abs(self._boresight_tilt) > math.pi / 2:  # a lidar that looks backward comes up where its tilt goes down
+            raised = math.copysign(math.pi, self._boresight_tilt) - raised
+        pan = math.atan2(y, x) - math.atan2(self._boresight_y, self._reach * math.cos(raised))
+        return np.array([pan, raised - self._boresight_tilt])
 
     def _update(self, time_s: float, angle: np.ndarray, measured: np.ndarray) -> None:
         """Take the angles (2,) [rad] to the target, seen at `time_s` [s], into the estimate; pan runs on past a turn."""

@@ -271,15 +271,16 @@ def test_a_full_disk_keeps_whole_frames_and_says_so(tmp_path, limit):
 
 
 def test_a_failed_write_in_this_process_is_a_run_error(tmp_path, monkeypatch):
-    with export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN) as recorder:
-        recorder.write(make_frame(0))
+    def full(*_):
+        raise OSError(28, "No space left on device")
 
-        def full(*_):
-            raise OSError(28, "No space left on device")
+    def flying():
+        yield make_frame(0)
+        monkeypatch.setattr(export.Recorder, "_put", full)
+        yield make_frame(1)
 
-        monkeypatch.setattr(recorder, "_put", full)
-        with pytest.raises(RunError, match=r"after 1 frames \(No space left on device\); run.h5.tmp-1a2b3c4d is kept"):
-            recorder.write(make_frame(1))
-        raise_nothing_more = recorder.__exit__(RunError, RunError(), None)
-        assert raise_nothing_more is None
-    assert len(export.open(tmp_path / f"run.h5.tmp-{RUN}")) == 1
+    with pytest.raises(RunError, match=r"after 1 frames \(No space left on device\); run.h5.tmp-\w+ is kept") as caught:
+        export.save(tmp_path / "run.h5", flying())
+    assert isinstance(caught.value.__cause__, OSError)
+    (left,) = tmp_path.glob("run.h5.tmp-*")
+    assert len(export.open(left)) == 1

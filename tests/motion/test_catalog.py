@@ -72,7 +72,13 @@ def test_several_objects_must_be_told_apart():
 
 def test_alpha5_numbers():
     # Space-Track: A0000 is 100000, Z9999 is 339999, I and O are left out
-    for field, number in [("A0000", 100000), ("H9999", 179999), ("J0000", 180000), ("P0000", 230000), ("Z9999", 339999)]:
+    for field, number in [
+        ("A0000", 100000),
+        ("H9999", 179999),
+        ("J0000", 180000),
+        ("P0000", 230000),
+        ("Z9999", 339999),
+    ]:
         lines = [with_checksum(line[:2] + field + line[7:]) for line in TERRASAR]
         (only,) = parse_lines(lines, "file")
         assert (only.norad_id, only.problem) == (number, None)
@@ -83,8 +89,14 @@ def test_alpha5_numbers():
 
 
 BROKEN = {
-    "checksum": ((TERRASAR[0][:-1] + "5", TERRASAR[1]), r"line 5: wrong checksum: its digits add up to 1, its last is '5'"),
-    "checksum 2": ((TERRASAR[0], TERRASAR[1][:-1] + "7"), r"line 6: wrong checksum: its digits add up to 1, its last is '7'"),
+    "checksum": (
+        (TERRASAR[0][:-1] + "5", TERRASAR[1]),
+        r"line 5: wrong checksum: its digits add up to 1, its last is '5'",
+    ),
+    "checksum 2": (
+        (TERRASAR[0], TERRASAR[1][:-1] + "7"),
+        r"line 6: wrong checksum: its digits add up to 1, its last is '7'",
+    ),
     "truncated": ((TERRASAR[0], TERRASAR[1][:-6]), r"line 6: is truncated: 63 characters"),
     "too long": ((TERRASAR[0] + "12", TERRASAR[1]), r"line 5: is too long: 71 characters"),
     "other object": ((TERRASAR[0], ENVISAT_2020[1]), r"line 6: is of object '27386', the line before it of '31698'"),

@@ -18,9 +18,9 @@ MOLNIYA = (  # SGP4-VER.TLE, 12 h resonant
     "1 08195U 75081A   06176.33215444  .00000099  00000-0  11873-3 0   813",
     "2 08195  64.1586 279.0717 6877146 264.7651  20.2257  2.00491383225656",
 )
-DECAYING = (
-    "1 28350U 04020A   06167.21788666  .16154492  76267-5  18678-3 0  8894",
-    "2 28350  64.9977 345.6130 0024870 260.7578  99.9590 16.47856722116490",
+DECAYING = (  # SGP4-VER.TLE: "Sub-orbital case - Decayed 2005-11-29 (perigee = -51km), lost in 50 minutes"
+    "1 28872U 05037B   05333.02012661  .25992681  00000-0  24476-3 0  1534",
+    "2 28872  96.4736 157.9986 0303955 244.0492 110.6523 16.46015938 10708",
 )
 START = datetime.datetime(2026, 3, 15, 12, tzinfo=datetime.UTC)
 
@@ -77,8 +77,9 @@ def test_a_state_is_the_same_bits_in_any_company(lines):
 
 def test_rotation_is_a_rotation():
     matrices = gcrs_from_teme(Epochs(START, np.linspace(0.0, 1e7, 1001)))
+    # skyfield's frame bias is of first order: its angles, 8e-8 rad, leave their squares, 6e-15
     product = np.einsum("nij,nkj->nik", matrices, matrices)
-    np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), rtol=0, atol=5e-15)
+    np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), rtol=0, atol=1e-14)
     assert gcrs_from_teme(Epochs(START, np.zeros(0))).shape == (0, 3, 3)
 
 
@@ -91,14 +92,16 @@ def test_velocity_is_the_slope_of_position():
 
 
 def test_decay_raises_with_the_mask():
-    part = Tle(lines=DECAYING, name="SL-12")
+    part = Tle(lines=DECAYING, name="MINOTAUR R/B")
     start = part.elements().epoch_utc
-    epochs = Epochs(start, np.arange(0.0, 1440.0 * 60.0, 600.0))
-    with pytest.raises(PropagationError, match=r"tle SL-12 \(NORAD 28350\): SGP4 has no state at .* time_s = ") as caught:
+    epochs = Epochs(start, np.arange(0.0, 61.0 * 60.0, 300.0))
+    with pytest.raises(
+        PropagationError, match=r"tle MINOTAUR R/B \(NORAD 28872\): SGP4 has no state at .* time_s = "
+    ) as caught:
         part.states(epochs)
     bad = caught.value.bad
     assert bad.shape == (len(epochs),)
-    assert bad.any()
+    np.testing.assert_array_equal(np.flatnonzero(bad), [11, 12])  # 50 minutes are well, 55 and 60 are not
     first = int(np.argmax(bad))
     assert f"time_s = {epochs.time_s[first]:g}: mrt is less than 1.0" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -123,9 +126,9 @@ def test_a_leap_second_does_not_move_the_satellite():
     part = Tle(lines=(line1[:68] + str(_sum(line1)), LOW[1]))
     epochs = Epochs(datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=datetime.UTC), np.arange(0.0, 10.0, 0.5))
     state = part.states(epochs)
-    steps = np.linalg.norm(np.diff(state.position_m, axis=0), axis=1)
-    speed = np.linalg.norm(state.velocity_m_s, axis=1)
-    np.testing.assert_allclose(steps, 0.5 * speed[:-1], rtol=0, atol=0.05)  # SGP4's velocity, see above
+    middle = 0.5 * (state.velocity_m_s[1:] + state.velocity_m_s[:-1])
+    # half a second at SGP4's velocity, some cm/s coarse: see above
+    np.testing.assert_allclose(np.diff(state.position_m, axis=0), 0.5 * middle, rtol=0, atol=0.05)
 
 
 def _sum(line):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frame import _geometry, _summary
+from rso_lidar.picture.frame import _free_corner, _geometry, _summary
 from rso_lidar.records import Reading
 
 
@@ -102,6 +102,24 @@ def test_words_say_time_returns_and_geometry(handmade):
     assert "range rate −0.9" in about
     assert "128 × 128 pixels of 0.3409 mrad" in field
     assert "pan +0.688°, tilt −1.948°" in field
+
+
+def test_long_words_and_many_targets_stay_on_the_page(handmade):
+    frame = handmade.make_frame(1350.0, 900.0, 32)
+    entries = tuple(dataclasses.replace(frame.source.targets[0], name=name) for name in ("tdrs",) * 5)
+    source = dataclasses.replace(frame.source, title="very " * 60, targets=entries)
+    figure = frame_figure(dataclasses.replace(frame, source=source))
+    figure.canvas.draw()
+    width = figure.bbox.width
+    for text in figure.texts:
+        assert text.get_window_extent().x1 < width
+
+
+def test_the_legend_of_the_error_keeps_clear_of_the_target():
+    busy = np.ones((16, 16), dtype=bool)
+    busy[:4, -4:] = False
+    assert _free_corner(busy) == "upper right"
+    assert _free_corner(np.zeros((1, 1), dtype=bool)) == "lower left"
 
 
 @pytest.mark.parametrize(

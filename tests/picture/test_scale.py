@@ -49,7 +49,7 @@ def test_an_approach_is_drawn_about_each_median(handmade, coming):
     assert scale.logarithmic
     middle = scale.range_rgb(np.array([1000.0]), 1000.0)
     assert np.abs(middle[0].astype(int) - ramp("viridis")[128]).max() <= 2
-    assert scale.range_words[1].startswith("−")
+    assert scale.range_words[1].startswith("≤ −")
 
 
 def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):

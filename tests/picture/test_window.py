@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rso_lidar.picture.window import LADDER, Window, around, crop
+from rso_lidar.picture.window import LADDER, Window, around, crop, grown
 
 
 @st.composite
@@ -48,3 +48,15 @@ def test_the_target_stands_in_the_middle_unless_the_field_ends():
     assert (shown.top + shown.bottom, shown.left + shown.right) == (128, 48)
     shown = crop(Window(0, 8, 120, 128, 128, 128))
     assert (shown.top, shown.right) == (0, 128)
+
+
+def test_a_few_returns_are_shown_with_half_of_the_target_around_them():
+    target = Window(40, 64, 50, 80, 128, 128)
+    few = Window(60, 62, 55, 58, 128, 128)
+    shown = grown(few, target)
+    assert (shown.height, shown.width) == (12, 15)
+    assert shown.top <= few.top
+    assert shown.bottom >= few.bottom
+    assert shown.left <= few.left
+    assert shown.right >= few.right
+    assert grown(target, target) == target

@@ -1,0 +1,333 @@
+"""Write the parts of the pages in docs/ that the package itself states: ``python docs/generate.py``.
+
+A page is written by hand but for what stands between ``<!-- generated: name -->`` and ``<!-- end of name -->``. Names,
+types, limits and defaults come from the parts, fields and meanings of records from their statements, and the layout of
+a recording from a file that is laid out in memory. What a key means, and an attribute of a file, stands in
+meanings.toml; a key without a meaning, or a meaning without a key, is an error.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import re
+import tomllib
+import types
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import rso_lidar as rl
+from rso_lidar import part, records
+from rso_lidar.export import hdf5_layout
+
+DOCS = Path(__file__).resolve().parent
+EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
+
+UNITS = {
+    "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "mj": "mJ",
+    "m_s": "m/s", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "kg_m2": "kg m²", "per_s": "1/s",
+    "counts": "counts", "photons": "photons",
+}  # fmt: skip
+UNITS_BY_NAME = {"counts_per_photon": "counts/photon", "photons_at_95_percent": "photons", "adc_bits": "bits"}
+
+
+def pages() -> dict[Path, str]:
+    """Return the text that each generated page should have, by path."""
+    made = {
+        "scenario.md": {"keys": scenario_keys()},
+        "records.md": {"records": record_tables(), "layout": file_layout()},
+    }
+    return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
+
+
+def _filled(page: Path, blocks: dict[str, str]) -> str:
+    text = page.read_text(encoding="utf-8")
+    for name, block in blocks.items():
+        begin, end = f"<!-- generated: {name} -->", f"<!-- end of {name} -->"
+        if text.count(begin) != 1 or text.count(end) != 1:
+            raise SystemExit(f"{page.name}: needs exactly one '{begin}' and one '{end}' after it")
+        head, _, rest = text.partition(begin)
+        _, _, tail = rest.partition(end)
+        text = f"{head}{begin}\n\n{block.strip()}\n\n{end}{tail}"
+    return text
+
+
+def _meanings() -> dict[str, dict[str, str]]:
+    return tomllib.loads((DOCS / "meanings.toml").read_text(encoding="utf-8"))
+
+
+def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [header, tuple("---" for _ in header), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _prose(documented: Any) -> str:
+    """Return a docstring as Markdown paragraphs; the lines of an example are left out."""
+    paragraphs = (" ".join(block.split()) for block in (documented.__doc__ or "").split("\n\n"))
+    return "\n\n".join(block.replace("``", "`") for block in paragraphs if block and not block.startswith(">>>"))
+
+
+# ------------------------------------------------------------------------------------------------- scenario.md
+
+
+@dataclasses.dataclass
+class Section:
+    """One part of a scenario: heading, level, every place in the file where it may stand, and whether others may too."""
+
+    title: str
+    level: int
+    places: list[str]
+    chosen: bool
+
+
+def sections() -> dict[type[part.Part], Section]:
+    """Return a section for each part that a scenario file can hold, in the order in which one meets them."""
+    found: dict[type[part.Part], Section] = {rl.Scenario: Section("the file", 2, [], False)}
+    _collect(rl.Scenario, "", 2, found)
+    return found
+
+
+def _collect(cls: type[part.Part], place: str, level: int, found: dict[type[part.Part], Section]) -> None:
+    for name, field in cls.model_fields.items():
+        allowed, origin = _parts(field.annotation), get_origin(field.annotation)
+        inner = f"{place}.{name}" if place else name
+        inner += ".<part>" if origin is dict else ""
+        for each in allowed:
+            tag = each.model_fields.get("type")
+            title = f"{name}: {tag.default}" if tag else name
+            section = found.setdefault(each, Section(title, level, [], len(allowed) > 1))
+            section.places.append(f"[[{inner}]]" if origin is tuple else f"[{inner}]")
+            _collect(each, inner, 3, found)
+
+
+def _parts(annotation: Any) -> list[type[part.Part]]:
+    """Return the parts that an annotation allows."""
+    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        return [annotation] if issubclass(annotation, part.Part) else []
+    return [cls for inner in get_args(annotation) for cls in _parts(inner)]
+
+
+def scenario_keys() -> str:
+    """Return a section with a table of keys for each part of a scenario."""
+    found, meanings = sections(), _meanings()["keys"]
+    _complete(found, meanings)
+    lines = []
+    for cls, section in found.items():
+        lines += [f"{'#' * min(section.level, 4)} {section.title}", ""]
+        if section.places:
+            lines += ["Stands at " + ", ".join(f"`{place}`" for place in section.places) + ".", ""]
+        lines += [_prose(cls), ""]
+        rows = [
+            (f"`{name}`", _type(field, cls, found), _unit(name, field), _default(name, field, section), _meaning(cls, name))
+            for name, field in cls.model_fields.items()
+        ]
+        lines += [_table(("key", "type", "unit", "default", "meaning"), rows), ""]
+    return "\n".join(lines)
+
+
+def _complete(found: dict[type[part.Part], Section], meanings: Any) -> None:
+    """Raise where a key has no meaning, or a meaning no key."""
+    known = {(base.__name__, name) for cls in found for base in cls.__mro__ for name in getattr(base, "model_fields", ())}
+    said = {(cls, name) for cls, table in meanings.items() for name in table}
+    if wrong := sorted(said - known):
+        raise SystemExit(f"meanings.toml: no key {wrong[0][0]}.{wrong[0][1]}; {len(wrong)} in all")
+    if missing := sorted(f"{cls.__name__}.{name}" for cls in found for name in cls.model_fields if not _meaning(cls, name)):
+        raise SystemExit(f"meanings.toml: no meaning of {', '.join(missing)}")
+
+
+def _meaning(cls: type[part.Part], name: str) -> str:
+    """Return what a key means: said for its class, for one that the class extends, or for all."""
+    meanings = _meanings()["keys"]
+    if name == "type" and name not in meanings.get(cls.__name__, {}):
+        return "which one"
+    return next((meanings[c.__name__][name] for c in cls.__mro__ if name in meanings.get(c.__name__, {})), "")
+
+
+def _type(field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
+    parts = _parts(field.annotation)
+    if parts:
+        links = ", ".join(f"[{_word(each)}](#{_anchor(found[each].title)})" for each in parts)
+        origin = get_origin(field.annotation)
+        if origin is dict:
+            return f"table of part name = {links}"
+        return f"list of tables: {links}" if origin is tuple else f"table: {links}"
+    return _said(field.annotation, list(field.metadata))
+
+
+def _word(cls: type[part.Part]) -> str:
+    tag = cls.model_fields.get("type")
+    return f"`{tag.default}`" if tag else cls.__name__
+
+
+def _anchor(title: str) -> str:
+    return re.sub(r"[^a-z0-9 _-]", "", title.lower()).replace(" ", "-")
+
+
+def _said(annotation: Any, metadata: list[Any]) -> str:
+    """Return the type of a value in words, with its limits."""
+    origin, args = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        flat = [inner for item in args[1:] for inner in (item.metadata if hasattr(item, "metadata") else [item])]
+        return _said(args[0], [*flat, *metadata])
+    if origin in (Union, types.UnionType):
+        return " or ".join(_said(inner, metadata) for inner in args if inner is not type(None))
+    if origin is Literal:
+        return " or ".join(f'`"{value}"`' if isinstance(value, str) else f"`{value}`" for value in args)
+    if origin is tuple:
+        return _said_tuple(args, metadata)
+    words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    if annotation is datetime.datetime:
+        return "date and time with offset"
+    if any(getattr(item, "pattern", None) for item in metadata):
+        return "name: a letter, then letters, digits, `_` or `-`"
+    limits = [_limit(item) for item in metadata]
+    return " ".join([words[annotation], " and ".join(filter(None, limits))]).strip()
+
+
+def _said_tuple(args: tuple[Any, ...], metadata: list[Any]) -> str:
+    if any(item in get_args(part.Quaternion) for item in metadata):
+        return "unit quaternion x, y, z, w"
+    if args[-1] is Ellipsis:
+        return f"list of {_said(args[0], [])}"
+    inner = _said(args[0], [])
+    nonzero = ", not all zero" if any(item in get_args(part.Direction) for item in metadata) else ""
+    if get_origin(args[0]) is tuple:
+        return f"{len(args)} lists of {inner}"
+    return f"{len(args)} {inner}s{nonzero}"
+
+
+def _limit(item: Any) -> str:
+    for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
+        if hasattr(item, name):
+            bound = getattr(item, name)
+            return f"{sign} 2^{bound.bit_length() - 1}" if bound == 2**63 else f"{sign} {bound:g}"
+    return ""
+
+
+def _unit(name: str, field: Any) -> str:
+    if "float" not in str(field.annotation) and "int" not in str(field.annotation) or _parts(field.annotation):
+        return ""
+    if name in UNITS_BY_NAME:
+        return UNITS_BY_NAME[name]
+    words = name.split("_")
+    ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
+    return next((UNITS[end] for end in ends if end in UNITS), "1")
+
+
+def _default(name: str, field: Any, section: Section) -> str:
+    if field.is_required() or (name == "type" and section.chosen):
+        return "**required**"
+    default = field.get_default(call_default_factory=True)
+    if default is None or default in ((), {}):
+        return "none"
+    if isinstance(default, part.Part):
+        tag = getattr(default, "type", None)
+        return f'`{{ type = "{tag}" }}`' if tag else "its defaults"
+    return f"`{_toml(default)}`"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_toml(inner) for inner in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# -------------------------------------------------------------------------------------------------- records.md
+
+
+def record_tables() -> str:
+    """Return a section for each record, with a table of its arrays as they are stated, in the order of the walk."""
+    lines = []
+    for cls in vars(records).values():
+        if not dataclasses.is_dataclass(cls) or cls.__module__ != records.__name__:
+            continue
+        if cls in (records.Record, records.ArraySpec):
+            continue
+        lines += [f"### {cls.__name__}", "", _prose(cls), ""]
+        arrays = records.specs(cls)
+        if arrays:
+            rows = [
+                (f"`{name}`", f"({', '.join(spec.dims)})", spec.dtype.str[1:], spec.unit, spec.meaning)
+                for name, spec in arrays.items()
+            ]
+            lines += [_table(("array", "dims", "dtype", "unit", "meaning"), rows), ""]
+        others = [f"`{field.name}`: {field.type}" for field in dataclasses.fields(cls) if field.name not in arrays]
+        if others:
+            lines += [("Also " if arrays else "Fields: ") + "; ".join(others) + ".", ""]
+        lines += _derived(cls)
+    return "\n".join(lines)
+
+
+def _derived(cls: type) -> list[str]:
+    """Return rows for the properties and methods of a record, from the first lines of their docstrings."""
+    rows = []
+    for name, member in vars(cls).items():
+        inner = getattr(member, "fget", None) or getattr(member, "func", None)
+        call = isinstance(member, types.FunctionType) and not name.startswith("_")
+        if (inner or call) and not name.startswith("_"):
+            first = " ".join(((inner or member).__doc__ or "").split("\n\n")[0].split())
+            given = ""
+            if call:
+                given = f"({', '.join(member.__code__.co_varnames[1 : member.__code__.co_argcount])})"
+            rows.append((f"`{name}{given}`", first.removeprefix("Return ").removesuffix(".")))
+    return [_table(("derived", "what it is"), rows), ""] if rows else []
+
+
+def file_layout() -> str:
+    """Return tables of the attributes and datasets of a recording of the example, laid out in memory."""
+    import h5py
+
+    frame = next(rl.simulate(rl.Scenario.load(EXAMPLE), frames=[0], threads=1))
+    with h5py.File("layout", "w", driver="core", backing_store=False, libver="v110") as file:
+        hdf5_layout.lay_out(file, frame.source, frame)
+        meanings, attributes = _meanings()["attributes"], {name: "/" for name in file.attrs}
+        datasets: list[tuple[str, ...]] = []
+        node = next(iter(frame.truth.states))
+
+        def visit(path: str, place: Any) -> None:
+            general = path.replace(f"truth/{node}", "truth/<name>")
+            if general.startswith("truth/") and general.split("/")[1] not in ("<name>", "sun_direction"):
+                return  # the same again for the next node
+            if isinstance(place, h5py.Dataset):
+                datasets.append(_dataset_row(general, place))
+            else:
+                attributes.update({f"{general}: {name}": f"/{general}" for name in place.attrs})
+
+        file.visititems(visit)
+        if set(meanings) != {key.partition(": ")[2] or key for key in attributes}:
+            raise SystemExit(f"meanings.toml: [attributes] must be those of a recording: {', '.join(attributes)}")
+    rows = [
+        (f"`{where}`", f"`{name}`", meanings[name])
+        for key, where in attributes.items()
+        for name in [key.partition(": ")[2] or key]
+    ]
+    header = ("dataset", "dims", "dtype", "units", "_FillValue", "chunk", "long_name")
+    datasets.sort(key=lambda row: (row[0].count("/"), row[0]))
+    return f"{_table(('at', 'attribute', 'meaning'), rows)}\n\n{_table(header, datasets)}"
+
+
+def _dataset_row(path: str, dataset: Any) -> tuple[str, ...]:
+    scales = [dim[0].name.lstrip("/") for dim in dataset.dims if len(dim)] or [path]
+    fill = dataset.attrs.get("_FillValue")
+    grows = dataset.maxshape[0] is None
+    chunk = f"{dataset.chunks[0]} frame{'s' * (dataset.chunks[0] > 1)}" if grows else "all"
+    packed = ", gzip" if dataset.compression else ""
+    units = dataset.attrs.get("units", "")
+    units = re.sub(r"since .*", "since start_utc", units)
+    said = dataset.attrs["long_name"]
+    return (
+        f"`/{path}`", f"({', '.join(scales)})", dataset.dtype.str[1:], units,
+        "" if fill is None else f"{fill[0]}".replace("nan", "NaN"), chunk + packed, said,
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Write the pages anew."""
+    for page, text in pages().items():
+        page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

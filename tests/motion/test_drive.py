@@ -1,0 +1,121 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder, advance
+from rso_lidar.motion.ptu import TICK_S
+from rso_lidar.units import DEG
+
+
+def answer(response, pan_rad, ticks, start=((0.0, 0.0), (0.0, 0.0))):
+    """Return angle and rate (tick, 2) of pan, tick by tick, to a step or a sequence of demands."""
+    asked = np.broadcast_to(pan_rad, ticks)
+    state, course = start, []
+    for pan in asked:
+        state = advance(response, TICK_S, state, np.array([[pan, 0.0]]))
+        course.append(state[0])
+    return np.array(course)
+
+
+def second_order_step(natural_hz, damping, time):
+    """Return the unit step response of a second-order system (Ogata, Modern Control Engineering, 5th ed. section 5-3)."""
+    w = 2 * math.pi * natural_hz
+    if damping < 1:
+        wd, phase = w * math.sqrt(1 - damping**2), math.acos(damping)
+        return 1 - np.exp(-damping * w * time) / math.sqrt(1 - damping**2) * np.sin(wd * time + phase)
+    if damping == 1:
+        return 1 - np.exp(-w * time) * (1 + w * time)
+    root = math.sqrt(damping**2 - 1)
+    s1, s2 = (damping + root) * w, (damping - root) * w
+    return 1 + w / (2 * root) * (np.exp(-s1 * time) / s1 - np.exp(-s2 * time) / s2)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2, 0.7, 1.0, 1.5, 8.0])
+@pytest.mark.parametrize("natural_hz", [0.5, 4.0, 300.0])
+def test_second_order_step_is_the_closed_form_at_every_tick(natural_hz, damping):
+    course = answer(SecondOrder(natural_hz=natural_hz, damping=damping), 0.3, 1500)
+    time = np.arange(1, 1501) * TICK_S
+    np.testing.assert_allclose(course[:, 0], 0.3 * second_order_step(natural_hz, damping, time), atol=1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.5, 0.7])
+def test_second_order_overshoots_as_its_damping_says(damping):
+    course = answer(SecondOrder(natural_hz=2.0, damping=damping), 1.0, 2000)
+    overshoot = math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
+    # the peak is met within half a tick: (w dt / 2)^2 / 2 = 2e-5 of the overshoot
+    assert course[:, 0].max() - 1.0 == pytest.approx(overshoot, rel=1e-4)
+
+
+@pytest.mark.parametrize("damping", [0.3, 1.0, 1.0 + 1e-12, 3.0])
+def test_second_order_is_the_matrix_exponential(damping):
+    w = 2 * math.pi * 5.0
+    phi = expm(np.array([[0, 1], [-w * w, -2 * damping * w]]) * 0.7e-3)
+    start = ((0.4, -0.2), (0.1, 0.5))
+    (pan, tilt) = advance(SecondOrder(natural_hz=5.0, damping=damping), 0.7e-3, start, np.array([[0.25, -0.1]]))
+    np.testing.assert_allclose(pan, phi @ [0.15, -0.2] + [0.25, 0], rtol=1e-12)
+    np.testing.assert_allclose(tilt, phi @ [0.2, 0.5] + [-0.1, 0], rtol=1e-12)
+
+
+def test_first_order_step_is_the_closed_form_at_every_tick():
+    course = answer(FirstOrder(time_constant_s=0.25), -0.3, 1500)
+    time = np.arange(1, 1501) * TICK_S
+    np.testing.assert_allclose(course[:, 0], -0.3 * (1 - np.exp(-time / 0.25)), atol=1e-13)
+    np.testing.assert_allclose(course[:, 1], -0.3 / 0.25 * np.exp(-time / 0.25), atol=1e-12)
+
+
+@pytest.mark.parametrize("response", [FirstOrder(time_constant_s=0.05), SecondOrder(natural_hz=4, damping=0.7)])
+def test_limits_bite(response):
+    limited = response.replace(max_rate_deg_s=30.0, max_acceleration_deg_s2=100.0)
+    course = answer(limited, 60 * DEG, 4000) / DEG
+    time = np.arange(1, 4001) * TICK_S
+    assert np.abs(course[:, 1]).max() <= 30.0 * (1 + 1e-12)
+    # the rates of one tick and the next differ by the greatest acceleration at most, from rest at the very start
+    assert np.abs(np.diff(course[:, 1], prepend=0.0)).max() <= 100.0 * TICK_S * (1 + 1e-9)
+    ramp = time < 0.3
+    np.testing.assert_allclose(course[ramp, 1], 100.0 * time[ramp], rtol=1e-9)
+    cruise = (time > 0.31) & (time < 1.5)
+    np.testing.assert_allclose(np.diff(course[cruise, 0]) / TICK_S, 30.0, rtol=1e-9)
+    assert course[-1, 0] == pytest.approx(60.0, abs=0.1)  # and it arrives
+
+
+@pytest.mark.parametrize("response", [FirstOrder(time_constant_s=0.05), SecondOrder(natural_hz=4, damping=0.7)])
+def test_wide_limits_change_no_bit(response):
+    wide = response.replace(max_rate_deg_s=1e9, max_acceleration_deg_s2=1e12, pan_limits_deg=(-1e5, 1e5))
+    assert np.array_equal(answer(wide, 0.3, 500), answer(response, 0.3, 500))
+
+
+def test_a_drive_that_swings_past_the_end_of_its_travel_stops_there():
+    response = SecondOrder(natural_hz=2.0, damping=0.2, pan_limits_deg=(-10, 10))
+    course = answer(response, 10 * DEG, 1000) / DEG  # would overshoot by half
+    assert course[:, 0].max() == pytest.approx(10.0, abs=1e-12)
+    stopped = course[np.argmax(course[:, 0] >= 10.0 * (1 - 1e-12)) :]
+    assert np.abs(stopped).max() <= 10.0 + 1e-12
+    assert stopped[0, 1] == 0.0
+
+
+def test_many_ticks_at_once_are_the_same_bits_as_one_by_one():
+    rng = np.random.default_rng(1)
+    asked = rng.normal(size=(400, 2))
+    response = SecondOrder(natural_hz=3, damping=0.5, max_rate_deg_s=40, max_acceleration_deg_s2=900)
+    state = ((0.0, 0.0), (0.0, 0.0))
+    for row in asked:
+        state = advance(response, TICK_S, state, row[None])
+    assert state == advance(response, TICK_S, ((0.0, 0.0), (0.0, 0.0)), asked)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Ideal(pan_limits_deg=(10, -10)),
+        lambda: FirstOrder(time_constant_s=0.0),
+        lambda: SecondOrder(natural_hz=4, damping=-0.1),
+        lambda: SecondOrder(natural_hz=4, damping=1, max_rate_deg_s=0),
+        lambda: Ideal(max_rate_deg_s=3),
+    ],
+)
+def test_impossible_drives_are_refused(make):
+    with pytest.raises(ScenarioError):
+        make()

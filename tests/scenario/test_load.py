@@ -1,0 +1,156 @@
+"""What a bad scenario gets: one line that names file, place, what is wrong and what to do."""
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import RsoLidarError, ScenarioError
+
+ORBIT = (
+    'motion = { type = "kepler", epoch_utc = 2024-09-17T12:00:00Z, semi_major_axis_km = 7000, eccentricity = 0.001, '
+    "inclination_deg = 98, raan_deg = 10, argument_of_perigee_deg = 20, true_anomaly_deg = 30 }"
+)
+
+# (what is written instead of what, words that the line must hold)
+BAD = {
+    "unknown key, with a guess": ("natural_hz", "natural_freq_hz", ["ptu.response", "natural_freq_hz", "'natural_hz'"]),
+    "unknown table": ("[ptu]", "[gimbal]", ["unknown key 'gimbal'"]),
+    "text for a number": ("energy_mj = 50", 'energy_mj = "50 mJ"', ["lidar.laser.energy_mj", "number", "'50 mJ'"]),
+    "bool for a number": ("energy_mj = 50", "energy_mj = true", ["lidar.laser.energy_mj", "number"]),
+    "negative energy": ("energy_mj = 50", "energy_mj = -50", ["lidar.laser.energy_mj", "greater than 0", "-50"]),
+    "NaN": ("energy_mj = 50", "energy_mj = nan", ["lidar.laser.energy_mj", "finite"]),
+    "field of view over 180": ("fov_deg  = 2.5", "fov_deg = 181", ["lidar.receiver.fov_deg", "less than 180"]),
+    "field of view twice": ("fov_deg  = 2.5", "fov_deg = 2.5\nfocal_length_mm = 9", ["exactly one", "focal_length_mm"]),
+    "no aperture": ("f_number = 2.8", "", ["exactly one", "aperture_mm"]),
+    "no rays": ("rays_per_pixel = 4", "rays_per_pixel = 0", ["rays_per_pixel", "1"]),
+    "rays that are no square": ("rays_per_pixel = 4", "rays_per_pixel = 5", ["rays_per_pixel", "4 instead of 5"]),
+    "time without an offset": ("12:00:00Z", "12:00:00", ["time.start_utc", "offset", "Z"]),
+    "time as a text": ("2024-09-17T12:00:00Z", '"2024-09-17T12:00:00Z"', ["time.start_utc", "without quotes"]),
+    "no frames": ("duration_s    = 2", "duration_s = 0.01", ["duration_s * frame_rate_hz", "no frame"]),
+    "too many frames": ("duration_s    = 2", "duration_s = 1e12", ["split the run"]),
+    "a version to come": ("version = 1", "version = 2", ["version", "known: 1"]),
+    "broken TOML": ("version = 1", "version = = 1", ["not valid TOML", "line 2"]),
+    "a detector to come": ("[lidar.laser]", '[lidar.detector]\ntype = "gsfl"\n[lidar.laser]', ["'gsfl'", "empirical"]),
+    "unknown motion": ('"fixed", position_m = [1000', '"fixd", position_m = [1000', ["'fixd'", "'fixed'"]),
+    "motion without type": ('type = "fixed", position_m = [0, 0, 0]', "position_m = [0, 0, 0]", ["follower.motion", "type"]),
+    "vector too short": ("[1000, 0, 0]", "[1000, 0]", ["target[0].motion.position_m[2]", "missing"]),
+    "axis of no length": ("axis = [0, 0, 1]", "axis = [0, 0, 0]", ["target[0].attitude.axis", "zero vector"]),
+    "bare lvlh": (
+        '{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }',
+        '{ type = "lvlh" }',
+        ["target[0].attitude", "rtn", "lvlh_ccsds"],
+    ),
+    "reflectance over 1": ("reflectance = 0.30", "reflectance = 1.3", ["target[0].material.reflectance", "1.3"]),
+    "material that makes light": (
+        '{ type = "lambertian", reflectance = 0.30 }',
+        '{ type = "phong", diffuse = 0.6, specular = 0.6, exponent = 10 }',
+        ["target[0].material", "diffuse + specular"],
+    ),
+    "reserved name": ('name     = "plate"', 'name = "lidar"', ["lidar", "reserved"]),
+    "name of nothing": ('at = "plate"', 'at = "plaet"', ["ptu.point.at", "'plaet'", "'plate'"]),
+    "orbit without an Earth": ('motion = { type = "fixed", position_m = [0, 0, 0] }', ORBIT, ["follower.motion", "local"]),
+    "relative to nothing": (
+        "position_m = [0, 0, 0] }",
+        'position_m = [0, 0, 0], relative_to = "plat" }',
+        ["follower.motion.relative_to", "'plat'", "'plate'"],
+    ),
+    "relative to itself": (
+        "position_m = [0, 0, 0] }",
+        'position_m = [0, 0, 0], relative_to = "follower" }',
+        ["loop", "follower"],
+    ),
+    "one table for a list": ("[[target]]", "[target]", ["target", "[[...]]"]),
+    "scale and size": ('model    = "plate"', 'model = "plate"\nscale = 2.0\nsize_m = 3.0', ["scale or size_m"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_one_line_with_place_and_cure(case, text):
+    old, new, words = BAD[case]
+    assert old in text
+    with pytest.raises(ScenarioError) as error:
+        rl.Scenario.loads(text.replace(old, new), where="bench.toml")
+    line = str(error.value)
+    assert line.startswith("bench.toml: ")
+    assert "\n" not in line
+    for word in words:
+        assert word in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('model    = "plate"', 'model = "plat"', ["target plate", "unknown model 'plat'", "'plate'"]),
+        ('model    = "plate"', 'model = "meshes/plate.stl"', ["target plate", "no file 'meshes/plate.stl'"]),
+        ('model    = "plate"', 'model = "plate.step"', ["target plate", "plate.step"]),
+        (
+            "material = {",
+            'part_materials = { wing = { type = "lambertian" } }\nmaterial = {',
+            ["target plate", "part_materials", "'wing'"],
+        ),
+    ],
+)
+def test_what_only_files_can_tell(old, new, words, text):
+    scenario = rl.Scenario.loads(text.replace(old, new), where="bench.toml")
+    with pytest.raises(RsoLidarError) as error:
+        _ = scenario.surfaces
+    assert all(word in str(error.value) for word in ["bench.toml", *words])
+
+
+def test_two_bodies_with_one_name(text):
+    twin = text[text.index("[[target]]") : text.index("[follower]")]
+    with pytest.raises(ScenarioError, match="plate: two bodies or axes have this name"):
+        rl.Scenario.loads(text.replace("[follower]", twin + "[follower]"))
+
+
+def test_a_loop_of_looks_is_none_but_of_places_is(text):
+    mutual = text.replace('{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', '{ type = "look_at", at = "follower" }')
+    mutual = mutual.replace(
+        "[follower]\n", '[follower]\nattitude = { type = "look_at", at = "plate" }\n'
+    )
+    assert rl.Scenario.loads(mutual).bodies  # each looks at the other's place, which does not turn
+    loop = text.replace("[1000, 0, 0]", '[1000, 0, 0], relative_to = "follower"').replace(
+        "position_m = [0, 0, 0]", 'position_m = [0, 0, 0], relative_to = "plate"'
+    )
+    with pytest.raises(ScenarioError, match=r"loop \((plate -> follower|follower -> plate)"):
+        rl.Scenario.loads(loop)
+
+
+def test_files_that_are_none(tmp_path):
+    for path, words in [
+        (tmp_path / "none.toml", "no such file"),
+        (tmp_path, "is a folder"),
+    ]:
+        with pytest.raises(ScenarioError, match=words):
+            rl.Scenario.load(path)
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(bytes(range(128, 256)))
+    with pytest.raises(ScenarioError, match="not UTF-8"):
+        rl.Scenario.load(binary)
+
+
+class TestSettings:
+    def test_a_number(self, text):
+        assert rl.Scenario.loads(text, settings=("lidar.laser.energy_mj=20",)).lidar.laser.energy_mj == 20
+
+    def test_a_bare_word_and_a_place_by_name_or_number(self, text):
+        assert rl.Scenario.loads(text, settings=("target.plate.model=sphere",)).target[0].model == "sphere"
+        assert rl.Scenario.loads(text, settings=('target.0.model="sphere"',)).target[0].model == "sphere"
+
+    def test_a_table_that_was_not_there(self, text):
+        scenario = rl.Scenario.loads(text, settings=("lidar.detector.false_alarms_per_s=0",))
+        assert scenario.lidar.detector.false_alarms_per_s == 0
+
+    @pytest.mark.parametrize(
+        ("setting", "words"),
+        [
+            ("nonsense", "place=value"),
+            ("lidar.laser.energy=3", "did you mean 'energy_mj'"),
+            ("target.3.model=x", "no entry '3'"),
+            ("target.disc.model=x", "no entry 'disc'"),
+            ("seed.deep=3", "holds a value"),
+            ("lidar.laser.energy_mj=abc", "number"),
+        ],
+    )
+    def test_bad_ones(self, setting, words, text):
+        with pytest.raises(ScenarioError, match=words):
+            rl.Scenario.loads(text, settings=(setting,))

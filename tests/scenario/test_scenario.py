@@ -1,0 +1,109 @@
+"""A scenario says the same whichever way it was written, and can be flown again from what a frame carries."""
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+
+
+def test_load_and_loads_agree(text, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    assert rl.Scenario.load(path) == rl.Scenario.loads(text)
+
+
+def test_python_says_the_same(text):
+    scenario = rl.Scenario(
+        version=1,
+        name="a plate on a bench",
+        seed=7,
+        world=rl.World(axes="local"),
+        time=rl.Time(start_utc=rl.Scenario.loads(text).time.start_utc, duration_s=2, frame_rate_hz=5),
+        target=[
+            rl.Target(
+                name="plate",
+                model="plate",
+                material=rl.Lambertian(reflectance=0.30),
+                motion=rl.Fixed(position_m=(1000, 0, 0)),
+                attitude=rl.Spin(axis=(0, 0, 1), rate_deg_s=10),
+            )
+        ],
+        follower=rl.Follower(motion=rl.Fixed(position_m=(0, 0, 0))),
+        ptu=rl.Ptu(
+            point=rl.TrackPoint(at="plate"),
+            response=rl.SecondOrder(natural_hz=4.0, damping=0.7),
+            errors=rl.PointingErrors(jitter_deg=0.001, encoder_noise_deg=0.001),
+        ),
+        lidar=rl.Lidar(
+            laser=rl.Laser(energy_mj=50),
+            receiver=rl.Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32, rays_per_pixel=4),
+        ),
+    )
+    assert scenario == rl.Scenario.loads(text)
+    assert scenario != scenario.replace(seed=8)
+
+
+def test_replace_validates(text):
+    scenario = rl.Scenario.loads(text)
+    with pytest.raises(ScenarioError, match="seed"):
+        scenario.replace(seed=-1)
+    laser = scenario.lidar.laser
+    with pytest.raises(ScenarioError, match="energy_mj"):
+        laser.replace(energy_mj=0)
+    assert laser.replace(energy_mj=1).energy_mj == 1
+    assert laser.energy_mj == 50
+
+
+def test_the_source_flies_again(text):
+    scenario = rl.Scenario.loads(text)
+    frame = next(rl.simulate(scenario, frames=[4]))
+    again = rl.Scenario.loads(frame.source.scenario)
+    assert again.source.scenario == frame.source.scenario
+    twin = next(rl.simulate(again, frames=[4]))
+    np.testing.assert_array_equal(twin.range_m, frame.range_m)
+    np.testing.assert_array_equal(twin.intensity_counts, frame.intensity_counts)
+
+
+def test_the_source_holds_element_sets_inline():
+    scenario = rl.Scenario.load("examples/tdrs_approach.toml")
+    text = scenario.source.scenario
+    assert "tle/tdrs.tle" not in text
+    assert "1 99001U" in text
+    assert rl.Scenario.loads(text).source.scenario == text
+    entry = scenario.source.targets[0]
+    assert len(entry.mesh_sha256) == 64
+    assert len(entry.parts) == len(entry.materials) > 5
+
+
+class TestAdvice:
+    def test_a_sound_scenario_gets_none(self):
+        assert rl.Scenario.load("examples/tdrs_approach.toml").advice() == []
+
+    @pytest.mark.parametrize(
+        ("settings", "words"),
+        [
+            (("time.start_utc=2025-06-01T12:00:00Z",), "days from its epoch"),
+            (("follower.motion.position_m=[0, -30000, 0]",), "Clohessy-Wiltshire"),
+            (("follower.motion.position_m=[0, -30000, 0]",), "armed window"),
+            (('ptu.point={ type = "fixed", pan_deg = 90.0 }',), "never in the field of view"),
+            (("target=[]", 'ptu.point={ type = "fixed" }', 'follower.motion={ type = "tle", file = "tle/tdrs.tle" }'), "no [[target]]"),
+        ],
+    )
+    def test_what_is_probably_not_meant(self, settings, words):
+        lines = rl.Scenario.load("examples/tdrs_approach.toml", settings).advice()
+        assert any(words in line for line in lines), lines
+
+    def test_light_time(self):
+        settings = ("follower.motion.velocity_m_s=[0, 1200, 0]", "time.duration_s=5", "time.frame_rate_hz=1")
+        lines = rl.Scenario.load("examples/tdrs_approach.toml", settings).advice()
+        # 1.2 km/s times 3 km over the speed of light is 1.2 cm.
+        assert any("light time" in line and "1.2 cm" in line for line in lines), lines
+
+
+def test_description_is_short_and_full():
+    lines = rl.Scenario.load("examples/tdrs_approach.toml").describe().splitlines()
+    assert 12 <= len(lines) <= 25
+    text = "\n".join(lines)
+    for words in ["42165", "IFOV 340.9", "1,001 photons", "P(detect) 0.951", "3000.0 -> 304.9", "540 frames"]:
+        assert words in text, words
