@@ -47,6 +47,7 @@ lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/mypy
 
+validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
 	$(BIN)/python -m pytest -q tests/physics --validation-page=docs/validation.md
 

@@ -13,8 +13,11 @@ import datetime
 import re
 import tomllib
 import types
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import part, records
@@ -36,6 +39,7 @@ def pages() -> dict[Path, str]:
     made = {
         "scenario.md": {"keys": scenario_keys()},
         "records.md": {"records": record_tables(), "layout": file_layout()},
+        "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -52,11 +56,11 @@ def _filled(page: Path, blocks: dict[str, str]) -> str:
     return text
 
 
-def _meanings() -> dict[str, dict[str, str]]:
+def _meanings() -> dict[str, Any]:
     return tomllib.loads((DOCS / "meanings.toml").read_text(encoding="utf-8"))
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = [header, tuple("---" for _ in header), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
@@ -82,8 +86,8 @@ class Section:
 
 def sections() -> dict[type[part.Part], Section]:
     """Return a section for each part that a scenario file can hold, in the order in which one meets them."""
-    found: dict[type[part.Part], Section] = {rl.Scenario: Section("the file", 2, [], False)}
-    _collect(rl.Scenario, "", 2, found)
+    found: dict[type[part.Part], Section] = {rl.Scenario: Section("the file", 3, [], False)}
+    _collect(rl.Scenario, "", 3, found)
     return found
 
 
@@ -97,7 +101,7 @@ def _collect(cls: type[part.Part], place: str, level: int, found: dict[type[part
             title = f"{name}: {tag.default}" if tag else name
             section = found.setdefault(each, Section(title, level, [], len(allowed) > 1))
             section.places.append(f"[[{inner}]]" if origin is tuple else f"[{inner}]")
-            _collect(each, inner, 3, found)
+            _collect(each, inner, 4, found)
 
 
 def _parts(annotation: Any) -> list[type[part.Part]]:
@@ -113,13 +117,19 @@ def scenario_keys() -> str:
     _complete(found, meanings)
     lines = []
     for cls, section in found.items():
-        lines += [f"{'#' * min(section.level, 4)} {section.title}", ""]
+        lines += [f"{'#' * section.level} {section.title}", ""]
         if section.places:
             lines += ["Stands at " + ", ".join(f"`{place}`" for place in section.places) + ".", ""]
         lines += [_prose(cls), ""]
         rows = [
-            (f"`{name}`", _type(field, cls, found), _unit(name, field), _default(name, field, section), _meaning(cls, name))
-            for name, field in cls.model_fields.items()
+            (
+                f"`{name}`",
+                _type(field, cls, found),
+                _unit(name, field),
+                _default(name, field, section),
+                _meaning(cls, name),
+            )
+            for name, field in sorted(cls.model_fields.items(), key=lambda item: item[0] != "type")
         ]
         lines += [_table(("key", "type", "unit", "default", "meaning"), rows), ""]
     return "\n".join(lines)
@@ -127,11 +137,15 @@ def scenario_keys() -> str:
 
 def _complete(found: dict[type[part.Part], Section], meanings: Any) -> None:
     """Raise where a key has no meaning, or a meaning no key."""
-    known = {(base.__name__, name) for cls in found for base in cls.__mro__ for name in getattr(base, "model_fields", ())}
+    known = {
+        (base.__name__, name) for cls in found for base in cls.__mro__ for name in getattr(base, "model_fields", ())
+    }
     said = {(cls, name) for cls, table in meanings.items() for name in table}
     if wrong := sorted(said - known):
         raise SystemExit(f"meanings.toml: no key {wrong[0][0]}.{wrong[0][1]}; {len(wrong)} in all")
-    if missing := sorted(f"{cls.__name__}.{name}" for cls in found for name in cls.model_fields if not _meaning(cls, name)):
+    if missing := sorted(
+        f"{cls.__name__}.{name}" for cls in found for name in cls.model_fields if not _meaning(cls, name)
+    ):
         raise SystemExit(f"meanings.toml: no meaning of {', '.join(missing)}")
 
 
@@ -205,13 +219,20 @@ def _limit(item: Any) -> str:
 
 
 def _unit(name: str, field: Any) -> str:
-    if "float" not in str(field.annotation) and "int" not in str(field.annotation) or _parts(field.annotation):
+    if not _numeric(field.annotation):
         return ""
     if name in UNITS_BY_NAME:
         return UNITS_BY_NAME[name]
     words = name.split("_")
     ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
     return next((UNITS[end] for end in ends if end in UNITS), "1")
+
+
+def _numeric(annotation: Any) -> bool:
+    """Return whether a number can stand in a field, on its own or in a list."""
+    if get_origin(annotation) in (Annotated, tuple, Union, types.UnionType):
+        return any(_numeric(inner) for inner in get_args(annotation))
+    return annotation in (float, int)
 
 
 def _default(name: str, field: Any, section: Section) -> str:
@@ -240,10 +261,9 @@ def _toml(value: Any) -> str:
 def record_tables() -> str:
     """Return a section for each record, with a table of its arrays as they are stated, in the order of the walk."""
     lines = []
-    for cls in vars(records).values():
+    left_out = (records.Record, records.ArraySpec)
+    for cls in [cls for cls in vars(records).values() if isinstance(cls, type) and cls not in left_out]:
         if not dataclasses.is_dataclass(cls) or cls.__module__ != records.__name__:
-            continue
-        if cls in (records.Record, records.ArraySpec):
             continue
         lines += [f"### {cls.__name__}", "", _prose(cls), ""]
         arrays = records.specs(cls)
@@ -268,9 +288,8 @@ def _derived(cls: type) -> list[str]:
         call = isinstance(member, types.FunctionType) and not name.startswith("_")
         if (inner or call) and not name.startswith("_"):
             first = " ".join(((inner or member).__doc__ or "").split("\n\n")[0].split())
-            given = ""
-            if call:
-                given = f"({', '.join(member.__code__.co_varnames[1 : member.__code__.co_argcount])})"
+            taken = member.__code__.co_varnames[1 : member.__code__.co_argcount] if call else ()
+            given = f"({', '.join(taken)})" if call else ""
             rows.append((f"`{name}{given}`", first.removeprefix("Return ").removesuffix(".")))
     return [_table(("derived", "what it is"), rows), ""] if rows else []
 
@@ -282,7 +301,7 @@ def file_layout() -> str:
     frame = next(rl.simulate(rl.Scenario.load(EXAMPLE), frames=[0], threads=1))
     with h5py.File("layout", "w", driver="core", backing_store=False, libver="v110") as file:
         hdf5_layout.lay_out(file, frame.source, frame)
-        meanings, attributes = _meanings()["attributes"], {name: "/" for name in file.attrs}
+        meanings, attributes = _meanings()["attributes"], dict.fromkeys(file.attrs, "/")
         datasets: list[tuple[str, ...]] = []
         node = next(iter(frame.truth.states))
 
@@ -321,6 +340,55 @@ def _dataset_row(path: str, dataset: Any) -> tuple[str, ...]:
         f"`/{path}`", f"({', '.join(scales)})", dataset.dtype.str[1:], units,
         "" if fill is None else f"{fill[0]}".replace("nan", "NaN"), chunk + packed, said,
     )  # fmt: skip
+
+
+# -------------------------------------------------------------------------------------------------- physics.md
+
+
+def budget() -> str:
+    """Return what the seed's system of section 5 gets back by eq. 7, as printed and with the factor 4."""
+    rows = []
+    for transmission in (0.5, 0.6, 0.67, 0.7, 0.8, 0.9, 1.0):
+        receiver = rl.Receiver(fov_deg=2.5, f_number=2.8, transmission=transmission)
+        gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * transmission
+        brdf = float(rl.Lambertian(reflectance=0.3).brdf_per_sr(np.array(1.0)))
+        cells = [f"{transmission:g}"]
+        for footprint in ("as_printed", "square"):
+            density = float(rl.Laser(footprint=footprint).density(np.array(0.0), np.array(0.0)))
+            photons_m2 = density * gathered * brdf
+            cells += [f"{photons_m2 / 3000.0**2:,.0f}", f"{(photons_m2 / 1000.0) ** 0.5 / 1e3:.2f} km"]
+        rows.append((cells[0], cells[1], cells[3], cells[2], cells[4]))
+    header = (
+        "η",
+        "photons at 3 km, as printed",
+        "photons at 3 km, with the 4",
+        "1000 photons at, as printed",
+        "with the 4",
+    )
+    return _table(header, rows)
+
+
+def detection() -> str:
+    """Return detection, range noise and counts of the default detector over photons."""
+    detector, fwhm_s = rl.Empirical(), rl.Laser().pulse_fwhm_s
+    rows = []
+    for photons in (300, 500, 700, 800, 900, 1000, 1200, 3000, 10_000, 100_000):
+        n = np.array(float(photons))
+        found, noise_m = float(detector.detection_probability(n)), float(detector.range_noise_m(n, fwhm_s))
+        rows.append((f"{photons:,}", f"{found:.3f}", f"{noise_m * 100:.1f} cm", f"{float(detector.counts(n)):,.0f}"))
+    return _table(("photons", "P(detect)", "range noise", "counts"), rows)
+
+
+def defaults() -> str:
+    """Return every number that a scenario may leave out of the instrument, and where it comes from."""
+    rows = []
+    for name, sources in _meanings()["sources"].items():
+        fields = getattr(rl, name).model_fields
+        given = {key for key, field in fields.items() if key != "type" and field.default is not None}
+        if set(sources) != given:
+            raise SystemExit(f"meanings.toml: [sources.{name}] must say {', '.join(sorted(given))}")
+        rows += [(f"`{name}.{key}`", f"`{_toml(fields[key].default)}`", said) for key, said in sources.items()]
+    return _table(("default", "value", "where it comes from"), rows)
 
 
 def main() -> None:

@@ -43,7 +43,7 @@ scenario = rl.Scenario(
         errors=rl.PointingErrors(jitter_deg=0.01, encoder_noise_deg=0.005, command_latency_s=0.05),
     ),
     lidar=rl.Lidar(
-        laser=rl.Laser(wavelength_nm=1064, energy_mj=4, pulse_fwhm_ns=8, divergence_deg=3.0),
+        laser=rl.Laser(wavelength_nm=1064, energy_mj=15, pulse_fwhm_ns=8, divergence_deg=3.0),
         receiver=rl.Receiver(fov_deg=3.0, f_number=2.8, transmission=0.67, rays_per_pixel=4, min_rays_per_target=1024),
         detector=rl.Empirical(armed_to_m=2000, false_alarms_per_s=300),
     ),

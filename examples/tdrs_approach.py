@@ -20,7 +20,7 @@ scenario = rl.Scenario(
             material=rl.Lambertian(reflectance=0.30),
             motion=rl.Tle(file="tle/tdrs.tle"),
             attitude=rl.Spin(
-                axis=[0, 0, 1],  # the way dishes and solar cells face, 30 degrees off the way to the follower
+                axis=[0, 0, 1],  # the way dishes and solar cells face, 35 degrees off the way to the follower
                 rate_deg_s=0.5,
                 quaternion_xyzw=[0.1743, 0.4429, 0.8184, 0.3221],
             ),

@@ -33,7 +33,7 @@ scenario = rl.Scenario(
         )
     ],
     follower=rl.Follower(  # rtn axes of the stage; x' = n y / 2 closes the ellipse
-        motion=rl.Hill(relative_to="stage", position_m=[0, -250, 0], velocity_m_s=[-0.136850, 0, 0]),
+        motion=rl.Hill(relative_to="stage", position_m=[0, -250, 0], velocity_m_s=[-0.136853, 0, 0]),
         attitude=rl.LookAt(at="stage"),
     ),
     lidar=rl.Lidar(

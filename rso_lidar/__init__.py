@@ -7,7 +7,7 @@
 
 from importlib.metadata import version as _version
 
-from rso_lidar import track
+from rso_lidar import track, units
 from rso_lidar.detector import Empirical
 from rso_lidar.errors import (
     CatalogError,
@@ -126,4 +126,5 @@ __all__ = [
     "save",
     "simulate",
     "track",
+    "units",
 ]

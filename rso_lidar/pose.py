@@ -50,6 +50,11 @@ class Link:
     velocity_m_s: np.ndarray
     angular_velocity_rad_s: np.ndarray
 
+    def __post_init__(self) -> None:
+        # Copies: scipy's rotations refuse arrays that are locked, as those of records are.
+        object.__setattr__(self, "velocity_m_s", np.array(self.velocity_m_s, dtype=float))
+        object.__setattr__(self, "angular_velocity_rad_s", np.array(self.angular_velocity_rad_s, dtype=float))
+
     @staticmethod
     def still(parent_from_child: RigidTransform | None = None) -> Link:
         """Return a link that does not move."""

@@ -65,6 +65,7 @@ class Machine(Part):
     """A part with all kinds of fields, and parts inside."""
 
     title: Text = "machine"
+    shape: Literal["square", "circle"] = "square"
     start_utc: Instant = NOON
     on: Flag = True
     teeth: Whole = 0
@@ -149,7 +150,10 @@ def test_a_whole_number_is_a_number():
             "start_utc = 2024-09-17T12:00:00",
             "start_utc: a time without an offset is ambiguous; end it with Z or +00:00",
         ),
-        ("start_utc = '2024-09-17T12:00:00Z'", "start_utc: should be a valid datetime"),
+        (
+            "start_utc = '2024-09-17T12:00:00Z'",
+            "start_utc: needs a date and time without quotes, such as 2024-09-17T12:00:00Z",
+        ),
         ("on = 1", "on: should be a valid boolean, not 1"),
         ("teeth = 4.0", "teeth: should be a valid integer, not 4.0"),
         ("teeth = true", "teeth: should be a valid integer, not True"),
@@ -158,6 +162,9 @@ def test_a_whole_number_is_a_number():
         ("share_fraction = nan", "share_fraction: should be a finite number, not nan"),
         ("share_fraction = '0.5'", "share_fraction: should be a valid number, not '0.5'"),
         ("title = ''", "title: "),
+        ("shape = 'circl'", "shape: unknown value 'circl'; did you mean 'circle'? (known: square, circle)"),
+        ("[wheel]\nname = 'a'", "wheel: needs a list ([[...]] for a list of tables), not {'name': 'a'}"),
+        ("[[wheel]]\nnam = 'a'", "wheel[0].nam: unknown key 'nam'; did you mean 'name'? (and 2 more)"),
         ("title = 3", "title: should be a valid string, not 3"),
         ("teeth = 4", "teeth without a wheel: add a [[wheel]]"),
         (

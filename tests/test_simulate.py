@@ -34,7 +34,9 @@ def test_a_frame_holds_what_it_says(scenario):
     frame = next(rl.simulate(scenario, frames=[26], keep=("rays", "hits", "photons")))
     assert frame.range_m.shape == frame.intensity_counts.shape == frame.valid.shape == (32, 32)
     assert frame.points_m.shape == (32, 32, 3)
-    np.testing.assert_allclose(np.linalg.norm(frame.points_m[frame.valid], axis=1), frame.range_m[frame.valid], rtol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(frame.points_m[frame.valid], axis=1), frame.range_m[frame.valid], rtol=1e-6
+    )
     assert np.isnan(frame.range_m[~frame.valid]).all()
     assert (frame.intensity_counts[frame.valid] >= 1).all()
     assert (frame.intensity_counts[~frame.valid] == 0).all()
@@ -69,7 +71,8 @@ def test_rates_are_the_change_of_the_pose(scenario):
 class TestController:
     def test_it_sees_no_truth_and_commands_the_next_flash(self, scenario):
         fast = scenario.replace(
-            time=scenario.time.replace(frame_rate_hz=10.0, duration_s=0.5), ptu=scenario.ptu.replace(response=rl.Ideal())
+            time=scenario.time.replace(frame_rate_hz=10.0, duration_s=0.5),
+            ptu=scenario.ptu.replace(response=rl.Ideal()),
         )
         seen = []
 

@@ -53,5 +53,6 @@ def test_photon_energy_in_electronvolts():
     assert units.photon_energy_j(1064e-9) / constants.e == pytest.approx(1239.841984 / 1064, rel=1e-9)
 
 
-def test_one_way_range_of_a_nanosecond_is_fifteen_centimetres():
-    assert units.one_way_m(1e-9) == pytest.approx(0.149896229, rel=1e-9)
+def test_a_delay_of_a_nanosecond_is_fifteen_centimetres_of_range():
+    """Out and back: half of what light travels, c being exact."""
+    assert units.NS * units.RANGE_PER_DELAY_M_S == pytest.approx(0.149896229, rel=4e-16)

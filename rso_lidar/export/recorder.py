@@ -25,7 +25,7 @@ from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")
 _LIBVER = ("v110", "v110")
-_CACHE_BYTES = 2**18  # for each of some sixty datasets; nothing written is looked at again
+_CACHE = {"rdcc_nslots": 1, "rdcc_nbytes": 2**20}  # one chunk a dataset: every flush looks at all that is cached
 _SMALL_FRAMES_PER_COPY = 32 * hdf5_layout.FRAMES_PER_CHUNK
 _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
 
@@ -143,7 +143,7 @@ class Recorder:
             image = draft.id.get_file_image()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with self._watched(), self._swept(starting):
             starting.write_bytes(image)
-            self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", rdcc_nbytes=_CACHE_BYTES)
+            self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
             for path, variable in self._variables.items():
                 shape = variable.shape
                 self._columns[path] = (self._file[path].id, h5py.h5t.py_create(variable.spec.dtype), shape)

@@ -125,7 +125,7 @@ class DemandCurve:
     """
 
     KNOT_S = 0.05
-    BLOCK = 512
+    BLOCK = 4096
 
     def __init__(self, directions: Callable[[np.ndarray], np.ndarray], end_s: float) -> None:
         self._directions = directions

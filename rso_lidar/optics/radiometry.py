@@ -16,9 +16,8 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver) -> Photons:
     angle from the boresight (the aperture is seen foreshortened), η the transmission, R the slant range. On the axis
     this is the seed's eq. 7 with the factor 4 of a square footprint.
     """
-    direction = hits.rays.direction[hits.ray]
-    cos_axis = direction[:, 2]
-    density = laser.density(direction[:, 0] / cos_axis, direction[:, 1] / cos_axis)
+    x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
+    density = laser.density(x / cos_axis, y / cos_axis)
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     photons = density * hits.weight * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
     delay_s = hits.range_m / units.RANGE_PER_DELAY_M_S

@@ -37,7 +37,7 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     )
     if len(parts) > 1:
         order = np.argsort(pixel, kind="stable")
-        direction, pixel, weight = direction[order], pixel[order], weight[order]
+        direction, pixel, weight = _taken(direction, order), pixel[order], weight[order]
     if laser.footprint != "gaussian":
         direction, pixel, weight = _lit(direction, pixel, weight, laser, receiver)
     return Rays(receiver.shape, direction, pixel, weight)
@@ -59,7 +59,7 @@ def _lit(
     x, y = direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2]
     if laser.footprint == "circle":
         inside = np.flatnonzero(laser.lit(x, y))
-        return direction[inside], pixel[inside], weight[inside]
+        return _taken(direction, inside), pixel[inside], weight[inside]
     half_cell = 0.5 * np.sqrt(weight) * receiver.pixel_tangent
     edges = [(np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)]
     (left, right), (top, bottom) = edges
@@ -127,13 +127,21 @@ def _unit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return direction
 
 
+def _taken(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return some of the directions, still with x, y and z each in one piece."""
+    taken = np.empty((len(chosen), 3), order="F")
+    for axis in range(3):
+        np.take(direction[:, axis], chosen, out=taken[:, axis], mode="clip")
+    return taken
+
+
 def _grid_rays(receiver: Receiver, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direction, pixel and weight of the cells wanted, at one ray a cell."""
     k = receiver.rays_per_side
     direction, pixel = _full_grid(receiver.shape, k, receiver.pixel_tangent)
     if not wanted.all():
         chosen = np.flatnonzero(_by_pixel(wanted, receiver.shape, k))
-        direction, pixel = direction[chosen], pixel[chosen]
+        direction, pixel = _taken(direction, chosen), pixel[chosen]
     return direction, pixel, np.full(len(pixel), 1.0 / k**2)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +55,7 @@ def _target_lines(scenario: Scenario, target: Target, sight: Sight, seen: Previe
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
         f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}",
-        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time",
+        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time (drive on its demand)",
     ]
 
 
@@ -108,15 +107,15 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
 def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
     lines = [f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar:"]
     for place, range_m in (("first", float(sight.range_m[0])), ("last", float(sight.range_m[-1]))):
-        low, high = filled_pixel_photons(scenario, sight.name, range_m)
+        ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m), 6))
         detector = scenario.lidar.detector
-        probability = detector.detection_probability(np.array(high))
-        noise = detector.range_noise_m(np.array(high), scenario.lidar.laser.pulse_fwhm_s)
+        photons = " to ".join(f"{value:,.0f}" for value in ends)
+        probability = " to ".join(f"{value:.3f}" for value in detector.detection_probability(ends))
+        noise = detector.range_noise_m(ends[-1:], scenario.lidar.laser.pulse_fwhm_s)[0]
         pixel_m = range_m * scenario.lidar.receiver.pixel_tangent
-        photons = f"{high:,.0f}" if math.isclose(low, high) else f"{low:,.0f} to {high:,.0f}"
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
-            f"{photons} photons, P(detect) {float(probability):.3f}, range noise {float(noise) * 100:.1f} cm"
+            f"{photons} photons, P(detect) {probability}, range noise {noise / units.CM:.1f} cm"
         )
     return lines
 

@@ -12,7 +12,7 @@ from rso_lidar.records import Source, TargetEntry
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
-_LIBRARIES = ("rso-lidar", "numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
+_LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 
 
 def source_of(scenario: Scenario) -> Source:
@@ -22,7 +22,7 @@ def source_of(scenario: Scenario) -> Source:
         title=scenario.name,
         start_utc=utc_text(scenario.time.start_utc, 0.0),
         seed=scenario.seed,
-        versions={"python": platform.python_version()}
+        versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in _LIBRARIES},
         targets=tuple(
             TargetEntry(

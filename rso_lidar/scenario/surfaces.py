@@ -4,18 +4,20 @@ import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
 from rso_lidar.scenario.parts import Target
 from rso_lidar.scene import Lambertian, Material, Phong, Surface, build_surface, load_mesh, warn_of_size
-from rso_lidar.scene.library import materials, model
+from rso_lidar.scene.library import ModelEntry, materials, model
 
 _MATERIAL: TypeAdapter[Lambertian | Phong] = TypeAdapter(Material)
 
 
 def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
     """Return the surface of a target; `file` finds the path of a mesh that the scenario names."""
+    entry: ModelEntry | None = None
     own: Mapping[str, Lambertian | Phong] = {}
     center_of_mass_m = target.center_of_mass_m
     if target.is_path:
@@ -30,11 +32,12 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
     else:
         entry = model(target.model)
         path = entry.path
-        center_of_mass_m = center_of_mass_m or entry.center_of_mass_m
         if target.material is None:
             own = {part: material_named(name) for part, name in entry.parts.items()}
     mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
+    if center_of_mass_m is None and entry is not None:
+        center_of_mass_m = (np.array(entry.center_of_mass_m) * scale).tolist()
     warn_of_size(mesh, scale, target.name)
     return build_surface(
         target.name,

@@ -2,6 +2,7 @@
 
 import contextlib
 
+import h5py
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -107,6 +108,21 @@ def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2,
 
 def make_frames(count, **how):
     return (make_frame(k, **how) for k in range(count))
+
+
+def datasets(path):
+    """Return every dataset of a file with its attributes, as bytes that can be compared."""
+    found = {}
+
+    def visit(name, item):
+        if isinstance(item, h5py.Dataset):
+            plain = {k: np.array(v).tobytes() for k, v in item.attrs.items() if k not in ("DIMENSION_LIST",)}
+            plain.pop("REFERENCE_LIST", None)  # addresses in the file
+            found[name] = (item.shape, item.dtype.str, item[()].tobytes(), plain)
+
+    with h5py.File(path) as file:
+        file.visititems(visit)
+    return found
 
 
 def leave_unfinished(path, frames, run_id):

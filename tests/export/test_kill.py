@@ -8,8 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from frames_for_tests import SOURCE, assert_same, make_frame, make_frames
-from test_recorder import datasets
+from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_frames
 
 from rso_lidar import export
 

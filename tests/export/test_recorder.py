@@ -5,29 +5,13 @@ import sys
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
-from frames_for_tests import SOURCE, assert_same, leave_unfinished, make_frame, make_frames
+from frames_for_tests import SOURCE, assert_same, datasets, leave_unfinished, make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
 
 RUN = "1a2b3c4d"
-
-
-def datasets(path):
-    """Return every dataset of a file with its attributes, as bytes that can be compared."""
-    found = {}
-
-    def visit(name, item):
-        if isinstance(item, h5py.Dataset):
-            plain = {k: np.array(v).tobytes() for k, v in item.attrs.items() if k not in ("DIMENSION_LIST",)}
-            plain.pop("REFERENCE_LIST", None)  # addresses in the file
-            found[name] = (item.shape, item.dtype.str, item[()].tobytes(), plain)
-
-    with h5py.File(path) as file:
-        file.visititems(visit)
-    return found
 
 
 def test_save_takes_a_generator_and_holds_one_frame_at_a_time(tmp_path):

@@ -1,0 +1,1 @@
+"""How fast the walk is, side by side with what it stands on."""

@@ -1,0 +1,153 @@
+"""The pages are what the generator makes, their links lead somewhere, their code runs, and the picture is one."""
+
+import io
+import re
+import runpy
+import shutil
+import struct
+import tomllib
+import zlib
+from pathlib import Path
+
+import pytest
+
+import rso_lidar as rl
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+WRITTEN = [page for page in PAGES if page.name != "validation.md"]  # that one is a report of a run
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+names = [page.relative_to(ROOT).as_posix() for page in WRITTEN]
+
+
+def fenced(text, language):
+    """Return the blocks of a page in one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def prose(text):
+    """Return a page without its fenced blocks and its code in line."""
+    return re.sub(r"`[^`\n]+`", "", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE))
+
+
+def anchors(text):
+    """Return where one can jump in a page, as GitHub names headings."""
+    titles = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def broken_links(page, text):
+    """Return the relative links of a page that lead nowhere."""
+    broken = []
+    for link in LINK.findall(prose(text)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target.read_text(encoding="utf-8"))):
+            broken.append(link)
+    return broken
+
+
+@pytest.fixture(scope="module")
+def generator():
+    """Return what docs/generate.py defines; nothing is written."""
+    return runpy.run_path(str(DOCS / "generate.py"), run_name="generator")
+
+
+def test_generated_pages_are_up_to_date(generator):
+    pages = generator["pages"]()
+    assert {page.name for page in pages} == {"scenario.md", "records.md", "physics.md"}
+    for page, text in pages.items():
+        assert text == page.read_text(encoding="utf-8"), f"{page.name} is stale: run python docs/generate.py"
+
+
+def test_every_part_of_a_scenario_has_its_table(generator):
+    from rso_lidar.part import Part
+
+    page = (DOCS / "scenario.md").read_text(encoding="utf-8")
+    exported = {value for value in vars(rl).values() if isinstance(value, type) and issubclass(value, Part)}
+    told = set(generator["sections"]())
+    assert exported - told == {rl.Body}  # which Target and Follower extend
+    for part in told:
+        for key in part.model_fields:
+            assert f"| `{key}` |" in page
+
+
+def test_a_key_without_a_meaning_is_seen(generator):
+    found = generator["sections"]()
+    with pytest.raises(SystemExit, match=r"no key Laser\.colour"):
+        generator["_complete"](found, {"Laser": {"colour": "of the light"}})
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=names)
+def test_links_lead_somewhere(page):
+    assert broken_links(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_a_broken_link_is_seen():
+    page = DOCS / "README.md"
+    assert broken_links(page, "[a](nowhere.md) [b](physics.md#nothing) [c](physics.md) [d](#e)\n# E\n") == [
+        "nowhere.md",
+        "physics.md#nothing",
+        "#e",
+    ]
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_code_of_the_pages_runs(page, tmp_path, monkeypatch):
+    blocks = fenced(page.read_text(encoding="utf-8"), "python")
+    if not blocks:
+        pytest.skip("no Python in this page")
+    pytest.importorskip("xarray")
+    shutil.copytree(ROOT / "examples", tmp_path / "examples", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.chdir(tmp_path)
+    namespace = {"__name__": "page"}
+    for block in blocks:
+        exec(compile(block, page.name, "exec"), namespace)
+    for value in namespace.values():
+        if callable(getattr(value, "close", None)):
+            value.close()
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=names)
+def test_scenarios_of_the_pages_fly(page):
+    for block in fenced(page.read_text(encoding="utf-8"), "toml"):
+        if "version" not in tomllib.loads(block):
+            continue
+        frame = next(rl.simulate(rl.Scenario.loads(block), threads=1))
+        assert frame.valid.any()
+
+
+def test_readme_begins_as_it_should():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("# rso_lidar")
+    assert "lidar" in lines[0].removeprefix("# rso_lidar").lower()
+    assert "```python" in lines[:4]
+    assert "```" not in lines[4]
+    assert lines[4].strip(), "line 5 is code"
+    first_picture = next(k for k, line in enumerate(lines) if line.startswith("!["))
+    assert first_picture < 20
+    text = "\n".join(lines)
+    assert re.search(r"## Differences from the paper\n\n- \*\*A factor 4\*\*", text)
+    assert "make demo" in text
+    assert "make test" in text
+
+
+def test_picture_is_a_png_and_small():
+    file = DOCS / "pictures" / "tdrs_approach.png"
+    content = file.read_bytes()
+    assert len(content) < 400_000
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    stream, kinds = io.BytesIO(content[8:]), []
+    while header := stream.read(8):
+        size, kind = struct.unpack(">I4s", header)
+        body = stream.read(size)
+        assert struct.unpack(">I", stream.read(4))[0] == zlib.crc32(kind + body)
+        kinds.append(kind)
+    assert kinds[0] == b"IHDR"
+    assert kinds[-1] == b"IEND"
+    width, height = struct.unpack(">II", content[16:24])
+    assert width >= 1000
+    assert height >= 600

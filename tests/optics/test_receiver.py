@@ -1,0 +1,65 @@
+import math
+
+import numpy as np
+import pytest
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import Receiver
+
+SEED = Receiver(fov_deg=2.5, f_number=2.8)
+
+
+def test_the_seed_lens():
+    """Seed section 5: 128 pixels of 100 um over 2.5 degrees at f/2.8, worked out by hand."""
+    focal_mm = 128 * 0.1 / (2 * math.tan(math.radians(1.25)))
+    assert focal_mm == pytest.approx(293.3, abs=0.05)
+    assert SEED.focal_length_m == pytest.approx(focal_mm * 1e-3, rel=1e-12)
+    assert SEED.aperture_m == pytest.approx(0.10475, abs=5e-6)
+    assert SEED.aperture_area_m2 == pytest.approx(8.618e-3, abs=5e-7)
+    assert SEED.ifov_rad == pytest.approx(340.94e-6, abs=5e-9)
+    assert SEED.fov_rad == pytest.approx(math.radians(2.5), rel=1e-12)
+
+
+def test_the_same_lens_said_otherwise():
+    other = Receiver(focal_length_mm=SEED.focal_length_m * 1e3, aperture_mm=SEED.aperture_m * 1e3)
+    assert other.fov_rad == pytest.approx(SEED.fov_rad, rel=1e-12)
+    assert other.aperture_area_m2 == pytest.approx(SEED.aperture_area_m2, rel=1e-12)
+    assert np.allclose(other.line_of_sight, SEED.line_of_sight, rtol=0, atol=1e-15)
+
+
+def test_a_wide_lens_keeps_square_pixels():
+    wide = Receiver(fov_deg=90, f_number=2, n_rows=30, n_cols=60)
+    assert wide.line_of_sight.shape == (30, 60, 3)
+    x, y = (wide.line_of_sight[..., axis] / wide.line_of_sight[..., 2] for axis in (0, 1))
+    assert np.allclose(np.diff(x, axis=1), 2 / 60, rtol=0, atol=1e-14)
+    assert np.allclose(np.diff(y, axis=0), 2 / 60, rtol=0, atol=1e-14)
+
+
+def test_rows_run_down_and_columns_run_right():
+    sight = SEED.line_of_sight
+    assert sight[0, 0, 0] < 0 and sight[0, 0, 1] < 0  # top left looks left and up, and +y is down
+    assert sight[127, 0, 1] > 0 and sight[0, 127, 0] > 0
+    assert np.allclose(sight[::-1, ::-1] * [-1, -1, 1], sight, rtol=0, atol=1e-15)
+    assert np.allclose(np.linalg.norm(sight, axis=-1), 1, rtol=0, atol=1e-15)
+    odd = Receiver(fov_deg=2.5, f_number=2.8, n_rows=5, n_cols=7)
+    assert odd.line_of_sight[2, 3].tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("bad", "word"),
+    [
+        ({"f_number": 2.8}, "exactly one of fov_deg"),
+        ({"fov_deg": 2.5, "focal_length_mm": 100.0, "f_number": 2.8}, "exactly one of fov_deg"),
+        ({"fov_deg": 2.5}, "exactly one of f_number"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "aperture_mm": 10.0}, "exactly one of f_number"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "rays_per_pixel": 15}, "16 instead of 15"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "rays_per_pixel": 2}, "1 instead of 2"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "n_rows": 100_000, "n_cols": 100_000}, "take fewer"),
+        ({"fov_deg": 180.0, "f_number": 2.8}, "fov_deg"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "transmission": 1.01}, "transmission"),
+        ({"fov_deg": 2.5, "f_number": 2.8, "n_rows": 0}, "n_rows"),
+    ],
+)
+def test_a_receiver_that_cannot_be(bad, word):
+    with pytest.raises(ScenarioError, match=word):
+        Receiver(**bad)

@@ -1,0 +1,287 @@
+"""What each example promises in its comments, checked; that its twins are equal is checked in tests/house."""
+
+import hashlib
+import runpy
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar import motion
+from rso_lidar.scene.library import model
+from rso_lidar.units import DEG, SPEED_OF_LIGHT_M_S
+
+ROOT = Path(__file__).resolve().parents[1]
+NAMES = sorted(file.stem for file in (ROOT / "examples").glob("*.toml"))
+
+
+def load(name):
+    return rl.Scenario.load(ROOT / "examples" / f"{name}.toml")
+
+
+def course_of(scenario, frames=None):
+    """Return the truth of all epochs at once, without PTU and lidar."""
+    return motion.truth(scenario.bodies, scenario.epochs(frames), local=scenario.local)
+
+
+def fly(scenario, *frames):
+    return list(rl.simulate(scenario, frames=frames or None))
+
+
+def on_target(frame):
+    return frame.labels.target >= 0
+
+
+def at_edge(frame):
+    """Return whether a target shows in the outermost pixels of the field."""
+    seen = on_target(frame)
+    return bool(seen[[0, -1]].any() or seen[:, [0, -1]].any())
+
+
+def test_every_example_has_a_test():
+    assert set(NAMES) == {"tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop"}
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "closed_loop"])
+def test_there_is_nothing_to_warn_of(name):
+    assert load(name).advice() == []
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "closed_loop"])
+def test_first_middle_and_last_frame_find_their_target(name):
+    scenario = load(name)
+    last = scenario.time.n_frames - 1
+    for frame in fly(scenario, 0, last // 2, last):
+        found = frame.valid & on_target(frame)
+        assert found.sum() >= 10
+        # Noise is greatest at the threshold. Half of normal errors lie within 0.67 of it; 2 allows for as few as ten.
+        detector, laser = scenario.lidar.detector, scenario.lidar.laser
+        worst_m = detector.range_noise_m(np.array(detector.threshold_photons), laser.pulse_fwhm_s)
+        assert np.median(np.abs(frame.range_m - frame.labels.range_m)[found]) < 2.0 * worst_m
+
+
+# -------------------------------------------------------------------------------------------------- tdrs_approach
+
+
+def test_tdrs_approach_hops_from_3_km_to_300_m():
+    link = course_of(load("tdrs_approach")).poses.link("tdrs", "follower")
+    away_m = np.linalg.norm(link.pose.translation, axis=1)
+    assert away_m[0] == pytest.approx(3000.0, abs=1e-3)
+    assert np.all(np.diff(away_m) < 0.0)
+    # The last frame is one interval short of the end. Velocities are given to 1e-5 m/s, 3 cm in 2700 s; the mean motion
+    # they were made with is of a round geosynchronous orbit, and that of this one differs by about its eccentricity, 3e-4.
+    assert 2.0 * away_m[-1] - away_m[-2] == pytest.approx(300.0, abs=1.0)
+
+
+def test_tdrs_approach_looks_into_the_dishes():
+    course = course_of(load("tdrs_approach"))
+    to_follower = course.pose("tdrs", "follower").translation
+    cosine = to_follower[:, 2] / np.linalg.norm(to_follower, axis=1)
+    angle_deg = np.arccos(cosine) / DEG
+    # 35 degrees in the middle of the run, and little else before and after: the way to the follower turns in the plane of
+    # the orbit, and body +z leans out of it
+    assert 34.0 < angle_deg.min()
+    assert angle_deg.max() < 37.0
+
+
+def test_tdrs_approach_shows_both_dishes_and_both_arrays():
+    scenario = load("tdrs_approach")
+    wanted = {
+        "antenna_single_access_east", "antenna_single_access_west", "solar_array_north", "solar_array_south"
+    }  # fmt: skip
+    for frame in fly(scenario, *range(300, 540, 40)):
+        names = np.array(frame.source.targets[0].parts)
+        found = frame.valid & on_target(frame)
+        parts, pixels = np.unique(frame.labels.part[found], return_counts=True)
+        seen = dict(zip(names[parts], pixels, strict=True))
+        assert all(seen.get(part, 0) >= 20 for part in wanted), seen
+
+
+# ------------------------------------------------------------------------------------------------------ tle_flyby
+
+
+def test_tle_flyby_flies_the_shipped_sets_as_sgp4_does():
+    """Closest approach from the file, by the sgp4 package alone: distances are the same in TEME."""
+    from sgp4.api import Satrec, jday
+
+    lines = (ROOT / "tle" / "flyby.tle").read_text(encoding="ascii").splitlines()
+    assert lines[0].endswith("(SYNTHETIC)")
+    assert lines[3].endswith("(SYNTHETIC)")
+    stage, follower = Satrec.twoline2rv(*lines[1:3]), Satrec.twoline2rv(*lines[4:6])
+    assert (stage.satnum, follower.satnum) == (99002, 99003)
+
+    course = course_of(load("tle_flyby"))
+    day, fraction = jday(2024, 9, 17, 11, 58, 30)
+    apart_m, speed_m_s = [], []
+    for time_s in course.time_s:
+        states = [np.array(each.sgp4(day, fraction + time_s / 86_400.0)[1:]) * 1e3 for each in (stage, follower)]
+        position, velocity = states[0] - states[1]
+        apart_m.append(np.linalg.norm(position))
+        speed_m_s.append(np.linalg.norm(velocity))
+    assert 1000.0 < min(apart_m) < 3000.0
+    assert min(apart_m) == pytest.approx(1500.0, abs=20.0)  # elements are rounded to 1e-4 deg, 12 m
+    assert max(speed_m_s) < 50.0
+    assert speed_m_s[int(np.argmin(apart_m))] == pytest.approx(25.0, abs=0.5)
+
+    ours_m = np.linalg.norm(course.pose("stage", "follower").translation, axis=1)
+    # a julian date in two doubles resolves 20 us of the day's fraction, at 25 m/s; GCRS is a rotation of TEME
+    np.testing.assert_allclose(ours_m, apart_m, atol=1e-3)
+
+
+def test_tle_flyby_holds_the_whole_stage_in_the_field_for_a_minute():
+    scenario = load("tle_flyby")
+    frames = fly(scenario, *range(60, 121, 5))
+    assert frames[-1].time_s - frames[0].time_s >= 60.0
+    for frame in frames:
+        assert not at_edge(frame)
+        found = frame.valid & on_target(frame)
+        assert found.sum() > 300
+        assert found.sum() > 0.7 * on_target(frame).sum()
+        assert not frame.observation.reading.saturated.mean() > 0.001
+
+
+# ----------------------------------------------------------------------------------------------------- bench_plate
+
+
+@pytest.fixture(scope="module")
+def bench():
+    scenario = load("bench_plate")
+    return scenario, fly(scenario, *range(150))
+
+
+def test_bench_plate_gets_the_closed_form_of_photons(bench):
+    scenario, frames = bench
+    filled = frames[0].labels.filled_fraction == 1.0
+    assert filled.sum() == 4
+    assert filled[63:65, 63:65].all()
+    # Seed eq. 7 with the factor 4 of a square footprint, from the numbers of its section 5; the plate's face is 1 mm
+    # nearer than its middle. Pixel centres are 0.24 mrad off the axis, 1e-7 of the photons; labels are float32, 6e-8.
+    energy_j, wavelength_m, tangent = 0.050, 1064e-9, np.tan(1.25 * DEG)
+    sent = energy_j * wavelength_m / (6.626_070_15e-34 * SPEED_OF_LIGHT_M_S)
+    focal_m = 0.5 * 128 * 100e-6 / tangent
+    area_m2 = 0.25 * np.pi * (focal_m / 2.8) ** 2
+    expected = sent / (4.0 * tangent**2) * (100e-6 / focal_m) ** 2 * 0.30 / np.pi * area_m2 * 0.67 / 2999.999**2
+    np.testing.assert_allclose(frames[0].labels.photons[filled], expected, rtol=1e-6)
+    assert round(float(expected), -1) == 1000.0  # the seed's 1000 at 3.0 km, to its digits
+    assert scenario.lidar.receiver.transmission == 0.67
+
+
+def test_bench_plate_fills_the_other_pixels_as_its_comments_say(bench):
+    _, frames = bench
+    share = frames[0].labels.filled_fraction
+    pixel_m = 2999.999 * 2.0 * np.tan(1.25 * DEG) / 128
+    edge = 2.0 / pixel_m - 1.0
+    # a pixel is sampled by at least 8 x 8 rays, a line of which is 1/8 of it
+    assert share[62, 63] == pytest.approx(edge, abs=0.125)
+    assert share[62, 62] == pytest.approx(edge**2, abs=0.25)
+    assert on_target(frames[0]).sum() == 16
+    assert share.sum() == pytest.approx((2.0 + 2.0 * edge) ** 2, rel=0.02)
+
+
+def test_bench_plate_is_found_95_percent_of_the_time(bench):
+    from scipy.stats import binomtest
+
+    _, frames = bench
+    filled = frames[0].labels.filled_fraction == 1.0
+    found = np.array([frame.valid[filled] for frame in frames])
+    # 600 looks: one standard deviation of the share is 0.9 %; a right share fails one seed in ten thousand
+    assert binomtest(int(found.sum()), found.size, 0.95).pvalue > 1e-4
+
+
+# --------------------------------------------------------------------------------------------- tumbling_inspection
+
+
+def test_tumbling_inspection_flies_once_around_on_a_closed_ellipse():
+    scenario = load("tumbling_inspection")
+    course = course_of(scenario)
+    rtn_m = course.pose("stage.rtn", "follower").translation
+    # x' = n y / 2 is given to 5e-7 m/s of 0.137, 4e-6; half a turn on, 4 x' / n = 500 m of it count
+    np.testing.assert_allclose(np.hypot(2.0 * rtn_m[:, 0], rtn_m[:, 1]), 250.0, atol=0.002)
+    assert np.abs(rtn_m[:, 2]).max() < 0.01
+    angle = np.unwrap(np.arctan2(rtn_m[:, 1], 2.0 * rtn_m[:, 0]))
+    step = 2.0 * np.pi / len(angle)
+    assert abs(angle[-1] - angle[0]) == pytest.approx(2.0 * np.pi, abs=1.5 * step)  # the last frame is a step short
+
+
+def test_tumbling_inspection_tumbles_the_catalogue_stage():
+    attitude = load("tumbling_inspection").target[0].attitude
+    catalogue = np.array(model("rocket_body").inertia_kg_m2)
+    np.testing.assert_allclose(attitude.inertia_tensor_kg_m2, catalogue, atol=0.005 * catalogue.max())
+    _, rates = attitude.orientation(np.linspace(0.0, 5740.0, 500))
+    tilt = np.arccos(rates[:, 0] / np.linalg.norm(rates, axis=1)) / DEG
+    assert np.ptp(rates[:, 1]) > 1.0 * DEG  # the axis of the turn wanders through the body: no pure spin
+    assert 20.0 < tilt.min()
+    assert tilt.max() < 100.0
+
+
+def test_tumbling_inspection_is_neither_cut_nor_clipped():
+    frames = fly(load("tumbling_inspection"), *range(0, 574, 35))
+    clipped = returns = 0
+    for frame in frames:
+        assert not at_edge(frame)
+        found = frame.valid & on_target(frame)
+        assert found.sum() > 0.7 * on_target(frame).sum()
+        names = np.array(frame.source.targets[0].parts)
+        saturated = frame.observation.reading.saturated.astype(bool)
+        assert "tank" not in names[frame.labels.part[saturated & on_target(frame)]]
+        clipped, returns = clipped + int(saturated.sum()), returns + int(found.sum())
+    assert clipped < 0.01 * returns
+
+
+# ----------------------------------------------------------------------------------------------------- closed_loop
+
+
+@pytest.fixture(scope="module")
+def closed_loop():
+    return runpy.run_path(str(ROOT / "examples" / "closed_loop.py"), run_name="example")
+
+
+def off_boresight(frame, field_rad):
+    """Return the angle between the boresight and the stage's centre of mass, as a share of the field."""
+    toward = frame.truth.pose("lidar", "stage").translation
+    return float(np.arccos(toward[2] / np.linalg.norm(toward))) / field_rad
+
+
+def test_open_loop_loses_the_stage_within_10_s(closed_loop):
+    scenario = closed_loop["scenario"]
+    frames = list(rl.simulate(scenario, frames=slice(0, 31)))
+    assert off_boresight(frames[0], 3.0 * DEG) < 0.02
+    assert on_target(frames[0]).sum() > 100
+    late = [frame for frame in frames if frame.time_s >= 10.0]
+    assert late[0].time_s == 10.0
+    assert len(late) > 10
+    for frame in late:
+        assert off_boresight(frame, 3.0 * DEG) > 0.5
+        assert not on_target(frame).any()
+
+
+def test_closed_loop_holds_the_stage_for_300_s(closed_loop):
+    scenario = closed_loop["scenario"]
+    false, count = 0, 0
+    for frame in rl.simulate(scenario, closed_loop["controller"]()):
+        assert off_boresight(frame, 3.0 * DEG) < 0.2, f"at {frame.time_s} s"
+        assert closed_loop["off_boresight"](frame) == pytest.approx(off_boresight(frame, 3.0 * DEG), abs=1e-9)
+        false += int((frame.valid & ~on_target(frame)).sum())
+        count += 1
+    assert count == 600
+    assert frame.time_s == 299.5
+    assert false > 30 * count  # the false triggers are on
+
+
+# ------------------------------------------------------------------------------------------------------------- tle
+
+
+def test_element_sets_are_what_make_synthetic_writes():
+    sets = runpy.run_path(str(ROOT / "tle" / "make_synthetic.py"), run_name="sets")["SETS"]
+    index = tomllib.loads((ROOT / "tle" / "index.toml").read_text(encoding="utf-8"))["element_sets"]
+    assert [entry["name"] for entry in index] == list(sets)
+    assert {entry["file"] for entry in index} == {file.name for file in (ROOT / "tle").glob("*.tle")}
+    for entry in index:
+        what, texts = sets[entry["name"]]
+        blob = (ROOT / "tle" / entry["file"]).read_bytes()
+        assert blob.decode("ascii") == "".join(texts)
+        assert entry["what"] == what
+        assert entry["size_bytes"] == len(blob)
+        assert entry["sha256"] == hashlib.sha256(blob).hexdigest()
