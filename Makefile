@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test lint validate models bench clean
+.PHONY: help venv demo test lint validate docs models bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -50,6 +50,9 @@ lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint
 validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
 	$(BIN)/python -m pytest -q tests/physics --validation-page=docs/validation.md
+
+docs: $(VENV)/.installed ## write the generated parts of docs/ anew
+	$(BIN)/python docs/generate.py
 
 models: $(VENV)/.installed ## build the models in models/ anew
 	$(BIN)/python -m rso_lidar.shapes.write

@@ -110,7 +110,9 @@ def main():
     """Run the benchmarks and print their table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("mesh", nargs="?", help="mesh to fly past (default: tdrs.stl of RSO_LIDAR_SHARED, else ours)")
-    parser.add_argument("--memory", type=int, default=0, metavar="FRAMES", help="also follow memory over so many frames")
+    parser.add_argument(
+        "--memory", type=int, default=0, metavar="FRAMES", help="also follow memory over so many frames"
+    )
     chosen = parser.parse_args()
     nasa = Path(os.environ.get("RSO_LIDAR_SHARED", ""), "meshes", "tdrs.stl")
     model = chosen.mesh or (str(nasa) if nasa.is_file() else "tdrs")
@@ -124,7 +126,9 @@ def main():
             print(f"\n{range_m:g} m, {threads} thread{'s' * (threads > 1)}: {n_rays:,} rays, {n_hits:,} hits")
             for name, seconds in table.items():
                 print(f"  {name:<10}{seconds * 1e3:8.2f} ms {seconds / flash:6.0%}")
-            print(f"  flash     {flash * 1e3:8.2f} ms, {flash / bare:.2f} x bare embree on one thread ({bare * 1e3:.2f} ms)")
+            print(
+                f"  flash     {flash * 1e3:8.2f} ms, {flash / bare:.2f} x bare embree on one thread ({bare * 1e3:.2f} ms)"
+            )
             print(f"  whole walk {frame_rate(scenario, threads):7.1f} frames/s")
     if chosen.memory:
         memory(model, chosen.memory)

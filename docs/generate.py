@@ -31,7 +31,7 @@ UNITS = {
     "m_s": "m/s", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "kg_m2": "kg m²", "per_s": "1/s",
     "counts": "counts", "photons": "photons",
 }  # fmt: skip
-UNITS_BY_NAME = {"counts_per_photon": "counts/photon", "photons_at_95_percent": "photons", "adc_bits": "bits"}
+UNITS_BY_NAME = {"counts_per_photon": "counts/photon", "adc_bits": "bits"}
 
 
 def pages() -> dict[Path, str]:

@@ -1,6 +1,9 @@
 """The whole walk on one page: a photon goes through the house once, room by room, and never turns back."""
 
+import os
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
@@ -31,7 +34,7 @@ def simulate(
     controller : called with each frame's Observation; the Command it returns acts from the next flash on.
     frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
         only, so it may not be combined with a controller, which depends on history.
-    threads : how many bands of rays are cast at once (None: one for each core); it does not change a bit.
+    threads : how many threads work at once (None: one for each core); it does not change a bit.
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons.
     """
     kept = _known(keep)
@@ -49,21 +52,32 @@ def _fly(
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
     ptu = scenario.ptu
+    _ = scenario.surfaces, scenario.source  # worked out once, before workers share them
     course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
     demand = motion.demand(ptu, scenario.bodies, *scenario.span, local=scenario.local) if ptu else None
     head = motion.start(ptu, demand) if ptu and demand else None
     command: Command | None = None
-    for row, k in enumerate(numbers.tolist()):
-        truth, pointing = course.at(row), None
-        if ptu and demand and head:
-            head = motion.step(ptu, head, demand, until_s=truth.time_s, command=command)
-            pointing = motion.sense(ptu, head, scenario.rng(k, POINTING))
-        truth = motion.aimed(truth, ptu, pointing, scenario.lidar.mount)
-        frame = flash(scenario, truth, scenario.rng(k, DETECTION), threads, index=k, keep=keep)
-        yield frame
-        command = controller(frame.observation) if controller else None  # the only feedback there is
-        if command is not None and ptu is None:
-            raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
+    # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
+    ahead, bands = (0, threads) if controller else (threads or os.cpu_count() or 1, 1)
+    made: deque[Future[Frame]] = deque()
+    with ThreadPoolExecutor(max(1, ahead), thread_name_prefix="flash") as workers:
+        for row, k in enumerate(numbers.tolist()):
+            truth, pointing = course.at(row), None
+            if ptu and demand and head:
+                head = motion.step(ptu, head, demand, until_s=truth.time_s, command=command)
+                pointing = motion.sense(ptu, head, scenario.rng(k, POINTING))
+            truth = motion.aimed(truth, ptu, pointing, scenario.lidar.mount)
+            rng = scenario.rng(k, DETECTION)
+            made.append(workers.submit(flash, scenario, truth, rng, bands, index=k, keep=keep))
+            if len(made) <= ahead:
+                continue
+            frame = made.popleft().result()
+            yield frame
+            command = controller(frame.observation) if controller else None  # the only feedback there is
+            if command is not None and ptu is None:
+                raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
+        while made:
+            yield made.popleft().result()
 
 
 def flash(

@@ -19,7 +19,7 @@ class Empirical(Part):
 
     The signal of N expected photons is Gaussian with variance NEP² + F N / QE in photons: `noise_equivalent_photons` of
     the amplifier, and shot noise with the APD's excess noise F at quantum efficiency QE. A pixel triggers where the
-    signal passes the threshold that gives 95 % at `photons_at_95_percent`. The defaults are preset ``noise_limited``:
+    signal passes the threshold that gives 95 % at `reference_photons`. The defaults are preset ``noise_limited``:
     95 % at 1000 photons is the seed's, the rest is assumed (threshold / amplifier noise = 6).
 
     Light returns in clusters of range; the first that triggers is reported, unless a false trigger latched before it.
@@ -30,7 +30,7 @@ class Empirical(Part):
     """
 
     type: Literal["empirical"] = "empirical"
-    photons_at_95_percent: Positive = 1000.0
+    reference_photons: Positive = 1000.0
     noise_equivalent_photons: Positive = 127.0
     quantum_efficiency: Annotated[Number, Field(gt=0, le=1)] = 0.8
     excess_noise_factor: Annotated[Number, Field(ge=1)] = 3.52
@@ -58,8 +58,8 @@ class Empirical(Part):
 
     @cached_property
     def threshold_photons(self) -> float:
-        """Return the trigger level, in photons [1], that gives 95 % at `photons_at_95_percent`."""
-        reference = self.photons_at_95_percent
+        """Return the trigger level, in photons [1], that gives 95 % at `reference_photons`."""
+        reference = self.reference_photons
         return reference - _NORMAL_95 * float(self.signal_noise_photons(np.array(reference)))
 
     def signal_noise_photons(self, photons: np.ndarray) -> np.ndarray:

@@ -26,7 +26,11 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     owner = np.full((receiver.n_rows * k, receiver.n_cols * k), -1, dtype=np.int16)
     for t in np.argsort(fineness, kind="stable"):  # the finest grid wins a cell
         rows, cols = _cells(boxes[t], owner.shape)
-        owner[rows, cols] = t
+        outline = extent.outlines[t] if extent.outlines else None
+        if fineness[t] > 1 or outline is None:
+            owner[rows, cols] = t
+        else:
+            owner[rows, cols][_inside(_in_cells(outline, receiver), rows, cols)] = t
     coarse = np.array([m == 1 for m in fineness] + [False])[owner]  # -1 picks the last: no ray
     parts = [_grid_rays(receiver, coarse)]
     for t, m in enumerate(fineness):
@@ -69,16 +73,36 @@ def _lit(
     return _unit(x, y), pixel[inside], width * height / receiver.pixel_tangent**2
 
 
+def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
+    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges."""
+    middle = 0.5 * receiver.rays_per_side * np.array(receiver.shape)
+    cells: np.ndarray = points[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent) + middle
+    return cells
+
+
+def _inside(corners: np.ndarray, rows: slice, cols: slice) -> np.ndarray:
+    """Return which cells of a block (row, col) have their centre in a convex outline of corners (corner, row_col)."""
+    row = np.arange(rows.start, rows.stop)[:, None] + 0.5
+    col = np.arange(cols.start, cols.stop) + 0.5
+    (r0, c0), (r1, c1) = corners.T, np.roll(corners, -1, axis=0).T
+    crosses = (np.minimum(r0, r1) <= row) & (row <= np.maximum(r0, r1)) & (r0 != r1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = c0 + (row - r0) * (c1 - c0) / (r1 - r0)
+    edge = 1e-6  # of a cell: rounding must not lose a ray that meets the rim
+    left = np.where(crosses, at, np.inf).min(axis=1) - edge
+    right = np.where(crosses, at, -np.inf).max(axis=1) + edge
+    inside: np.ndarray = (col >= left[:, None]) & (col <= right[:, None])
+    return inside
+
+
 def _boxes(receiver: Receiver, extent: Extent, reach: float) -> list[np.ndarray]:
     """Return each target's bounds in cells: [[first row, first col], [last row, last col]], whole at cell edges.
 
     Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
     target does; it is empty where first > last.
     """
-    cells = receiver.rays_per_side / receiver.pixel_tangent
-    middle = 0.5 * receiver.rays_per_side * np.array(receiver.shape)
-    low = np.maximum(extent.low[:, ::-1], -reach) * cells + middle
-    high = np.minimum(extent.high[:, ::-1], reach) * cells + middle
+    low = _in_cells(np.maximum(extent.low, -reach), receiver)
+    high = _in_cells(np.minimum(extent.high, reach), receiver)
     return list(np.stack([low, high], axis=1))
 
 

@@ -55,7 +55,7 @@ def _target_lines(scenario: Scenario, target: Target, sight: Sight, seen: Previe
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
         f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}",
-        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time (drive on its demand)",
+        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time, without drive lag",
     ]
 
 
@@ -99,7 +99,7 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
         f"IFOV {receiver.ifov_rad * 1e6:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
-        f"detector    {scenario.lidar.detector.type}, 95 % at {scenario.lidar.detector.photons_at_95_percent:g} photons, "
+        f"detector    {scenario.lidar.detector.type}, 95 % at {scenario.lidar.detector.reference_photons:g} photons, "
         f"armed {scenario.lidar.detector.armed_from_m:g} to {scenario.lidar.detector.armed_to_m:g} m",
     ]
 

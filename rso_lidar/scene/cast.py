@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -24,44 +25,64 @@ def cast(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | N
 
     `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
     """
-    n_rays = len(rays.pixel)
-    range_m = np.full(n_rays, np.inf)
-    target = np.full(n_rays, -1, dtype=np.int16)
-    facet = np.zeros(n_rays, dtype=np.int32)
-    cosine = np.zeros(n_rays)
-    for number, surface in enumerate(surfaces):
-        target_from_lidar = truth.pose(surface.name, "lidar")
-        direction, pixel, aimed = rays.direction, rays.pixel, None
-        if len(surfaces) > 1:
-            aimed = _aimed(rays, surface, target_from_lidar)
-            direction, pixel = direction[aimed], pixel[aimed]
-        if not len(pixel):
-            continue
-        bands = _bands(pixel, rays.shape[1])
-        meet = partial(_meet, surface, target_from_lidar, direction)
-        found = list(_pool(threads).map(meet, bands)) if len(bands) > 1 else [meet(bands[0])]
-        ray, met_facet, met_range, met_cosine = (np.concatenate(column) for column in zip(*found, strict=True))
-        if aimed is not None:
-            ray = aimed[ray]
-        nearer = np.flatnonzero(met_range < range_m[ray])
-        ray = ray[nearer]
-        range_m[ray], cosine[ray] = met_range[nearer], met_cosine[nearer]
-        target[ray], facet[ray] = number, met_facet[nearer]
-    hit = np.flatnonzero(target >= 0)
-    target, facet, cosine = target[hit], facet[hit], cosine[hit]
+    met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
+    ray, target, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
     brdf, part, source_facet = _surface_of(surfaces, target, facet, cosine)
     return Hits(
         rays=rays,
-        ray=hit,
-        pixel=rays.pixel[hit],
-        weight=rays.weight[hit],
+        ray=ray,
+        pixel=rays.pixel[ray],
+        weight=rays.weight[ray],
         target=target,
         facet=source_facet,
         part=part,
-        range_m=range_m[hit],
+        range_m=range_m,
         cos_incidence=cosine,
         brdf_per_sr=brdf,
     )
+
+
+class _Met(NamedTuple):
+    """Where rays met one target: ray, facet, range [m] and cos α of each hit, in the order of the rays."""
+
+    ray: np.ndarray
+    facet: np.ndarray
+    range_m: np.ndarray
+    cosine: np.ndarray
+
+    def of(self, target: int) -> tuple[np.ndarray, ...]:
+        """Return ray, target, facet, range and cos α, all on one target."""
+        return self.ray, np.full(len(self.ray), target, dtype=np.int16), self.facet, self.range_m, self.cosine
+
+
+def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alone: bool) -> _Met:
+    """Return the hits on one target, as if it were alone."""
+    target_from_lidar = truth.pose(surface.name, "lidar")
+    direction, pixel, aimed = rays.direction, rays.pixel, None
+    if not alone:
+        aimed = _aimed(rays, surface, target_from_lidar)
+        direction, pixel = direction[aimed], pixel[aimed]
+    bands = _bands(pixel, rays.shape[1])
+    meet = partial(_meet, surface, target_from_lidar, direction)
+    several = threads != 1 and len(bands) > 1
+    found = list(_pool(threads).map(meet, bands)) if several else [meet(slice(0, len(pixel)))]
+    met = _Met(*(np.concatenate(column) if len(found) > 1 else column[0] for column in zip(*found, strict=True)))
+    return met if aimed is None else met._replace(ray=aimed[met.ray])
+
+
+def _nearest(met: Sequence[_Met], n_rays: int) -> tuple[np.ndarray, ...]:
+    """Return ray, target, facet, range and cos α of the nearest hit of each ray that hits anything."""
+    range_m = np.full(n_rays, np.inf)
+    cosine = np.zeros(n_rays)
+    target = np.full(n_rays, -1, dtype=np.int16)
+    facet = np.zeros(n_rays, dtype=np.int32)
+    for number, hits in enumerate(met):
+        nearer = np.flatnonzero(hits.range_m < range_m[hits.ray])
+        ray = hits.ray[nearer]
+        target[ray] = number
+        range_m[ray], cosine[ray], facet[ray] = hits.range_m[nearer], hits.cosine[nearer], hits.facet[nearer]
+    ray = np.flatnonzero(target >= 0)
+    return ray, target[ray], facet[ray], range_m[ray], cosine[ray]
 
 
 @lru_cache(maxsize=4)

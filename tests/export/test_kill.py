@@ -1,10 +1,9 @@
 """A writer killed at any moment leaves a complete file, or only a temporary one whose frames are whole."""
 
-import multiprocessing
-import os
-import signal
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,42 +11,38 @@ from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_fra
 
 from rso_lidar import export
 
-COUNT, SHAPE, KILLS = 60, (24, 20), 15
+COUNT, SHAPE, KILLS = 60, (24, 20), 10
 
-
-def fly(path, told):
-    """Write frames, going on where an earlier run was killed, and tell of each."""
-    with export.Recorder(path, SOURCE, run_id="1a2b3c4d", resume=True) as recorder:
-        for k in range(recorder.written, COUNT):
-            recorder.write(make_frame(k, shape=SHAPE))
-            told.send(k)
+# Writes frames, going on where an earlier run was killed, and tells of each.
+FLY = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from frames_for_tests import SOURCE, make_frame
+from rso_lidar import export
+import h5py
+print("ready", flush=True)
+with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True) as recorder:
+    for k in range(recorder.written, {COUNT}):
+        recorder.write(make_frame(k, shape={SHAPE}))
+        print(k, flush=True)
+"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path):
     rng = np.random.default_rng(1807)
-    processes = multiprocessing.get_context("forkserver")
-    processes.set_forkserver_preload(["frames_for_tests", "rso_lidar.export", "h5py"])
     output, left = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"
     told = -1
     middles = 0
     for _ in range(KILLS):
-        listen, speak = processes.Pipe(duplex=False)
-        child = processes.Process(target=fly, args=(output, speak))
-        child.start()
-        speak.close()
+        child = subprocess.Popen([sys.executable, "-c", FLY, str(output)], stdout=subprocess.PIPE, text=True)
+        assert child.stdout.readline() == "ready\n"
         for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
-            if listen.poll(30):
-                told = max(told, listen.recv())
+            told = max(told, int(child.stdout.readline()))
         time.sleep(rng.uniform(0, 0.01))  # ... and strike anywhere within the next few
-        os.kill(child.pid, signal.SIGKILL)
-        child.join()
-        while listen.poll():
-            try:
-                told = max(told, listen.recv())
-            except EOFError:
-                break
-        listen.close()
+        child.kill()
+        rest, _ = child.communicate(timeout=60)
+        told = max([told, *(int(line) for line in rest.splitlines(keepends=True) if line.endswith("\n"))])
         assert not output.exists()
         if not left.exists():
             assert told == -1  # killed before the first frame

@@ -28,7 +28,7 @@ NO_SUFFIX = {  # name: why it needs none
     "n_cols": "a number of pixels",
     "n_rows": "a number of pixels",
     "norad_id": "a catalogue number",
-    "photons_at_95_percent": "photons, as its first word says",
+    "reference_photons": "photons, as its first word says",
     "quantum_efficiency": "share of the photons",
     "quaternion_xyzw": "a unit quaternion, in the order that it ends in",
     "rays_per_pixel": "a number of rays",

@@ -41,6 +41,13 @@ def sphere(radius_m, subdivisions=4):
     return np.array(trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m).triangles)
 
 
+def write_stl(path, triangles):
+    """Write triangles as a binary STL."""
+    records = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+    records["corners"] = triangles
+    path.write_bytes(b"made by a test".ljust(80) + np.uint32(len(triangles)).tobytes() + records.tobytes())
+
+
 def surface(name, triangles, material=None, **settings):
     """Return the surface of some triangles (facet, corner, xyz) [m], Lambertian 0.30 by default."""
     triangles = np.asarray(triangles, dtype=float)

@@ -104,7 +104,11 @@ bounds = st.tuples(*[st.floats(-1.2, 1.2)] * 2, *[st.floats(1e-3, 0.6)] * 2).map
 @given(st.lists(bounds, min_size=1, max_size=4), st.sampled_from([1, 4, 9]), st.integers(3, 17), st.integers(3, 17))
 def test_shares_of_a_pixel_never_exceed_it_and_no_ray_is_made_twice(boxes, rays_per_pixel, n_rows, n_cols):
     receiver = Receiver(
-        focal_length_mm=100, f_number=2, n_rows=n_rows, n_cols=n_cols, rays_per_pixel=rays_per_pixel,
+        focal_length_mm=100,
+        f_number=2,
+        n_rows=n_rows,
+        n_cols=n_cols,
+        rays_per_pixel=rays_per_pixel,
         min_rays_per_target=256,
     )
     half = 0.5 * max(n_rows, n_cols) * receiver.pixel_tangent
@@ -121,8 +125,11 @@ def test_shares_of_a_pixel_never_exceed_it_and_no_ray_is_made_twice(boxes, rays_
         assert np.allclose(cells, np.rint(cells), rtol=0, atol=1e-6)
     # What a box covers of the field is covered by rays, whole.
     for a, b in zip(low, high, strict=True):
-        seen = np.clip([a, b], [-0.5 * n_cols * receiver.pixel_tangent, -0.5 * n_rows * receiver.pixel_tangent],
-                       [0.5 * n_cols * receiver.pixel_tangent, 0.5 * n_rows * receiver.pixel_tangent])
+        seen = np.clip(
+            [a, b],
+            [-0.5 * n_cols * receiver.pixel_tangent, -0.5 * n_rows * receiver.pixel_tangent],
+            [0.5 * n_cols * receiver.pixel_tangent, 0.5 * n_rows * receiver.pixel_tangent],
+        )
         sides = (seen[1] - seen[0]) / receiver.pixel_tangent
         if np.all(sides > 0):
             x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]

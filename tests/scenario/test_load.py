@@ -31,7 +31,11 @@ BAD = {
     "broken TOML": ("version = 1", "version = = 1", ["not valid TOML", "line 2"]),
     "a detector to come": ("[lidar.laser]", '[lidar.detector]\ntype = "gsfl"\n[lidar.laser]', ["'gsfl'", "empirical"]),
     "unknown motion": ('"fixed", position_m = [1000', '"fixd", position_m = [1000', ["'fixd'", "'fixed'"]),
-    "motion without type": ('type = "fixed", position_m = [0, 0, 0]', "position_m = [0, 0, 0]", ["follower.motion", "type"]),
+    "motion without type": (
+        'type = "fixed", position_m = [0, 0, 0]',
+        "position_m = [0, 0, 0]",
+        ["follower.motion", "type"],
+    ),
     "vector too short": ("[1000, 0, 0]", "[1000, 0]", ["target[0].motion.position_m[2]", "missing"]),
     "axis of no length": ("axis = [0, 0, 1]", "axis = [0, 0, 0]", ["target[0].attitude.axis", "zero vector"]),
     "bare lvlh": (
@@ -47,7 +51,11 @@ BAD = {
     ),
     "reserved name": ('name     = "plate"', 'name = "lidar"', ["lidar", "reserved"]),
     "name of nothing": ('at = "plate"', 'at = "plaet"', ["ptu.point.at", "'plaet'", "'plate'"]),
-    "orbit without an Earth": ('motion = { type = "fixed", position_m = [0, 0, 0] }', ORBIT, ["follower.motion", "local"]),
+    "orbit without an Earth": (
+        'motion = { type = "fixed", position_m = [0, 0, 0] }',
+        ORBIT,
+        ["follower.motion", "local"],
+    ),
     "relative to nothing": (
         "position_m = [0, 0, 0] }",
         'position_m = [0, 0, 0], relative_to = "plat" }',
@@ -103,10 +111,10 @@ def test_two_bodies_with_one_name(text):
 
 
 def test_a_loop_of_looks_is_none_but_of_places_is(text):
-    mutual = text.replace('{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', '{ type = "look_at", at = "follower" }')
-    mutual = mutual.replace(
-        "[follower]\n", '[follower]\nattitude = { type = "look_at", at = "plate" }\n'
+    mutual = text.replace(
+        '{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', '{ type = "look_at", at = "follower" }'
     )
+    mutual = mutual.replace("[follower]\n", '[follower]\nattitude = { type = "look_at", at = "plate" }\n')
     assert rl.Scenario.loads(mutual).bodies  # each looks at the other's place, which does not turn
     loop = text.replace("[1000, 0, 0]", '[1000, 0, 0], relative_to = "follower"').replace(
         "position_m = [0, 0, 0]", 'position_m = [0, 0, 0], relative_to = "plate"'

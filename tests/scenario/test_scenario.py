@@ -87,7 +87,14 @@ class TestAdvice:
             (("follower.motion.position_m=[0, -30000, 0]",), "Clohessy-Wiltshire"),
             (("follower.motion.position_m=[0, -30000, 0]",), "armed window"),
             (('ptu.point={ type = "fixed", pan_deg = 90.0 }',), "never in the field of view"),
-            (("target=[]", 'ptu.point={ type = "fixed" }', 'follower.motion={ type = "tle", file = "tle/tdrs.tle" }'), "no [[target]]"),
+            (
+                (
+                    "target=[]",
+                    'ptu.point={ type = "fixed" }',
+                    'follower.motion={ type = "tle", file = "tle/tdrs.tle" }',
+                ),
+                "no [[target]]",
+            ),
         ],
     )
     def test_what_is_probably_not_meant(self, settings, words):

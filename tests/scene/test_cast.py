@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
-from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, box, look, place, plate, see, sphere, surface, truth_of
+from tests.optics.bench_for_tests import SEED_LASER, box, look, place, plate, see, sphere, surface, truth_of
 
 SMALL = Receiver(fov_deg=20, f_number=2, n_rows=12, n_cols=12, rays_per_pixel=4, min_rays_per_target=0)
 WIDE = Laser(divergence_deg=170)
@@ -89,20 +89,18 @@ def test_from_inside_one_sees_the_back_of_the_facets():
     seen = look(box(4, 6, 8), place((0, 0, 1)), lens, WIDE)
     assert len(seen.hits.ray) == 81
     d = seen.rays.direction
-    expected = np.min(
-        np.stack([2 / np.abs(d[:, 0] + 1e-300), 3 / np.abs(d[:, 1] + 1e-300), 5 / d[:, 2]]), axis=0
-    )
+    expected = np.min(np.stack([2 / np.abs(d[:, 0] + 1e-300), 3 / np.abs(d[:, 1] + 1e-300), 5 / d[:, 2]]), axis=0)
     assert seen.hits.range_m == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("n", [1, 2, 64, 128, 256])
+@pytest.mark.parametrize("n", [1, 2, 32, 64])
 @pytest.mark.parametrize("rays_per_pixel", [1, 4, 16])
 def test_no_ray_slips_through_an_edge(n, rays_per_pixel):
     """Rays through corners and along the diagonals of a wall of squares: a wall has no holes."""
-    lens = SEED_RECEIVER.replace(rays_per_pixel=rays_per_pixel)
-    width = 128 * lens.pixel_tangent * 1000.0
+    lens = Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32, rays_per_pixel=rays_per_pixel)
+    width = 32 * lens.pixel_tangent * 1000.0
     seen = look(plate(width * 2, n=2 * n), place((0, 0, 1000.0)), lens, SEED_LASER)
-    assert len(seen.hits.ray) == len(seen.rays.pixel) == 128 * 128 * rays_per_pixel
+    assert len(seen.hits.ray) == len(seen.rays.pixel) == 32 * 32 * rays_per_pixel
 
 
 def test_the_nearest_of_two_targets_wins_whatever_their_order():
@@ -120,21 +118,31 @@ def test_parts_and_facets_are_those_of_the_source_file():
     import dataclasses
 
     part = np.array([0, 0, 1, 1], dtype=np.int16)
-    sat = surface("sat", np.concatenate([plate(1.0) - [1, 0, 0], plate(1.0) + [1, 0, 0]]), part=part, part_names=("a", "b"))
+    sat = surface(
+        "sat", np.concatenate([plate(1.0) - [1, 0, 0], plate(1.0) + [1, 0, 0]]), part=part, part_names=("a", "b")
+    )
     mesh = dataclasses.replace(sat.mesh, source_facet=np.array([3, 5, 6, 9], dtype=np.int32), source_facets=10)
     sat = dataclasses.replace(sat, mesh=mesh)
-    hits = scene.cast(along([-1.2, -0.3, 9], [-1.2, 0.4, 9], [0.8, -0.3, 9], [0.8, 0.4, 9]), [sat], truth_of(sat=place((0, 0, 9))))
+    hits = scene.cast(
+        along([-1.2, -0.3, 9], [-1.2, 0.4, 9], [0.8, -0.3, 9], [0.8, 0.4, 9]), [sat], truth_of(sat=place((0, 0, 9)))
+    )
     assert hits.part.tolist() == [0, 0, 1, 1]
     facets = hits.facet.tolist()
     assert set(facets[:2]) == {3, 5} and set(facets[2:]) == {6, 9}
 
 
 def test_rays_that_meet_nothing_have_no_row():
-    hits = scene.cast(along([0, 0, 1], [1, 0, 1], [0, 0, -1]), [surface("sat", plate(1.0))], truth_of(sat=place((0, 0, 9))))
+    hits = scene.cast(
+        along([0, 0, 1], [1, 0, 1], [0, 0, -1]), [surface("sat", plate(1.0))], truth_of(sat=place((0, 0, 9)))
+    )
     assert hits.ray.tolist() == [0]
     nothing = scene.cast(along([0, 0, 1]), [], truth_of())
     assert len(nothing.ray) == 0
-    none = scene.cast(Rays((4, 4), np.zeros((0, 3)), np.zeros(0), np.zeros(0)), [surface("sat", plate(1.0))], truth_of(sat=place((0, 0, 9))))
+    none = scene.cast(
+        Rays((4, 4), np.zeros((0, 3)), np.zeros(0), np.zeros(0)),
+        [surface("sat", plate(1.0))],
+        truth_of(sat=place((0, 0, 9))),
+    )
     assert len(none.ray) == 0
 
 

@@ -34,7 +34,12 @@ def test_planes_are_unit_normals_and_hold_their_corners():
 
 def test_sphere_and_outline_hold_every_corner():
     rng = np.random.default_rng(6)
-    for triangles in (plate(3, 1), sphere(2.0, 3) * [1, 3, 0.2] + [5, 0, 0], rng.normal(size=(40, 3, 3)), plate(2, n=9)):
+    for triangles in (
+        plate(3, 1),
+        sphere(2.0, 3) * [1, 3, 0.2] + [5, 0, 0],
+        rng.normal(size=(40, 3, 3)),
+        plate(2, n=9),
+    ):
         seen = surface("sat", triangles)
         centre, radius = seen.sphere
         assert np.linalg.norm(triangles - centre, axis=-1).max() <= radius * (1 + 1e-12)
@@ -46,9 +51,7 @@ def test_sphere_and_outline_hold_every_corner():
 def test_materials_go_by_part():
     gold, white = Phong(diffuse=0.1, specular=0.5, exponent=30.0), Lambertian(reflectance=0.8)
     part = np.array([0, 0, 1, 1, 2, 2, 0, 0, 1, 1, 2, 2], dtype=np.int16)
-    sat = surface(
-        "sat", BOX, white, part=part, part_names=("bus", "wing", "dish"), part_materials={"wing": gold}
-    )
+    sat = surface("sat", BOX, white, part=part, part_names=("bus", "wing", "dish"), part_materials={"wing": gold})
     assert sat.materials == (white, gold, white)
     cosine = np.linspace(0.1, 1.0, 12)
     brdf = sat.brdf_per_sr(np.arange(12), cosine)
@@ -61,7 +64,7 @@ def test_without_a_material_it_is_the_seed_s():
 
 
 def test_a_part_that_is_not_there():
-    with pytest.raises(ScenarioError, match="target sat: part_materials: no part 'bdy' .*did you mean 'body'"):
+    with pytest.raises(ScenarioError, match="part_materials: no part 'bdy' in sat.stl; did you mean 'body'"):
         surface("sat", BOX, part_materials={"bdy": Lambertian()})
 
 
