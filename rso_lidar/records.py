@@ -204,8 +204,8 @@ class Hits(Record):
 class Photons(Record):
     """Light that comes back to the focal plane, one return for each hit and in the same order.
 
-    Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2 belong to different clusters; cluster numbers run
-    through the frame by pixel and, within a pixel, from near to far.
+    Returns of a pixel that leave a gap wider than c * FWHM / 2 between them, each taken with its own depth spread, belong
+    to different clusters; cluster numbers run through the frame by pixel and, within a pixel, from near to far.
     """
 
     shape: tuple[int, int]

@@ -38,6 +38,10 @@ def simulate(
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons.
     """
     kept = _known(keep)
+    if threads is not None and (not isinstance(threads, int) or threads < 1):
+        raise ScenarioError(
+            f"threads: needs a whole number from 1, not {threads!r}; leave it out for one for each core"
+        )
     numbers = frame_numbers(scenario, frames)
     if controller is not None and frames is not None:
         raise ScenarioError("simulate: frames depend on history with a controller; leave out frames or the controller")

@@ -21,32 +21,39 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver) -> Photons:
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
     photons = density * hits.weight * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
     delay_s = hits.range_m / units.RANGE_PER_DELAY_M_S
-    cluster, cluster_pixel = _clusters(hits.pixel, delay_s, laser.pulse_fwhm_s)
+    depth_spread_s = _depth_spread_s(hits, delay_s, receiver)
+    cluster, cluster_pixel = _clusters(hits.pixel, delay_s, depth_spread_s, laser.pulse_fwhm_s)
     return Photons(
         shape=hits.rays.shape,
         pulse_fwhm_s=laser.pulse_fwhm_s,
         pixel=hits.pixel,
         delay_s=delay_s,
         photons=photons,
-        depth_spread_s=_depth_spread_s(hits, delay_s, receiver),
+        depth_spread_s=depth_spread_s,
         cluster=cluster,
         cluster_pixel=cluster_pixel,
     )
 
 
 def _depth_spread_s(hits: Hits, delay_s: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle."""
-    cosine = np.maximum(hits.cos_incidence, 1e-6)
+    """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle.
+
+    Beyond 87° a facet is taken at 87°: what is seen more edge-on than that is shorter than this would make it.
+    """
+    cosine = np.maximum(hits.cos_incidence, 0.05)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
     spread: np.ndarray = delay_s * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
     return spread
 
 
-def _clusters(pixel: np.ndarray, delay_s: np.ndarray, gap_s: float) -> tuple[np.ndarray, np.ndarray]:
+def _clusters(
+    pixel: np.ndarray, delay_s: np.ndarray, depth_spread_s: np.ndarray, gap_s: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the cluster of each return and the pixel of each cluster.
 
-    Returns of a pixel, put in order of delay, part where neighbours are more than `gap_s` apart. Clusters are numbered
-    by pixel, then from near to far. `pixel` never falls.
+    Returns of a pixel part where more than `gap_s` of delay lies empty between them, each taken from its near to its far
+    edge: a tilted surface is one cluster, however far apart its rays land. Clusters are numbered by pixel, then from near
+    to far. `pixel` never falls.
     """
     if not len(pixel):
         return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
@@ -58,9 +65,14 @@ def _clusters(pixel: np.ndarray, delay_s: np.ndarray, gap_s: float) -> tuple[np.
     count = np.ones(len(first), dtype=np.int32)
     if wide.any():
         some = np.flatnonzero(wide[group])
-        some = some[np.lexsort((delay_s[some], group[some]))]
+        near, far = delay_s[some] - 0.5 * depth_spread_s[some], delay_s[some] + 0.5 * depth_spread_s[some]
+        order = np.lexsort((near, group[some]))
+        some, near, far = some[order], near[order], far[order]
         new_pixel = np.diff(group[some], prepend=-1) != 0
-        parts = (np.diff(delay_s[some], prepend=0.0) > gap_s) & ~new_pixel
+        # The far edge of all before, pixel by pixel: pixels are set apart by more than any delay.
+        apart_s = np.cumsum(new_pixel) * (2.0 * far.max() + gap_s)
+        reached = np.maximum.accumulate(far + apart_s) - apart_s
+        parts = (near - np.roll(reached, 1) > gap_s) & ~new_pixel
         running = np.cumsum(parts)
         within[some] = running - np.repeat(running[new_pixel], group_sizes[wide])
         count[wide] += np.add.reduceat(parts, np.flatnonzero(new_pixel)).astype(np.int32)

@@ -1,5 +1,6 @@
 """Rays through the pixels: only those that can hit a target and are lit."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,8 @@ from rso_lidar.records import Extent, Rays
 
 # A cell of the k x k grid is refined at most this much along each side; finer than that a target is below 1e-5 pixel.
 _FINEST = 2**14
+_STEP = 16  # the grid, in parts of a cell, on which others are sampled beside a small target
+_BEYOND = 2.0**20  # cells: a bound farther off is as good as none
 
 
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
@@ -52,25 +55,45 @@ def _lit(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rays inside a footprint with an edge.
 
-    A cell that the edge of a square footprint cuts keeps the share of its area that is lit, and its ray goes through
-    the middle of that share, so that a narrow beam loses no energy to the grid. A circle's edge is sampled at the
-    centres of cells.
+    A cell that the edge cuts keeps the share of its area that is lit, and its ray goes through the middle of that share,
+    so that a narrow beam loses no energy to the grid.
     """
     half_field = 0.5 * max(receiver.shape) * receiver.pixel_tangent
-    reach = laser.half_width / np.sqrt(2.0) if laser.footprint == "circle" else laser.half_width
-    if half_field <= reach * (1.0 + 1e-12):
+    circle, reach = laser.footprint == "circle", laser.half_width
+    if half_field * (math.sqrt(2.0) if circle else 1.0) <= reach * (1.0 + 1e-12):
         return direction, pixel, weight
     x, y = direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2]
-    if laser.footprint == "circle":
-        inside = np.flatnonzero(laser.lit(x, y))
-        return _taken(direction, inside), pixel[inside], weight[inside]
     half_cell = 0.5 * np.sqrt(weight) * receiver.pixel_tangent
-    edges = [(np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)]
-    (left, right), (top, bottom) = edges
-    inside = np.flatnonzero((right > left) & (bottom > top))
-    width, height = (right - left)[inside], (bottom - top)[inside]
-    x, y = 0.5 * (left + right)[inside], 0.5 * (top + bottom)[inside]
-    return _unit(x, y), pixel[inside], width * height / receiver.pixel_tangent**2
+    share, x, y = _in_circle(x, y, half_cell, reach) if circle else _in_square(x, y, half_cell, reach)
+    kept = np.flatnonzero(share > 1e-9)  # less is rounding
+    return _unit(x[kept], y[kept]), pixel[kept], weight[kept] * share[kept]
+
+
+def _in_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
+    """Return the lit share of square cells about (x, y), and the middle of that share: exact."""
+    (left, right), (top, bottom) = (
+        (np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)
+    )
+    share = np.maximum(right - left, 0.0) * np.maximum(bottom - top, 0.0) / (2.0 * half_cell) ** 2
+    return share, 0.5 * (left + right), 0.5 * (top + bottom)
+
+
+def _in_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
+    """Return the lit share of square cells about (x, y), and the middle of that share, from 32 x 32 points of each."""
+    radius, half_diagonal = np.hypot(x, y), math.sqrt(2.0) * half_cell
+    share = (radius < reach).astype(float)
+    edge = np.flatnonzero(np.abs(radius - reach) <= half_diagonal)
+    offset = (np.arange(32) + 0.5) / 16.0 - 1.0
+    x, y = x.copy(), y.copy()
+    for some in np.array_split(edge, 1 + len(edge) // 2048):
+        across = x[some, None, None] + half_cell[some, None, None] * offset
+        down = y[some, None, None] + half_cell[some, None, None] * offset[:, None]
+        inside = across**2 + down**2 <= reach**2
+        count = np.maximum(inside.sum(axis=(1, 2)), 1)
+        share[some] = inside.mean(axis=(1, 2))
+        x[some] = (across * inside).sum(axis=(1, 2)) / count
+        y[some] = (down * inside).sum(axis=(1, 2)) / count
+    return share, x, y
 
 
 def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
@@ -115,7 +138,8 @@ def _fineness(box: np.ndarray, receiver: Receiver) -> int:
     area = max(float(sides[0] * sides[1]), 1e-12)
     longest = max(float(sides.max()), 1e-6)
     m = min(np.sqrt(wanted / area), 4.0 * wanted / longest)  # an edge-on sheet is not sampled without end
-    return int(np.clip(np.ceil(m), 1, _FINEST))
+    m = int(np.clip(np.ceil(m), 1, _FINEST))
+    return m if m <= _STEP else _STEP * math.ceil(m / _STEP)
 
 
 def _cells(box: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice]:
@@ -172,33 +196,52 @@ def _grid_rays(receiver: Receiver, wanted: np.ndarray) -> tuple[np.ndarray, np.n
 def _fine_rays(
     receiver: Receiver, boxes: list[np.ndarray], owner: np.ndarray, t: int, m: int
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return direction, pixel and weight of the refined rays in the cells that target t owns.
+    """Return direction, pixel and weight of the rays in the cells that target t owns, refined m x m.
 
-    A nearer or farther target may show in the same cells; its rays there are made on the same fine grid, once each.
+    Another target may show in the same cells: about t's bounds its rays are on the same fine grid, and farther off on a
+    grid `_STEP` times finer than the cells, so that a speck before a wall costs no million rays. No point is covered
+    twice, since the border between the two grids lies on both.
     """
-    k = receiver.rays_per_side
-    n_rows, n_cols = receiver.shape
     rows, cols = _cells(boxes[t], owner.shape)
+    cells = np.array([[rows.start, cols.start], [rows.stop, cols.stop]], dtype=float)
+    step = min(m, _STEP)
+    near = np.stack([np.floor(boxes[t][0] * step), np.ceil(boxes[t][1] * step)]) / step
     made = []
     for s, box in enumerate(boxes):
-        low = np.maximum(box[0], [rows.start, cols.start])
-        high = np.minimum(box[1], [rows.stop, cols.stop])
-        first = np.ceil(low * m - 0.5).astype(np.int64)
-        last = np.ceil(high * m - 0.5).astype(np.int64)
-        if np.any(last <= first):
-            continue
-        row, col = (np.arange(a, b) for a, b in zip(first, last, strict=True))
-        keep = owner[row[:, None] // m, col // m] == t
-        for other in boxes[:s]:
-            inside = [
-                (v >= low_v * m - 0.5) & (v < high_v * m - 0.5)
-                for v, low_v, high_v in zip((row, col), *other, strict=True)
-            ]
-            keep &= ~(inside[0][:, None] & inside[1])
-        at_row, at_col = np.nonzero(keep)
-        row, col = row[at_row], col[at_col]
-        y = ((row + 0.5) / (k * m) - 0.5 * n_rows) * receiver.pixel_tangent
-        x = ((col + 0.5) / (k * m) - 0.5 * n_cols) * receiver.pixel_tangent
-        pixel = (row // (k * m)) * n_cols + col // (k * m)
-        made.append((_unit(x, y), pixel.astype(np.int32), np.full(len(pixel), 1.0 / (k * m) ** 2)))
+        seen = _common(box, cells)
+        for grid, region, without in ((m, _common(seen, near), boxes[:s]), (step, seen, [*boxes[:s], near])):
+            if s == t and grid != m:
+                continue  # its own bounds lie in the fine grid
+            row, col = (np.arange(*_centres(region[:, axis], grid)) for axis in (0, 1))
+            keep = owner[row[:, None] // grid, col // grid] == t
+            for other in without:
+                (r0, r1), (c0, c1) = _centres(other[:, 0], grid), _centres(other[:, 1], grid)
+                keep &= ~(((row >= r0) & (row < r1))[:, None] & (col >= c0) & (col < c1))
+            at_row, at_col = np.nonzero(keep)
+            made.append(_rays_at(row[at_row], col[at_col], receiver, grid))
+            if m == step:
+                break  # one grid serves all
     return made
+
+
+def _common(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the box that two boxes share; empty where first > last."""
+    return np.stack([np.maximum(a[0], b[0]), np.minimum(a[1], b[1])])
+
+
+def _centres(ends: np.ndarray, grid: int) -> tuple[int, int]:
+    """Return the range of parts of a cell whose centres lie between two ends, each cell cut into `grid` parts."""
+    low, high = np.clip(ends, -_BEYOND, _BEYOND)
+    return math.ceil(low * grid - 0.5), math.ceil(high * grid - 0.5)
+
+
+def _rays_at(
+    row: np.ndarray, col: np.ndarray, receiver: Receiver, grid: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return direction, pixel and weight of the rays through parts of cells, by row and col of parts."""
+    fine = receiver.rays_per_side * grid
+    n_rows, n_cols = receiver.shape
+    y = ((row + 0.5) / fine - 0.5 * n_rows) * receiver.pixel_tangent
+    x = ((col + 0.5) / fine - 0.5 * n_cols) * receiver.pixel_tangent
+    pixel = (row // fine) * n_cols + col // fine
+    return _unit(x, y), pixel.astype(np.int32), np.full(len(pixel), 1.0 / fine**2)

@@ -55,7 +55,7 @@ def _target_lines(scenario: Scenario, target: Target, sight: Sight, seen: Previe
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
         f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}",
-        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time, without drive lag",
+        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time",
     ]
 
 

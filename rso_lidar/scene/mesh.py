@@ -1,6 +1,7 @@
 """Meshes from files: triangles in metres, by named parts, with what was repaired."""
 
 import hashlib
+import re
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
+from rso_lidar.scene.obj import read_obj
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
 
@@ -112,22 +114,24 @@ def _read(path: Path) -> Mesh:
 
 def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Return name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
+    if path.suffix.lower() == ".obj":
+        return read_obj(path)  # trimesh splits groups too, but loses the order of facets that labels count in
     import trimesh
 
-    options: dict[str, Any] = {"process": False}
-    if path.suffix.lower() == ".obj":
-        options |= {"split_groups": True, "split_objects": True, "group_material": False, "skip_materials": True}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
-            scene = trimesh.load_scene(path, **options)
+            scene = trimesh.load_scene(path, process=False)
     except Exception as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0]
+        cut = isinstance(error, ImportError) or not str(error)  # trimesh gave up guessing what this is
+        reason = "cut short, or something else" if cut else str(error).splitlines()[0]
         raise MeshError(
             f"{path.name}: cannot be read as {path.suffix[1:].upper()} ({reason}); export it again"
         ) from None
+    _check_count(path, scene)
     pieces = []
-    for node in scene.graph.nodes_geometry:
+    order = list(scene.geometry)
+    for node in sorted(scene.graph.nodes_geometry, key=lambda node: order.index(scene.graph[node][1])):
         parent_from_node, geometry_name = scene.graph[node]
         geometry = scene.geometry[geometry_name]
         facets = getattr(geometry, "faces", None)
@@ -139,6 +143,17 @@ def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
         name = "body" if path.suffix.lower() in (".stl", ".off", ".ply") else str(geometry_name)
         pieces.append((name, vertices, np.asarray(facets, dtype=np.int64)))
     return pieces
+
+
+def _check_count(path: Path, scene: Any) -> None:
+    """Refuse a PLY that holds fewer facets than its header says: trimesh reads what is there, and is silent."""
+    if path.suffix.lower() != ".ply":
+        return
+    head, _, _ = path.read_bytes().partition(b"end_header")
+    said = re.search(rb"element\s+face\s+(\d+)", head)
+    found = sum(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values())
+    if said and found < int(said[1]):
+        raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")
 
 
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:

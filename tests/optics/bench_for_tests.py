@@ -29,8 +29,9 @@ def box(x_m, y_m, z_m):
     """Return the triangles of a box about the origin."""
     faces = []
     for axis, (thick, u, v) in enumerate([(x_m, y_m, z_m), (y_m, z_m, x_m), (z_m, x_m, y_m)]):
-        for side in (-0.5, 0.5):
-            faces.append(np.roll(plate(u, v) + [0, 0, side * thick], axis + 1, axis=2))
+        face = np.roll(plate(u, v), axis + 1, axis=2)
+        offset = 0.5 * thick * np.eye(3)[axis]
+        faces += [face - offset, face + offset]
     return np.concatenate(faces)
 
 

@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,9 +22,17 @@ def hits_at(pixel, range_m, *, direction=None, cos_incidence=1.0, brdf_per_sr=0.
     weight = 1.0 / np.bincount(pixel, minlength=20)[pixel] if weight is None else full(weight)
     rays = Rays(RECEIVER.shape, direction.reshape(n, 3), pixel, weight)
     return Hits(
-        rays=rays, ray=np.arange(n), pixel=pixel, weight=weight, target=np.zeros(n), facet=np.zeros(n),
-        part=np.zeros(n), range_m=full(range_m), cos_incidence=full(cos_incidence), brdf_per_sr=full(brdf_per_sr),
-    )  # fmt: skip
+        rays=rays,
+        ray=np.arange(n),
+        pixel=pixel,
+        weight=weight,
+        target=np.zeros(n),
+        facet=np.zeros(n),
+        part=np.zeros(n),
+        range_m=full(range_m),
+        cos_incidence=full(cos_incidence),
+        brdf_per_sr=full(brdf_per_sr),
+    )
 
 
 def test_each_letter_of_the_equation():
@@ -60,7 +69,7 @@ def by_hand(pixel, range_m, gap_m):
     for number in sorted(set(pixel)):
         ranges = sorted(r for p, r in zip(pixel, range_m, strict=True) if p == number)
         groups = [[ranges[0]]]
-        for a, b in zip(ranges, ranges[1:], strict=False):
+        for a, b in pairwise(ranges):
             if b - a > gap_m:
                 groups.append([])
             groups[-1].append(b)

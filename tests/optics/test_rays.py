@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ EVERYWHERE = Extent(np.full((1, 2), -np.inf), np.full((1, 2), np.inf))
 def exact_sums(rays):
     """Return the weights of each pixel that has rays, summed without rounding."""
     ends = np.append(np.flatnonzero(np.diff(rays.pixel, prepend=-1)), len(rays.pixel))
-    return np.array([math.fsum(rays.weight[a:b]) for a, b in zip(ends[:-1], ends[1:], strict=True)])
+    return np.array([math.fsum(rays.weight[a:b]) for a, b in pairwise(ends)])
 
 
 def test_one_ray_a_pixel_goes_through_its_centre():

@@ -39,13 +39,21 @@ def test_detection(validation, photons, published):
     exact = probability(photons)
     sigma = math.sqrt(exact * (1 - exact) / N)
     validation(
-        case=f"detection of {photons} photons", source="Gaussian threshold statistics (Richmond and Cain, TT85)",
-        expected=exact, got=found, tolerance=4 * sigma, unit="1",
-    )  # fmt: skip
+        case=f"detection of {photons} photons",
+        source="Gaussian threshold statistics (Richmond and Cain, TT85)",
+        expected=exact,
+        got=found,
+        tolerance=4 * sigma,
+        unit="1",
+    )
     validation(
-        case=f"detection of {photons} photons, table", source="seed 3.3 for 1000 photons; table of the preset",
-        expected=published, got=found, tolerance=0.0055 + 4 * sigma, unit="1",
-    )  # fmt: skip
+        case=f"detection of {photons} photons, table",
+        source="seed 3.3 for 1000 photons; table of the preset",
+        expected=published,
+        got=found,
+        tolerance=0.0055 + 4 * sigma,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize(("nep", "qe", "excess", "reference"), [(37.5, 0.8, 3.52, 1000.0), (5.0, 0.7, 2.06, 30.0)])
@@ -58,9 +66,12 @@ def test_other_detectors_too_have_95_percent_where_they_say(validation, nep, qe,
         found = np.isfinite(drawn(1500.0, share * reference, part).range_m).mean()
         validation(
             case=f"detection, NEP {nep:g}, 95 % at {reference:g}, {share * reference:g} photons",
-            source="Gaussian threshold statistics", expected=exact, got=found,
-            tolerance=4 * math.sqrt(exact * (1 - exact) / N), unit="1",
-        )  # fmt: skip
+            source="Gaussian threshold statistics",
+            expected=exact,
+            got=found,
+            tolerance=4 * math.sqrt(exact * (1 - exact) / N),
+            unit="1",
+        )
 
 
 @pytest.mark.parametrize(
@@ -74,9 +85,13 @@ def test_false_alarms_of_a_dark_frame(validation, rate_per_s, from_m, to_m):
     alarms = reading.range_m[np.isfinite(reading.range_m)].astype(float)
     p = -math.expm1(-rate_per_s * 2 * (to_m - from_m) / C)
     validation(
-        case=f"false alarms at {rate_per_s:g}/s over {from_m:g} to {to_m:g} m, {pixels:,} pixels", source="Poisson",
-        expected=p * pixels, got=len(alarms), tolerance=4 * math.sqrt(p * (1 - p) * pixels), unit="1",
-    )  # fmt: skip
+        case=f"false alarms at {rate_per_s:g}/s over {from_m:g} to {to_m:g} m, {pixels:,} pixels",
+        source="Poisson",
+        expected=p * pixels,
+        got=len(alarms),
+        tolerance=4 * math.sqrt(p * (1 - p) * pixels),
+        unit="1",
+    )
     assert np.all((alarms >= from_m - 1e-3) & (alarms <= to_m + 1e-3))  # ranges are float32
     # Waiting is exponential, cut at the window's end; at low rates that is uniform.
     waited = -np.expm1(-rate_per_s * 2 * (alarms - from_m) / C) / p
@@ -96,9 +111,13 @@ def test_false_alarms_come_before_the_true_return_and_take_its_place(validation)
     early = ranges < 3999.0
     assert np.isfinite(ranges).all() and not np.any(ranges > 4001)
     validation(
-        case="false alarms before a bright return at 4 km, 20,000/s", source="Poisson", expected=p,
-        got=early.mean(), tolerance=4 * math.sqrt(p * (1 - p) / N), unit="1",
-    )  # fmt: skip
+        case="false alarms before a bright return at 4 km, 20,000/s",
+        source="Poisson",
+        expected=p,
+        got=early.mean(),
+        tolerance=4 * math.sqrt(p * (1 - p) / N),
+        unit="1",
+    )
 
 
 def test_a_later_start_of_the_window_lets_fewer_pre_empt(validation):
@@ -106,9 +125,13 @@ def test_a_later_start_of_the_window_lets_fewer_pre_empt(validation):
     ranges = drawn(4000.0, 1e6, part).range_m.ravel().astype(float)
     p = -math.expm1(-20_000 * 2 * 500.0 / C)
     validation(
-        case="the same, armed from 3.5 km", source="Poisson", expected=p, got=(ranges < 3999).mean(),
-        tolerance=4 * math.sqrt(p * (1 - p) / N), unit="1",
-    )  # fmt: skip
+        case="the same, armed from 3.5 km",
+        source="Poisson",
+        expected=p,
+        got=(ranges < 3999).mean(),
+        tolerance=4 * math.sqrt(p * (1 - p) / N),
+        unit="1",
+    )
 
 
 def formula_m(photons, plateau=0.05, nep=127.0, qe=0.8, excess=3.52, fwhm_ns=8.0, sample_ns=2.38):
@@ -126,13 +149,21 @@ def test_range_noise(validation, photons, fwhm_ns):
     ranges = ranges[np.isfinite(ranges)]
     sigma = formula_m(photons, fwhm_ns=fwhm_ns)
     validation(
-        case=f"range noise at {photons:g} photons, {fwhm_ns:g} ns", source="shot noise and matched filter, in quadrature",
-        expected=sigma, got=ranges.std(ddof=1), tolerance=4 * sigma / math.sqrt(2 * len(ranges)), unit="m",
-    )  # fmt: skip
+        case=f"range noise at {photons:g} photons, {fwhm_ns:g} ns",
+        source="shot noise and matched filter, in quadrature",
+        expected=sigma,
+        got=ranges.std(ddof=1),
+        tolerance=4 * sigma / math.sqrt(2 * len(ranges)),
+        unit="m",
+    )
     validation(
-        case=f"mean range at {photons:g} photons, {fwhm_ns:g} ns", source="no bias", expected=300.0, got=ranges.mean(),
-        tolerance=4 * sigma / math.sqrt(len(ranges)) + 2e-5, unit="m",
-    )  # fmt: skip
+        case=f"mean range at {photons:g} photons, {fwhm_ns:g} ns",
+        source="no bias",
+        expected=300.0,
+        got=ranges.mean(),
+        tolerance=4 * sigma / math.sqrt(len(ranges)) + 2e-5,
+        unit="m",
+    )
     assert stats.kstest((ranges - 300) / sigma, "norm").pvalue > 1e-3
 
 
@@ -140,9 +171,13 @@ def test_range_noise_has_the_seed_s_plateau(validation):
     """Seed 3.3: a nominal precision (1 sigma) of 5 cm with sufficient SNR, degrading as the SNR decreases."""
     high, low = (drawn(300.0, n).range_m.astype(float) for n in (1e5, 900.0))
     validation(
-        case="range noise with sufficient SNR", source="seed 3.3", expected=0.05, got=np.nanstd(high),
-        tolerance=0.001, unit="m",
-    )  # fmt: skip
+        case="range noise with sufficient SNR",
+        source="seed 3.3",
+        expected=0.05,
+        got=np.nanstd(high),
+        tolerance=0.001,
+        unit="m",
+    )
     assert np.nanstd(low) > 1.3 * np.nanstd(high)
 
 
@@ -151,9 +186,13 @@ def test_shot_noise_limit_of_range(validation, photons, shot_cm):
     """s sqrt(F/(QE N)) (Johnson and Cain, Appl. Opt. 47, 5147, 2008), 8 ns, F = 3.52, QE = 0.8."""
     part = QUIET.replace(range_plateau_m=0.0, noise_equivalent_photons=1e-6)
     validation(
-        case=f"range noise by shot noise alone, {photons} photons", source="Johnson and Cain 2008",
-        expected=shot_cm, got=100 * float(part.range_noise_m(np.array(float(photons)), 8e-9)), tolerance=0.06, unit="cm",
-    )  # fmt: skip
+        case=f"range noise by shot noise alone, {photons} photons",
+        source="Johnson and Cain 2008",
+        expected=shot_cm,
+        got=100 * float(part.range_noise_m(np.array(float(photons)), 8e-9)),
+        tolerance=0.06,
+        unit="cm",
+    )
 
 
 @pytest.mark.parametrize("snr", [5, 10, 50])
@@ -174,9 +213,13 @@ def test_white_noise_limit_of_range(validation, snr):
     shot = C / 2 * 1e-9 * s / math.sqrt(0.8 * photons)
     total_m = float(part.range_noise_m(np.array(photons), 8e-9))
     validation(
-        case=f"range noise by amplifier noise alone, SNR {snr}", source="Cramer-Rao bound summed over samples",
-        expected=bound_cm, got=100 * math.sqrt(total_m**2 - shot**2), tolerance=2e-3 * bound_cm, unit="cm",
-    )  # fmt: skip
+        case=f"range noise by amplifier noise alone, SNR {snr}",
+        source="Cramer-Rao bound summed over samples",
+        expected=bound_cm,
+        got=100 * math.sqrt(total_m**2 - shot**2),
+        tolerance=2e-3 * bound_cm,
+        unit="cm",
+    )
 
 
 @pytest.mark.parametrize("photons", [3000.0, 10_000.0, 50_000.0])
@@ -185,9 +228,13 @@ def test_intensity_is_linear_below_the_bend(validation, photons):
     counts = drawn(300.0, photons).intensity_counts.astype(float)
     sigma = 0.04 * math.sqrt(127.0**2 + 3.52 * photons / 0.8)
     validation(
-        case=f"mean counts of {photons:g} photons", source="0.04 counts per photon", expected=0.04 * photons,
-        got=counts.mean(), tolerance=0.0065 * 0.04 * photons + 4 * sigma / math.sqrt(N), unit="count",
-    )  # fmt: skip
+        case=f"mean counts of {photons:g} photons",
+        source="0.04 counts per photon",
+        expected=0.04 * photons,
+        got=counts.mean(),
+        tolerance=0.0065 * 0.04 * photons + 4 * sigma / math.sqrt(N),
+        unit="count",
+    )
 
 
 def test_intensity_noise_changes_toward_saturation(validation):
@@ -203,12 +250,20 @@ def test_intensity_noise_changes_toward_saturation(validation):
         counts = drawn(300.0, photons, part).intensity_counts.astype(float)
         sigma = math.sqrt((0.04 * slope) ** 2 * (127.0**2 + 3.52 * photons / 0.8) + 1 / 12)  # rounding to counts
         validation(
-            case=f"counts' standard deviation at {photons:g} photons", source="photon noise through the curve's slope",
-            expected=sigma, got=counts.std(ddof=1), tolerance=4 * sigma / math.sqrt(2 * N) + 0.01 * sigma, unit="count",
-        )  # fmt: skip
+            case=f"counts' standard deviation at {photons:g} photons",
+            source="photon noise through the curve's slope",
+            expected=sigma,
+            got=counts.std(ddof=1),
+            tolerance=4 * sigma / math.sqrt(2 * N) + 0.01 * sigma,
+            unit="count",
+        )
     clipped = drawn(300.0, 1e6, part)
     assert np.all(clipped.saturated == 1) and np.all(clipped.intensity_counts == 4095)
     validation(
-        case="counts' standard deviation where the converter clips", source="12 bits", expected=0.0,
-        got=clipped.intensity_counts.std(), tolerance=0.0, unit="count",
-    )  # fmt: skip
+        case="counts' standard deviation where the converter clips",
+        source="12 bits",
+        expected=0.0,
+        got=clipped.intensity_counts.std(),
+        tolerance=0.0,
+        unit="count",
+    )

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver
-from tests.optics.bench_for_tests import box, look, place, plate, see, sphere, surface, truth_of
+from tests.optics.bench_for_tests import box, look, place, plate, see, sphere, truth_of
 
 ALL = Laser(divergence_deg=170)
 LONG = np.longdouble
@@ -58,9 +58,13 @@ def check(validation, case, triangles, pose, receiver, laser=ALL, at_least=100):
     off = np.abs(hits.range_m.astype(LONG) - expected).astype(float)
     worst = int(np.argmax(off))
     validation(
-        case=case, source="plane of the facet in 80-bit floats", expected=float(expected[worst]),
-        got=hits.range_m[worst], tolerance=1e-6, unit="m",
-    )  # fmt: skip
+        case=case,
+        source="plane of the facet in 80-bit floats",
+        expected=float(expected[worst]),
+        got=hits.range_m[worst],
+        tolerance=1e-6,
+        unit="m",
+    )
     # float32 has 6e-8 of the coordinates, seen under a slant of cos(alpha).
     size = np.abs(triangles).max()
     slack = 1e-6 * (size + 1) / np.maximum(hits.cos_incidence, 1e-9)
@@ -87,9 +91,13 @@ def test_grazing_incidence(validation, range_m, tilt_deg):
         (0, 0, range_m), Rotation.from_rotvec([0, 0, 0.3]) * Rotation.from_rotvec([0, math.radians(tilt_deg), 0])
     )
     check(
-        validation, f"plate of 20 m tilted {tilt_deg} deg at {range_m:g} m: range", plate(20.0, n=2),
-        pose, lens(min(60.0, math.degrees(22 / range_m)), 32), at_least=2,
-    )  # fmt: skip
+        validation,
+        f"plate of 20 m tilted {tilt_deg} deg at {range_m:g} m: range",
+        plate(20.0, n=2),
+        pose,
+        lens(min(60.0, math.degrees(22 / range_m)), 32),
+        at_least=2,
+    )
 
 
 @pytest.mark.parametrize("range_m", [0.5, 1.0, 2.0, 5.0])
@@ -109,7 +117,7 @@ def test_lidar_inside_a_target(validation, inside):
 
 def test_lidar_in_the_bounding_sphere_but_outside_the_body(validation):
     """Under a wing of 20 m, 2 m from the body it is fixed to."""
-    wing, body = plate(20.0, 2.0, n=4), box(2, 2, 2) + [0, 0, -1.0]
+    wing, body = plate(20.0, 2.0, n=4), box(2, 2, 2) + np.array([0, 0, -1.0])
     pose = place((3.0, 0.5, 4.0), Rotation.from_rotvec([0.2, 0.4, 0.1]))
     check(validation, "lidar 4 m from a wing of 20 m: range", np.concatenate([wing, body]), pose, lens(60.0))
 
@@ -129,9 +137,13 @@ def test_a_sphere_of_many_facets_is_a_sphere(validation):
     sagitta = edge**2 / 6 / 10.0 / 0.8  # at most e^2/(6 r) above a facet's middle, seen under cos 0.8
     assert late.min() > -1e-6
     validation(
-        case="sphere of 10 m at 50 km: how late facets are met, at most", source="sagitta of a facet",
-        expected=sagitta / 2, got=late.max(), tolerance=sagitta / 2, unit="m",
-    )  # fmt: skip
+        case="sphere of 10 m at 50 km: how late facets are met, at most",
+        source="sagitta of a facet",
+        expected=sagitta / 2,
+        got=late.max(),
+        tolerance=sagitta / 2,
+        unit="m",
+    )
 
 
 def slow_first(corners, direction):
@@ -181,14 +193,21 @@ def test_real_spacecraft_facet_by_facet(validation, shared, name, range_m):
     hit = facet >= 0
     off = np.abs(got[hit] - expected[hit])
     validation(
-        case=f"{name} from {range_m:.0f} m, {hit.sum()} rays: greatest difference of range", expected=0.0,
-        source="loop over every facet, float64", got=off.max(), tolerance=1e-6, unit="m",
-    )  # fmt: skip
-    validation(
-        case=f"{name} from {range_m:.0f} m: rays on another facet that does not coincide", expected=0,
+        case=f"{name} from {range_m:.0f} m, {hit.sum()} rays: greatest difference of range",
+        expected=0.0,
         source="loop over every facet, float64",
-        got=np.sum((got_facet[hit] != facet[hit]) & (off > 1e-6)), tolerance=0, unit="1",
-    )  # fmt: skip
+        got=off.max(),
+        tolerance=1e-6,
+        unit="m",
+    )
+    validation(
+        case=f"{name} from {range_m:.0f} m: rays on another facet that does not coincide",
+        expected=0,
+        source="loop over every facet, float64",
+        got=np.sum((got_facet[hit] != facet[hit]) & (off > 1e-6)),
+        tolerance=0,
+        unit="1",
+    )
 
 
 def test_cosine_of_incidence_on_a_sphere(validation):
@@ -196,9 +215,13 @@ def test_cosine_of_incidence_on_a_sphere(validation):
     seen = look(sphere(10.0, 6), place((0, 0, 50_000.0)), lens(math.degrees(21 / 50_000.0), 128), ALL)
     mean = np.average(seen.hits.cos_incidence, weights=seen.hits.weight)
     validation(
-        case="mean cos(alpha) over the disc of a sphere", source="integral of sqrt(1 - r^2) over the disc",
-        expected=2 / 3, got=mean, tolerance=2e-3, unit="1",
-    )  # fmt: skip
+        case="mean cos(alpha) over the disc of a sphere",
+        source="integral of sqrt(1 - r^2) over the disc",
+        expected=2 / 3,
+        got=mean,
+        tolerance=2e-3,
+        unit="1",
+    )
     facing = np.linalg.norm(seen.rays.direction[seen.hits.ray][:, :2], axis=1) * 50_000 < 0.5
     assert np.all(seen.hits.cos_incidence[facing] > 0.998)
 
@@ -212,7 +235,11 @@ def test_a_point_is_its_range_along_the_line_of_sight(validation, rays_per_pixel
     # The mean of sub-rays is not the centre's range: their second-order spread, d (p/2)^2 / 6 at most.
     slack = 0.0 if rays_per_pixel == 1 else 100 * receiver.pixel_tangent**2 / 6
     validation(
-        case=f"wall at 100 m over 45 deg, {rays_per_pixel} rays: greatest depth of a point", source="plane z = 100 m",
-        expected=100.0, got=points[..., 2].max(), tolerance=1e-9 + slack, unit="m",
-    )  # fmt: skip
+        case=f"wall at 100 m over 45 deg, {rays_per_pixel} rays: greatest depth of a point",
+        source="plane z = 100 m",
+        expected=100.0,
+        got=points[..., 2].max(),
+        tolerance=1e-9 + slack,
+        unit="m",
+    )
     assert points[..., 2].min() > 100 - 1e-9 - slack

@@ -15,8 +15,17 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Lambertian, Phong
 from tests.optics.bench_for_tests import (
-    SEED_LASER, SEED_RECEIVER, box, look, place, plate, see, sphere, surface, truth_of,
-)  # fmt: skip
+    SEED_LASER,
+    SEED_RECEIVER,
+    box,
+    look,
+    place,
+    plate,
+    see,
+    sphere,
+    surface,
+    truth_of,
+)
 
 RHO = 0.30 / math.pi
 FOOTPRINTS = ["square", "circle", "gaussian", "as_printed"]
@@ -68,15 +77,23 @@ def test_a_wall_that_fills_the_field(validation, fov_deg, footprint):
     full = received(laser, receiver, 1000.0)
     total = full * wall_total(laser, half)
     validation(
-        case=f"wall over {fov_deg:g} deg, {footprint}: all photons", source="Howell B-3, B-12 or quadrature",
-        expected=total, got=seen.by_pixel.sum(), tolerance=1e-3 * total, unit="photons",
-    )  # fmt: skip
+        case=f"wall over {fov_deg:g} deg, {footprint}: all photons",
+        source="Howell B-3, B-12 or quadrature",
+        expected=total,
+        got=seen.by_pixel.sum(),
+        tolerance=1e-3 * total,
+        unit="photons",
+    )
     pixel = full * pixel_share(laser, receiver)
     for row, col in ((63, 63), (64, 64)):
         validation(
-            case=f"wall over {fov_deg:g} deg, {footprint}: pixel ({row}, {col})", source="Howell B-3 or quadrature",
-            expected=pixel, got=seen.by_pixel[row, col], tolerance=1e-3 * pixel, unit="photons",
-        )  # fmt: skip
+            case=f"wall over {fov_deg:g} deg, {footprint}: pixel ({row}, {col})",
+            source="Howell B-3 or quadrature",
+            expected=pixel,
+            got=seen.by_pixel[row, col],
+            tolerance=1e-3 * pixel,
+            unit="photons",
+        )
 
 
 @pytest.mark.parametrize("pixels", [1.3, 4.71, 10.37, 20.2])
@@ -89,9 +106,13 @@ def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
     seen = look(plate(300.0), place((0, 0, 1000.0)), SEED_RECEIVER, laser)
     total = received(laser, SEED_RECEIVER, 1000.0) * wall_total(laser, math.tan(math.radians(1.25)))
     validation(
-        case=f"beam of {pixels:g} pixels on a wall, {footprint}: all photons", source="Howell B-3, B-12 or quadrature",
-        expected=total, got=seen.by_pixel.sum(), tolerance=1e-3 * total, unit="photons",
-    )  # fmt: skip
+        case=f"beam of {pixels:g} pixels on a wall, {footprint}: all photons",
+        source="Howell B-3, B-12 or quadrature",
+        expected=total,
+        got=seen.by_pixel.sum(),
+        tolerance=1e-3 * total,
+        unit="photons",
+    )
     if footprint != "gaussian":
         row, col = np.nonzero(seen.by_pixel)
         beyond = np.maximum(np.abs(row - 63.5), np.abs(col - 63.5)) - 0.5 >= pixels / 2
@@ -105,9 +126,13 @@ def test_a_narrow_beam_gains_what_the_seed_hopes_for(validation):
         angle = 2 * math.degrees(math.atan(pixels / 2 * SEED_RECEIVER.pixel_tangent))
         narrow = look(plate(300.0), place((0, 0, 1000.0)), laser=Laser(divergence_deg=angle)).by_pixel
         validation(
-            case=f"beam of {pixels} x {pixels} pixels: range gain", source="square root of the areas' ratio",
-            expected=128 / pixels, got=math.sqrt(narrow[64, 64] / wide), tolerance=1e-4 * 128 / pixels, unit="1",
-        )  # fmt: skip
+            case=f"beam of {pixels} x {pixels} pixels: range gain",
+            source="square root of the areas' ratio",
+            expected=128 / pixels,
+            got=math.sqrt(narrow[64, 64] / wide),
+            tolerance=1e-4 * 128 / pixels,
+            unit="1",
+        )
         assert np.count_nonzero(narrow) == pixels**2, "a pixel beside the footprint is dark, to the last photon"
 
 
@@ -122,9 +147,13 @@ def test_a_lambertian_shell_returns_what_a_hemisphere_gives_the_lens(validation)
     h = math.radians(30)
     expected = laser.photons * 2 * (1 / math.cos(h) - 1) / math.tan(h) ** 2
     validation(
-        case="Lambertian shell about the lidar: energy sent, worked back", source="energy conservation",
-        expected=expected, got=sent, tolerance=1e-3 * expected, unit="photons",
-    )  # fmt: skip
+        case="Lambertian shell about the lidar: energy sent, worked back",
+        source="energy conservation",
+        expected=expected,
+        got=sent,
+        tolerance=1e-3 * expected,
+        unit="photons",
+    )
 
 
 def test_a_lambertian_sphere_far_away(validation):
@@ -137,15 +166,25 @@ def test_a_lambertian_sphere_far_away(validation):
     aperture = SEED_RECEIVER.aperture_area_m2 * SEED_RECEIVER.transmission / 20_000.0**2
     expected = 2 / 3 * 0.30 * irradiance * 20.0**2 * aperture
     validation(
-        case="Lambertian sphere, 20 m at 20 km: all photons", source="geometric albedo 2/3 (Russell 1916)",
-        expected=expected, got=seen.by_pixel.sum(), tolerance=3e-3 * expected, unit="photons",
-    )  # fmt: skip
+        case="Lambertian sphere, 20 m at 20 km: all photons",
+        source="geometric albedo 2/3 (Russell 1916)",
+        expected=expected,
+        got=seen.by_pixel.sum(),
+        tolerance=3e-3 * expected,
+        unit="photons",
+    )
 
 
 def seed_pixel(range_m, receiver=SEED_RECEIVER, laser=SEED_LASER, material=None, tilt_deg=0.0):
     """Return the mean photons of the four pixels on the boresight, on a wall that fills them."""
-    lens = receiver.replace(n_rows=2, n_cols=2, fov_deg=None, focal_length_mm=receiver.focal_length_m * 1e3,
-                            f_number=None, aperture_mm=receiver.aperture_m * 1e3)  # fmt: skip
+    lens = receiver.replace(
+        n_rows=2,
+        n_cols=2,
+        fov_deg=None,
+        focal_length_mm=receiver.focal_length_m * 1e3,
+        f_number=None,
+        aperture_mm=receiver.aperture_m * 1e3,
+    )
     turn = Rotation.from_rotvec([0, math.radians(tilt_deg), 0])
     wall = plate(0.02 * range_m / math.cos(math.radians(tilt_deg)))
     return look(wall, place((0, 0, range_m), turn), lens, laser, material).by_pixel.mean()
@@ -154,9 +193,13 @@ def seed_pixel(range_m, receiver=SEED_RECEIVER, laser=SEED_LASER, material=None,
 def test_the_seed_s_system_has_1000_photons_at_3_km(validation):
     """Seed section 5 with transmission 0.67: 95 % at 1000 photons and a range of about 3 km are one statement."""
     validation(
-        case="seed section 5 system, 3.0 km, filled pixel", source="seed sections 3.3 and 5, transmission 0.67",
-        expected=1000.0, got=seed_pixel(3000.0), tolerance=2.0, unit="photons",
-    )  # fmt: skip
+        case="seed section 5 system, 3.0 km, filled pixel",
+        source="seed sections 3.3 and 5, transmission 0.67",
+        expected=1000.0,
+        got=seed_pixel(3000.0),
+        tolerance=2.0,
+        unit="photons",
+    )
 
 
 def test_an_independent_budget_by_solid_angles(validation):
@@ -167,23 +210,35 @@ def test_an_independent_budget_by_solid_angles(validation):
     expected = share * 0.30 * (aperture_m / 2) ** 2 / 3000.0**2
     assert expected == pytest.approx(1494.7, abs=0.1)
     validation(
-        case="seed section 5 system, 3.0 km, no losses", source="E/128^2 x rho0 x (D/2)^2/R^2",
-        expected=expected, got=seed_pixel(3000.0, lens), tolerance=1e-4 * expected, unit="photons",
-    )  # fmt: skip
+        case="seed section 5 system, 3.0 km, no losses",
+        source="E/128^2 x rho0 x (D/2)^2/R^2",
+        expected=expected,
+        got=seed_pixel(3000.0, lens),
+        tolerance=1e-4 * expected,
+        unit="photons",
+    )
 
 
 @pytest.mark.parametrize(("eta", "photons", "range_1000_km"), [(0.5, 747, 2.59), (0.7, 1046, 3.07), (1.0, 1495, 3.67)])
 def test_the_table_of_losses(validation, eta, photons, range_1000_km):
     lens = SEED_RECEIVER.replace(transmission=eta)
     validation(
-        case=f"seed system, 3.0 km, transmission {eta:g}", source="closed form, table in the design notes",
-        expected=photons, got=seed_pixel(3000.0, lens), tolerance=0.6, unit="photons",
-    )  # fmt: skip
+        case=f"seed system, 3.0 km, transmission {eta:g}",
+        source="closed form, table in the design notes",
+        expected=photons,
+        got=seed_pixel(3000.0, lens),
+        tolerance=0.6,
+        unit="photons",
+    )
     got = 3.0 * math.sqrt(seed_pixel(3000.0, lens) / 1000)
     validation(
-        case=f"seed system, range of 1000 photons, transmission {eta:g}", source="closed form",
-        expected=range_1000_km, got=got, tolerance=0.006, unit="km",
-    )  # fmt: skip
+        case=f"seed system, range of 1000 photons, transmission {eta:g}",
+        source="closed form",
+        expected=range_1000_km,
+        got=got,
+        tolerance=0.006,
+        unit="km",
+    )
 
 
 @pytest.mark.parametrize("fov_deg", [2.5, 45.0])
@@ -195,9 +250,13 @@ def test_as_printed_sends_back_four_times_what_was_sent(validation, fov_deg):
         for name in ("square", "as_printed")
     )
     validation(
-        case=f"eq. 7 as printed over the square that conserves energy, {fov_deg:g} deg", source="area of a square",
-        expected=4.0, got=printed / square, tolerance=1e-9, unit="1",
-    )  # fmt: skip
+        case=f"eq. 7 as printed over the square that conserves energy, {fov_deg:g} deg",
+        source="area of a square",
+        expected=4.0,
+        got=printed / square,
+        tolerance=1e-9,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize(
@@ -206,28 +265,47 @@ def test_as_printed_sends_back_four_times_what_was_sent(validation, fov_deg):
         ("range", -2, {"range_m": 500.0}, {"range_m": 20_000.0}),
         ("energy", 1, {"laser": Laser(energy_mj=1.0)}, {"laser": Laser(energy_mj=80.0)}),
         ("wavelength", 1, {"laser": Laser(wavelength_nm=1064.0)}, {"laser": Laser(wavelength_nm=1570.0)}),
-        ("aperture", 2, {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=20.0)},
-         {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=300.0)}),
-        ("pixel pitch", 2, {"receiver": Receiver(focal_length_mm=293.3, aperture_mm=100.0, pixel_pitch_um=20.0)},
-         {"receiver": Receiver(focal_length_mm=293.3, aperture_mm=100.0, pixel_pitch_um=150.0)}),
-        ("focal length", -2, {"receiver": Receiver(focal_length_mm=200.0, aperture_mm=100.0)},
-         {"receiver": Receiver(focal_length_mm=800.0, aperture_mm=100.0)}),
+        (
+            "aperture",
+            2,
+            {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=20.0)},
+            {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=300.0)},
+        ),
+        (
+            "pixel pitch",
+            2,
+            {"receiver": Receiver(focal_length_mm=293.3, aperture_mm=100.0, pixel_pitch_um=20.0)},
+            {"receiver": Receiver(focal_length_mm=293.3, aperture_mm=100.0, pixel_pitch_um=150.0)},
+        ),
+        (
+            "focal length",
+            -2,
+            {"receiver": Receiver(focal_length_mm=200.0, aperture_mm=100.0)},
+            {"receiver": Receiver(focal_length_mm=800.0, aperture_mm=100.0)},
+        ),
         ("reflectance", 1, {"material": Lambertian(reflectance=0.05)}, {"material": Lambertian(reflectance=1.0)}),
     ],
-)  # fmt: skip
+)
 def test_what_the_photons_grow_with(validation, what, power, low, high):
     values = {
-        "range": lambda s: s["range_m"], "energy": lambda s: s["laser"].energy_mj,
-        "wavelength": lambda s: s["laser"].wavelength_nm, "aperture": lambda s: s["receiver"].aperture_mm,
+        "range": lambda s: s["range_m"],
+        "energy": lambda s: s["laser"].energy_mj,
+        "wavelength": lambda s: s["laser"].wavelength_nm,
+        "aperture": lambda s: s["receiver"].aperture_mm,
         "pixel pitch": lambda s: s["receiver"].pixel_pitch_um,
-        "focal length": lambda s: s["receiver"].focal_length_mm, "reflectance": lambda s: s["material"].reflectance,
-    }  # fmt: skip
+        "focal length": lambda s: s["receiver"].focal_length_mm,
+        "reflectance": lambda s: s["material"].reflectance,
+    }
     ratio = values[what](high) / values[what](low)
     few, many = (seed_pixel(**{"range_m": 3000.0, **settings}) for settings in (low, high))
     validation(
-        case=f"photons grow with {what} to the power", source="seed eq. 7",
-        expected=power, got=math.log(many / few) / math.log(ratio), tolerance=1e-5, unit="1",
-    )  # fmt: skip
+        case=f"photons grow with {what} to the power",
+        source="seed eq. 7",
+        expected=power,
+        got=math.log(many / few) / math.log(ratio),
+        tolerance=1e-5,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("divergence_deg", [1.0, 5.0])
@@ -235,9 +313,13 @@ def test_photons_fall_with_the_area_lit(validation, divergence_deg):
     ratio = seed_pixel(3000.0, laser=Laser(divergence_deg=divergence_deg)) / seed_pixel(3000.0)
     expected = (math.tan(math.radians(1.25)) / math.tan(math.radians(divergence_deg / 2))) ** 2
     validation(
-        case=f"divergence {divergence_deg:g} deg over 2.5 deg", source="seed eq. 7", expected=expected, got=ratio,
-        tolerance=1e-9 * expected, unit="1",
-    )  # fmt: skip
+        case=f"divergence {divergence_deg:g} deg over 2.5 deg",
+        source="seed eq. 7",
+        expected=expected,
+        got=ratio,
+        tolerance=1e-9 * expected,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("tilt_deg", [20, 40, 60, 70, 80])
@@ -245,9 +327,13 @@ def test_a_tilted_lambertian_wall_goes_with_the_first_power_of_cos_alpha(validat
     """Second-order terms of the finite pixel are (IFOV tan alpha)^2, 4e-6 at 80 degrees."""
     ratio = seed_pixel(3000.0, tilt_deg=tilt_deg) / seed_pixel(3000.0)
     validation(
-        case=f"Lambertian wall tilted {tilt_deg} deg, over facing", source="seed eq. 7: cos(alpha)",
-        expected=math.cos(math.radians(tilt_deg)), got=ratio, tolerance=1e-5, unit="1",
-    )  # fmt: skip
+        case=f"Lambertian wall tilted {tilt_deg} deg, over facing",
+        source="seed eq. 7: cos(alpha)",
+        expected=math.cos(math.radians(tilt_deg)),
+        got=ratio,
+        tolerance=1e-5,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("tilt_deg", [0, 3, 10, 30, 50])
@@ -257,9 +343,13 @@ def test_a_tilted_phong_wall_follows_equation_10(validation, tilt_deg):
     phong = 0.1 / math.pi + 0.5 * 22 / (2 * math.pi) * max(math.cos(2 * alpha), 0.0) ** 20
     ratio = seed_pixel(3000.0, tilt_deg=tilt_deg, material=Phong(diffuse=0.1, specular=0.5, exponent=20.0))
     validation(
-        case=f"Phong wall tilted {tilt_deg} deg, over facing Lambertian 0.30", source="seed eqs. 7 and 10",
-        expected=math.cos(alpha) * phong / RHO, got=ratio / seed_pixel(3000.0), tolerance=2e-4 * phong / RHO, unit="1",
-    )  # fmt: skip
+        case=f"Phong wall tilted {tilt_deg} deg, over facing Lambertian 0.30",
+        source="seed eqs. 7 and 10",
+        expected=math.cos(alpha) * phong / RHO,
+        got=ratio / seed_pixel(3000.0),
+        tolerance=2e-4 * phong / RHO,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("n", [300, 3000])
@@ -272,18 +362,22 @@ def test_a_phong_mirror_returns_what_a_mirror_may(validation, n):
     seen = look(plate(500.0), place((0, 0, 1000.0)), lens, laser, Phong(diffuse=0.0, specular=1.0, exponent=float(n)))
     t = math.tan(math.radians(5))
     mirror = laser.photons * lens.aperture_area_m2 * lens.transmission / (4 * 2000.0**2 * t * t)
-    # cos(2 theta) = (1 - u)/(1 + u) with u = tan^2(theta), over the whole plane: beyond the field the lobe has e^-4 at
-    # n = 300, so that case is integrated over the field.
-    lobe = lambda y, x: (
-        (n + 2) / (2 * math.pi) * ((1 - x * x - y * y) / (1 + x * x + y * y)) ** n / (1 + x * x + y * y) ** 2
-    )  # noqa: E731, E501
+
+    def lobe(y, x):
+        u = x * x + y * y  # tan^2(theta), so cos(2 theta) = (1 - u)/(1 + u)
+        return (n + 2) / (2 * math.pi) * ((1 - u) / (1 + u)) ** n / (1 + u) ** 2
+
     expected = 4 * 4 * integrate.dblquad(lobe, 0, t, 0, t, epsabs=0, epsrel=1e-8)[0]
     if n == 3000:
         assert expected == pytest.approx(1.0003, abs=5e-5)
     validation(
-        case=f"Phong plate, ks = 1, n = {n}, over a mirror", source="mirror image, quadrature of eq. 10",
-        expected=expected, got=seen.by_pixel.sum() / mirror, tolerance=1e-3 * expected, unit="1",
-    )  # fmt: skip
+        case=f"Phong plate, ks = 1, n = {n}, over a mirror",
+        source="mirror image, quadrature of eq. 10",
+        expected=expected,
+        got=seen.by_pixel.sum() / mirror,
+        tolerance=1e-3 * expected,
+        unit="1",
+    )
 
 
 def plate_photons(side_m, position_m, rotation):
@@ -317,8 +411,12 @@ def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted)
     assert ratio.std() <= 0.05
     validation(
         case=f"plate of {area_pixels:g} pixel, {'tilted' if tilted else 'facing'}, 200 places: mean over closed form",
-        source="seed eq. 7", expected=1.0, got=ratio.mean(), tolerance=0.01, unit="1",
-    )  # fmt: skip
+        source="seed eq. 7",
+        expected=1.0,
+        got=ratio.mean(),
+        tolerance=0.01,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("range_m", [3000.0, 20_000.0])
@@ -339,9 +437,13 @@ def test_a_cubesat_is_never_missed(validation, range_m):
         ratio[i] = seen.by_pixel.sum() / (facing * np.sum(areas * toward**2))
     assert ratio.std() <= 0.05
     validation(
-        case=f"3U CubeSat at {range_m / 1e3:g} km in 200 poses: mean over closed form", source="faces of a box, eq. 7",
-        expected=1.0, got=ratio.mean(), tolerance=0.01, unit="1",
-    )  # fmt: skip
+        case=f"3U CubeSat at {range_m / 1e3:g} km in 200 poses: mean over closed form",
+        source="faces of a box, eq. 7",
+        expected=1.0,
+        got=ratio.mean(),
+        tolerance=0.01,
+        unit="1",
+    )
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -361,8 +463,12 @@ def test_a_small_target_before_a_large_one_takes_no_light_from_nowhere(validatio
         assert extra.min() > -1e-9 and extra.max() < (3000 / 2999.5) ** 2 - 1 + 1e-9
     validation(
         case=f"plate before a wall, listed {'second' if order else 'first'}: all photons over the wall's",
-        source="energy conservation", expected=1.0, got=seen.by_pixel.sum() / full.sum(), tolerance=1e-6, unit="1",
-    )  # fmt: skip
+        source="energy conservation",
+        expected=1.0,
+        got=seen.by_pixel.sum() / full.sum(),
+        tolerance=1e-6,
+        unit="1",
+    )
 
 
 def test_a_large_target_hides_a_small_one(validation):
@@ -371,9 +477,13 @@ def test_a_large_target_hides_a_small_one(validation):
     assert set(seen.hits.target.tolist()) == {1}
     alone = look(plate(200.0), place((0, 0, 3000.0))).by_pixel
     validation(
-        case="small target behind a wall: greatest change of a pixel", source="energy conservation",
-        expected=0.0, got=np.abs(seen.by_pixel / alone - 1).max(), tolerance=1e-7, unit="1",
-    )  # fmt: skip
+        case="small target behind a wall: greatest change of a pixel",
+        source="energy conservation",
+        expected=0.0,
+        got=np.abs(seen.by_pixel / alone - 1).max(),
+        tolerance=1e-7,
+        unit="1",
+    )
 
 
 def test_a_gaussian_beam_on_a_small_plate_off_the_axis(validation):
@@ -382,14 +492,20 @@ def test_a_gaussian_beam_on_a_small_plate_off_the_axis(validation):
     t, side = math.tan(math.radians(0.25)), 10.0 / 3000.0
     x0, y0 = 0.8 * t, -0.5 * t
     arms = [
-        math.sqrt(math.pi / 8) * t * (special.erf(math.sqrt(2) * (c + side / 2) / t) - special.erf(math.sqrt(2) * (c - side / 2) / t))
+        math.sqrt(math.pi / 8)
+        * t
+        * (special.erf(math.sqrt(2) * (c + side / 2) / t) - special.erf(math.sqrt(2) * (c - side / 2) / t))
         for c in (x0, y0)
-    ]  # fmt: skip
+    ]
     slant = 1 + x0 * x0 + y0 * y0
     expected = received(laser, SEED_RECEIVER, 3000.0) * 2 / (math.pi * t * t) * arms[0] * arms[1] / slant**2
     seen = look(plate(10.0), place((x0 * 3000, y0 * 3000, 3000.0)), laser=laser)
     # The closed form takes cos^4 at the plate's centre: 1e-5; the grid samples the plate's edge.
     validation(
-        case="plate of 10 m off the axis of a Gaussian beam, 3 km", source="error functions",
-        expected=expected, got=seen.by_pixel.sum(), tolerance=0.01 * expected, unit="photons",
-    )  # fmt: skip
+        case="plate of 10 m off the axis of a Gaussian beam, 3 km",
+        source="error functions",
+        expected=expected,
+        got=seen.by_pixel.sum(),
+        tolerance=0.01 * expected,
+        unit="photons",
+    )

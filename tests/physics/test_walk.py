@@ -40,7 +40,11 @@ def models(tmp_path_factory):
 def local(models, targets, follower=None, lens=LENS, frames=12, **settings):
     """Return a scenario in a local world: targets (name, model, position, rotation)."""
     return rl.Scenario(
-        version=1, name="bench", seed=5, world=rl.World(axes="local"), time=clock(frames),
+        version=1,
+        name="bench",
+        seed=5,
+        world=rl.World(axes="local"),
+        time=clock(frames),
         target=tuple(
             rl.Target(
                 name=name, model=str(models / model), motion=motion, attitude=attitude, center_of_mass_m=(0.0, 0.0, 0.0)
@@ -50,7 +54,7 @@ def local(models, targets, follower=None, lens=LENS, frames=12, **settings):
         follower=follower or rl.Follower(motion=fixed(0, 0, 0)),
         lidar=rl.Lidar(receiver=lens, laser=rl.Laser(divergence_deg=4.0), **settings.pop("lidar", {})),
         **settings,
-    )  # fmt: skip
+    )
 
 
 def first(scenario, **settings):
@@ -59,22 +63,32 @@ def first(scenario, **settings):
 
 def test_ahead_left_and_up_of_the_follower(models):
     """Body x forward, y left, z up; columns grow to the right and rows grow down (REP-103 both)."""
-    for (y, z), (row_side, col_side) in {(3, 3): (-1, -1), (-3, 3): (-1, 1), (3, -3): (1, -1), (-3, -3): (1, 1)}.items():
+    for (y, z), (row_side, col_side) in {
+        (3, 3): (-1, -1),
+        (-3, 3): (-1, 1),
+        (3, -3): (1, -1),
+        (-3, -3): (1, 1),
+    }.items():
         labels = first(local(models, [("cube", "cube.stl", fixed(200, y, z), turned(Rotation.identity()))])).labels
         row, col = np.nonzero(labels.target == 0)
         assert len(row) > 0
         # 3 m at 200 m is 0.859 degrees: tan is 0.215 of the half field of 16 pixels.
         expected = 16 * (3 / 200) / math.tan(math.radians(2.0))
-        assert np.average(row, weights=labels.photons[row, col]) + 0.5 - 16 == pytest.approx(row_side * expected, abs=0.3)
-        assert np.average(col, weights=labels.photons[row, col]) + 0.5 - 16 == pytest.approx(col_side * expected, abs=0.3)
+        assert np.average(row, weights=labels.photons[row, col]) + 0.5 - 16 == pytest.approx(
+            row_side * expected, abs=0.3
+        )
+        assert np.average(col, weights=labels.photons[row, col]) + 0.5 - 16 == pytest.approx(
+            col_side * expected, abs=0.3
+        )
 
 
 def test_the_chain_of_axes_is_equation_5(models, validation):
     """A cube seen through follower, PTU and two mounts: its place in lidar axes by 4 x 4 matrices written out here."""
     ptu = rl.Ptu(
         mount=rl.Mount(position_m=(0.3, -0.1, 0.5), euler_zyx_deg=(4.0, -3.0, 2.0)),
-        point=rl.FixedPoint(pan_deg=5.0, tilt_deg=-4.0), response=rl.Ideal(),
-    )  # fmt: skip
+        point=rl.FixedPoint(pan_deg=5.0, tilt_deg=-4.0),
+        response=rl.Ideal(),
+    )
     mount = rl.Mount(position_m=(0.05, 0.02, 0.1), euler_zyx_deg=(-0.5, 0.4, 10.0))
     body = Rotation.from_euler("ZYX", [30.0, 10.0, -20.0], degrees=True)
 
@@ -100,16 +114,23 @@ def test_the_chain_of_axes_is_equation_5(models, validation):
     inertial_from_lidar = inertial_from_follower @ follower_from_ptu @ carrier_from_lidar @ optical
     where = inertial_from_lidar @ [1.5, -2.0, 150.0, 1.0]
     scenario = local(
-        models, [("cube", "cube.stl", fixed(*where[:3]), turned(Rotation.identity()))],
-        follower=rl.Follower(motion=fixed(100, 20, -5), attitude=turned(body)), ptu=ptu, lidar={"mount": mount},
-    )  # fmt: skip
+        models,
+        [("cube", "cube.stl", fixed(*where[:3]), turned(Rotation.identity()))],
+        follower=rl.Follower(motion=fixed(100, 20, -5), attitude=turned(body)),
+        ptu=ptu,
+        lidar={"mount": mount},
+    )
     frame = first(scenario)
     seen = frame.truth.pose("lidar", "cube").translation
     for axis, name in enumerate("xyz"):
         validation(
-            case=f"cube through follower, PTU and mounts: {name} in lidar axes", source="seed eq. 5 in 4 x 4 matrices",
-            expected=[1.5, -2.0, 150.0][axis], got=seen[axis], tolerance=1e-10, unit="m",
-        )  # fmt: skip
+            case=f"cube through follower, PTU and mounts: {name} in lidar axes",
+            source="seed eq. 5 in 4 x 4 matrices",
+            expected=[1.5, -2.0, 150.0][axis],
+            got=seen[axis],
+            tolerance=1e-10,
+            unit="m",
+        )
     row, col = np.nonzero(frame.labels.target == 0)
     per_pixel = 16 / math.tan(math.radians(2.0))
     light = frame.labels.photons[row, col]
@@ -129,9 +150,13 @@ def test_a_wall_in_a_scenario_is_what_the_link_budget_says(models, validation):
     area = math.pi * aperture_m**2 / 4
     by_hand = energy / (4 * 3000**2 * math.tan(math.radians(1.25)) ** 2) * 0.30 / math.pi * area * ifov**2 * 0.67
     validation(
-        case="wall at 3 km in a scenario, pixel on the axis", source="seed eq. 7 with the 4, by hand",
-        expected=by_hand, got=photons[64, 64], tolerance=1e-4 * by_hand, unit="photons",
-    )  # fmt: skip
+        case="wall at 3 km in a scenario, pixel on the axis",
+        source="seed eq. 7 with the 4, by hand",
+        expected=by_hand,
+        got=photons[64, 64],
+        tolerance=1e-4 * by_hand,
+        unit="photons",
+    )
     assert "1,001 photons" in scenario.describe()
 
 
@@ -139,7 +164,10 @@ def test_noise_of_a_walk_is_the_detector_s(models, validation):
     """A wall of mean photons 1.1 to 1.2 thousand in every pixel: found and ranged as the closed forms say."""
     wide = rl.Empirical(false_alarms_per_s=0.0)
     scenario = local(
-        models, [("wall", "wall.stl", fixed(1000, 0, 0), turned(Rotation.identity()))], frames=8, lidar={"detector": wide}
+        models,
+        [("wall", "wall.stl", fixed(1000, 0, 0), turned(Rotation.identity()))],
+        frames=8,
+        lidar={"detector": wide},
     )
     energy = scenario.lidar.laser.energy_mj * 1000.0 / float(first(scenario).labels.photons[16, 16])
     laser = rl.Laser(divergence_deg=4.0, energy_mj=energy)
@@ -152,15 +180,23 @@ def test_noise_of_a_walk_is_the_detector_s(models, validation):
     expected = float(wide.detection_probability(np.array(1000.0)))
     off = np.concatenate(off)
     validation(
-        case="1000 photons in every pixel: share found", source="seed 3.3: 95 % at 1000 photons",
+        case="1000 photons in every pixel: share found",
+        source="seed 3.3: 95 % at 1000 photons",
         # cos^4 falls by 0.12 % from axis to corner, 0.06 % on the mean: 0.0003 of the 95 %
-        expected=0.95, got=found / n, tolerance=4 * math.sqrt(0.05 * 0.95 / n) + 4e-4, unit="1",
-    )  # fmt: skip
+        expected=0.95,
+        got=found / n,
+        tolerance=4 * math.sqrt(0.05 * 0.95 / n) + 4e-4,
+        unit="1",
+    )
     sigma = float(wide.range_noise_m(np.array(1000.0), 8e-9))
     validation(
-        case="1000 photons in every pixel: range noise", source="shot and amplifier noise", expected=sigma,
-        got=off.std(), tolerance=4 * sigma / math.sqrt(2 * len(off)) + 1e-3 * sigma, unit="m",
-    )  # fmt: skip
+        case="1000 photons in every pixel: range noise",
+        source="shot and amplifier noise",
+        expected=sigma,
+        got=off.std(),
+        tolerance=4 * sigma / math.sqrt(2 * len(off)) + 1e-3 * sigma,
+        unit="m",
+    )
     assert expected == pytest.approx(0.95, abs=1e-9)
 
 
@@ -169,14 +205,24 @@ def spinning(models, **settings):
         ("box", "box.stl", fixed(300, 1, 2), rl.Spin(axis=(0.3, 0.2, 1.0), rate_deg_s=20.0)),
         ("wall", "wall.stl", fixed(340, 0, 60), turned(Rotation.from_rotvec([0, 0.9, 0]))),
     ]
-    return local(models, targets, **settings)
+    # Four bands of rays at least, so that there is something for threads to share.
+    return local(models, targets, lens=LENS.replace(n_rows=96, n_cols=96), **settings)
 
 
 def bits(frame):
     """Return everything that a frame says, as bytes."""
     labels, reading = frame.labels, frame.observation.reading
-    names = ("range_m", "first_range_m", "cluster_count", "target", "part", "facet", "cos_incidence", "photons",
-             "filled_fraction")  # fmt: skip
+    names = (
+        "range_m",
+        "first_range_m",
+        "cluster_count",
+        "target",
+        "part",
+        "facet",
+        "cos_incidence",
+        "photons",
+        "filled_fraction",
+    )
     said = [getattr(labels, name).tobytes() for name in names]
     return said + [getattr(reading, name).tobytes() for name in ("range_m", "intensity_counts", "saturated")]
 
@@ -185,6 +231,7 @@ def bits(frame):
 def flown(models):
     """A scenario with noise on every pixel, and the bits of its twelve frames."""
     scenario = spinning(models)
+    assert len(first(scenario, keep=["rays"]).kept["rays"].pixel) > 3 * 16_384
     return scenario, [bits(frame) for frame in rl.simulate(scenario, threads=1)]
 
 

@@ -43,7 +43,7 @@ def test_first_facet_and_range_of_a_soup_of_triangles(seed, range_m):
     rng = np.random.default_rng(seed)
     triangles = rng.normal(size=(30, 3, 3))
     pose = place(rng.normal(size=3) * 0.1 + [0, 0, range_m], Rotation.random(rng=rng))
-    lens = SMALL.replace(fov_deg=min(90.0, float(np.rad2deg(5.0 / range_m))))  # noqa: TID251
+    lens = SMALL.replace(fov_deg=min(90.0, float(np.rad2deg(5.0 / range_m))))
     seen = look(triangles, pose, lens, WIDE)
     expected, facet = slow_hits(pose.apply(triangles.reshape(-1, 3)).reshape(-1, 3, 3), seen.rays.direction)
     got = np.full(len(expected), np.inf)
@@ -55,12 +55,13 @@ def test_first_facet_and_range_of_a_soup_of_triangles(seed, range_m):
     off = np.abs(got[both] - expected[both].astype(float))
     assert np.mean(off > 1e-6) < 2e-3
     agree = np.flatnonzero(both)[off <= 1e-6]
-    of_hit = {ray: f for ray, f in zip(seen.hits.ray.tolist(), seen.hits.facet.tolist(), strict=True)}
+    of_hit = dict(zip(seen.hits.ray.tolist(), seen.hits.facet.tolist(), strict=True))
     assert all(of_hit[ray] == facet[ray] for ray in agree.tolist())
 
 
 def test_hits_follow_the_rays_and_carry_them():
-    seen = look(sphere(0.5, 3), place((0.1, 0.1, 5)), SMALL, WIDE)
+    pair = np.concatenate([box(0.3, 0.3, 0.3) - np.array([0.5, 0, 0]), box(0.3, 0.3, 0.3) + np.array([0.5, 0, 0])])
+    seen = look(pair, place((0.1, 0.1, 5)), SMALL, WIDE)
     hits, rays = seen.hits, seen.rays
     assert 0 < len(hits.ray) < len(rays.pixel)
     assert np.all(np.diff(hits.ray) > 0)
@@ -119,7 +120,10 @@ def test_parts_and_facets_are_those_of_the_source_file():
 
     part = np.array([0, 0, 1, 1], dtype=np.int16)
     sat = surface(
-        "sat", np.concatenate([plate(1.0) - [1, 0, 0], plate(1.0) + [1, 0, 0]]), part=part, part_names=("a", "b")
+        "sat",
+        np.concatenate([plate(1.0) - [1, 0, 0], plate(1.0) + np.array([1, 0, 0])]),
+        part=part,
+        part_names=("a", "b"),
     )
     mesh = dataclasses.replace(sat.mesh, source_facet=np.array([3, 5, 6, 9], dtype=np.int32), source_facets=10)
     sat = dataclasses.replace(sat, mesh=mesh)

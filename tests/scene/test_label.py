@@ -26,9 +26,12 @@ def two_plates(apart_m, near_share=0.5, **material):
     side = ONE_PIXEL.pixel_tangent * 3000.0
     left, right = plate(side * near_share * 2, side * 2), plate(side * (1 - near_share) * 2, side * 2)
     edge = (near_share - 0.5) * side
-    triangles = np.concatenate([
-        left + [edge - side * near_share, 0, 0], right + [edge + side * (1 - near_share), 0, apart_m]
-    ])  # fmt: skip
+    triangles = np.concatenate(
+        [
+            left + np.array([edge - side * near_share, 0, 0]),
+            right + np.array([edge + side * (1 - near_share), 0, apart_m]),
+        ]
+    )
     return look(triangles, place((0, 0, 3000.0)), ONE_PIXEL, Laser(divergence_deg=1, **material)).labels
 
 
@@ -116,8 +119,13 @@ def test_a_tilted_plate_is_one_surface_and_so_one_cluster(range_m, tilt_deg, ray
     A tilted facet is no comb of pulses (house.md section 6): rays a sub-pixel apart meet one surface, however finely
     the pixel is sampled.
     """
-    lens = SEED_RECEIVER.replace(n_rows=8, n_cols=8, rays_per_pixel=rays_per_pixel, fov_deg=None,
-                                 focal_length_mm=SEED_RECEIVER.focal_length_m * 1e3)  # fmt: skip
+    lens = SEED_RECEIVER.replace(
+        n_rows=8,
+        n_cols=8,
+        rays_per_pixel=rays_per_pixel,
+        fov_deg=None,
+        focal_length_mm=SEED_RECEIVER.focal_length_m * 1e3,
+    )
     pose = place((0, 0, range_m), Rotation.from_rotvec([0, np.pi * tilt_deg / 180, 0]))
     labels = look(plate(1000.0), pose, lens, SEED_LASER).labels
     assert labels.cluster_count.tolist() == [[1] * 8] * 8

@@ -60,17 +60,28 @@ def glb(meshes, nodes):
         data = np.asarray(triangles, dtype="<f4").reshape(-1, 3)
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes, "target": 34962})
         accessors.append(
-            {"bufferView": len(views) - 1, "componentType": 5126, "count": len(data), "type": "VEC3",
-             "min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
-        )  # fmt: skip
+            {
+                "bufferView": len(views) - 1,
+                "componentType": 5126,
+                "count": len(data),
+                "type": "VEC3",
+                "min": data.min(axis=0).tolist(),
+                "max": data.max(axis=0).tolist(),
+            }
+        )
         entries.append({"name": name, "primitives": [{"attributes": {"POSITION": len(accessors) - 1}}]})
         blob += data.tobytes()
     children = {child for node in nodes for child in node.get("children", [])}
     tree = {
-        "asset": {"version": "2.0"}, "scene": 0,
-        "scenes": [{"nodes": [i for i in range(len(nodes)) if i not in children]}], "nodes": nodes,
-        "meshes": entries, "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": len(blob)}],
-    }  # fmt: skip
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [i for i in range(len(nodes)) if i not in children]}],
+        "nodes": nodes,
+        "meshes": entries,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(blob)}],
+    }
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob
@@ -161,9 +172,11 @@ def test_meshes_of_a_glb_are_parts_in_the_file_s_order(load):
     mesh = load("sat.glb", glb(meshes, nodes))
     assert set(mesh.part_names) == {"bus", "wing", "dish"}
     number_of = {name: np.flatnonzero(mesh.part == i) for i, name in enumerate(mesh.part_names)}
-    assert np.allclose(corners(mesh)[number_of["wing"]], plate(4.0) + [0, 3, 0], rtol=0, atol=1e-6)
+    assert np.allclose(corners(mesh)[number_of["wing"]], plate(4.0) + np.array([0, 3, 0]), rtol=0, atol=1e-6)
     assert mesh.part_names == ("bus", "wing", "dish")
-    assert np.allclose(corners(mesh), np.concatenate([BOX, plate(4.0) + [0, 3, 0], plate(2.0, n=2) + [0, 0, 2]]))
+    assert np.allclose(
+        corners(mesh), np.concatenate([BOX, plate(4.0) + np.array([0, 3, 0]), plate(2.0, n=2) + np.array([0, 0, 2])])
+    )
 
 
 def test_one_mesh_at_two_places_is_one_part_with_all_its_facets(load):

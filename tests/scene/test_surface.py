@@ -9,7 +9,7 @@ BOX = box(1.0, 2.0, 3.0)
 
 
 def test_scale_comes_first_then_the_centre_of_mass():
-    moved = surface("sat", BOX + [10, 0, 0], scale=0.5, center_of_mass_m=(5.0, 0.0, 1.0))
+    moved = surface("sat", BOX + np.array([10, 0, 0]), scale=0.5, center_of_mass_m=(5.0, 0.0, 1.0))
     assert np.allclose(moved.corners, 0.5 * BOX - [0, 0, 1], rtol=0, atol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_without_a_material_it_is_the_seed_s():
 
 
 def test_a_part_that_is_not_there():
-    with pytest.raises(ScenarioError, match="part_materials: no part 'bdy' in sat.stl; did you mean 'body'"):
+    with pytest.raises(ScenarioError, match=r"part_materials: no part 'bdy' in sat\.stl; did you mean 'body'"):
         surface("sat", BOX, part_materials={"bdy": Lambertian()})
 
 
