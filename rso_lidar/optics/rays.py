@@ -136,8 +136,12 @@ def _fineness(box: np.ndarray, receiver: Receiver) -> int:
     if wanted == 0 or not np.all(np.isfinite(sides)) or np.any(sides < 0):
         return 1
     area = max(float(sides[0] * sides[1]), 1e-12)
-    longest = max(float(sides.max()), 1e-6)
-    m = min(np.sqrt(wanted / area), 4.0 * wanted / longest)  # an edge-on sheet is not sampled without end
+    shortest, longest = max(float(sides.min()), 1e-9), max(float(sides.max()), 1e-6)
+    enough = np.sqrt(wanted / area)
+    if enough <= 1.0:
+        return 1
+    # Two rays across a sliver, so that none is missed; but an edge-on sheet is not sampled without end.
+    m = min(max(enough, 2.0 / shortest), 4.0 * wanted / longest)
     m = int(np.clip(np.ceil(m), 1, _FINEST))
     return m if m <= _STEP else _STEP * math.ceil(m / _STEP)
 

@@ -171,8 +171,10 @@ def slow_first(corners, direction):
     return facet, range_m
 
 
-@pytest.mark.parametrize("range_m", ["near", 3000.0, 50_000.0])
-@pytest.mark.parametrize("name", ["tdrs", "iss"])
+@pytest.mark.parametrize(
+    ("name", "range_m"),
+    [("tdrs", "near"), ("tdrs", 3000.0), ("tdrs", 50_000.0), ("iss", "near"), ("iss", 50_000.0)],
+)
 def test_real_spacecraft_facet_by_facet(validation, shared, name, range_m):
     """Real meshes: open shells, mixed winding, doubled facets. The same facet, or one that coincides to 1 um."""
     target = scene.build_surface(name, scene.load_mesh(shared / "meshes" / f"{name}.stl"))
@@ -180,7 +182,7 @@ def test_real_spacecraft_facet_by_facet(validation, shared, name, range_m):
     range_m = 1.3 * radius if range_m == "near" else range_m
     turn = Rotation.from_rotvec([0.7, -1.1, 0.4])
     pose = place(np.array([0, 0, range_m]) - turn.apply(centre), turn)
-    receiver = lens(min(100.0, 2 * math.degrees(math.atan(0.8 * radius / range_m))), 24, 1)
+    receiver = lens(min(100.0, 2 * math.degrees(math.atan(0.8 * radius / range_m))), 30 if name == "tdrs" else 16, 1)
     receiver = receiver.replace(min_rays_per_target=0)
     seen = see(target, truth_of(**{name: pose}), receiver, ALL)
     # Relative to the lidar the corners are exact to 1e-11 m at 50 km.

@@ -195,6 +195,24 @@ def test_a_quad_is_two_triangles(load):
     assert len(mesh.facets) == 2 and np.allclose(np.abs(edges[:, 2]), 1)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n",
+        b"# made by hand\r\nmtllib none.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nvn 0 0 1\r\nvt 0 0\r\n"
+        b"usemtl x\r\ns off\r\nf 1/1/1 2//1 3/1\r\n",
+        b"v 0 0 0 1.0\nv 1 0 0 1.0\nv 0 1 0 1.0\nl 1 2\np 3\nf 1 2 3 # the only one\n",
+        b"v 0 0 0 0.5 0.5 0.5\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0 0.1 0.1 0.1\nf 1 2 \\\n3\n",
+        b"\tv  0.0e0\t0 0\n v +1 0. 0\nv 0 1e0 -0\n\nf\t1 2 3",
+    ],
+    ids=["backwards", "corners with texture and normal", "weights, lines and points", "colours", "blanks"],
+)
+def test_what_an_obj_may_say_beside_facets(load, text):
+    mesh = load("one.obj", text)
+    assert corners(mesh).tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert len(mesh.part_names) == 1
+
+
 def spoiled(value):
     triangles = BOX.copy()
     triangles[7, 1, 2] = value
