@@ -112,8 +112,11 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
             continue  # pydantic names the branch of a union; the reader's file does not
         owner = here
         words.append(step if not words else f".{step}")
-        field = here.model_fields.get(step) if here else None
-        annotation = field.annotation if field else None
+        if here is None and get_origin(annotation) is dict:
+            annotation = get_args(annotation)[1]  # a table whose keys the user chooses
+        else:
+            field = here.model_fields.get(step) if here else None
+            annotation = field.annotation if field else None
         raw = raw.get(step) if isinstance(raw, Mapping) else getattr(raw, step, None)
         here = _choose(annotation, raw)
     return "".join(words), owner

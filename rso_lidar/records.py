@@ -43,7 +43,7 @@ def specs(record: type) -> dict[str, ArraySpec]:
     return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """The base of records: checks its arrays against their statements, and locks them."""
 
@@ -63,6 +63,13 @@ class Record:
                     raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
             locked.flags.writeable = False
             object.__setattr__(self, name, locked)
+
+    def __repr__(self) -> str:
+        """Return the class with the sizes of its arrays, not their contents."""
+        sizes = ", ".join(
+            f"{name}{list(value.shape)}" for name in specs(type(self)) if (value := getattr(self, name)) is not None
+        )
+        return f"<{type(self).__name__}: {sizes}>"
 
 
 # ---------------------------------------------------------------------------------------------- what is being flown
@@ -95,7 +102,7 @@ class Source:
 # ------------------------------------------------------------------------------------------------ where everything is
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BodyState(Record):
     """The state of a body's origin in inertial axes (GCRS, or the root of a local world); single or batched."""
 
@@ -113,7 +120,7 @@ class BodyState(Record):
         return BodyState(self.position_m[epoch], self.velocity_m_s[epoch])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pointing(Record):
     """Where the PTU points at one flash: asked for, really, and as its encoders say. Pan left, tilt up positive."""
 
@@ -123,7 +130,7 @@ class Pointing(Record):
     rate_rad_s: np.ndarray = array("pan_tilt", "f8", "rad s-1", "true pan and tilt rates")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Truth:
     """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
 
@@ -137,6 +144,10 @@ class Truth:
     states: Mapping[str, BodyState]
     sun_direction: np.ndarray
     pointing: Pointing | None = None
+
+    def __repr__(self) -> str:
+        """Return the instants and the names of the axes."""
+        return f"<Truth: {np.size(self.time_s)} epoch(s) from {np.ravel(self.time_s)[0]:g} s, axes {', '.join(self.poses)}>"
 
     def pose(self, a: str, b: str) -> RigidTransform:
         """Return a_from_b, such as lidar_from_tdrs (seed eq. 5): coordinates in b to coordinates in a [m]."""
@@ -161,7 +172,7 @@ class Truth:
 # ------------------------------------------------------------------------------------------------- the photon's life
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Extent(Record):
     """Where each target can be seen, as bounds in the tangent plane z = 1 of the lidar; empty where low > high.
 
@@ -174,7 +185,7 @@ class Extent(Record):
     outlines: tuple[np.ndarray | None, ...] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rays(Record):
     """Rays that leave the lens, ordered by pixel. `shape` is (n_rows, n_cols)."""
 
@@ -184,7 +195,7 @@ class Rays(Record):
     weight: np.ndarray = array("ray", "f8", "1", "share of the pixel's area; made rays of a pixel sum to at most 1")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Hits(Record):
     """First facets that rays meet, ordered as the rays are; a ray that meets nothing has no row."""
 
@@ -200,7 +211,7 @@ class Hits(Record):
     brdf_per_sr: np.ndarray = array("hit", "f8", "sr-1", "BRDF toward the lidar, without the cosine")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Photons(Record):
     """Light that comes back to the focal plane, one return for each hit and in the same order.
 
@@ -220,7 +231,7 @@ class Photons(Record):
     cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reading(Record):
     """What the sensor said."""
 
@@ -231,9 +242,13 @@ class Reading(Record):
     saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Labels(Record):
-    """What was really there, pixel by pixel; of several clusters in a pixel the brightest speaks."""
+    """What was really there, pixel by pixel, as far as it is lit.
+
+    Of several clusters in a pixel the brightest speaks; in it the part that returns most light, and of that the brightest
+    return.
+    """
 
     range_m: np.ndarray = array(
         "row col", "f8", "m", "photon-weighted mean range of the brightest cluster, NaN for sky"
@@ -242,20 +257,20 @@ class Labels(Record):
         "row col", "f8", "m", "photon-weighted mean range of the nearest cluster, NaN for sky"
     )
     cluster_count: np.ndarray = array("row col", "u1", "1", "clusters of returns in the pixel")
-    target: np.ndarray = array("row col", "i2", "1", "target index of the brightest return, -1 for sky")
-    part: np.ndarray = array("row col", "i2", "1", "part index of the brightest return, -1 for sky")
+    target: np.ndarray = array("row col", "i2", "1", "target index of the brightest part, -1 for sky")
+    part: np.ndarray = array("row col", "i2", "1", "index of the part that returns most light, -1 for sky")
     facet: np.ndarray = array(
-        "row col", "i4", "1", "facet index in the source file of the brightest return, -1 for sky"
+        "row col", "i4", "1", "facet index in the source file of that part's brightest return, -1 for sky"
     )
-    cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of the brightest return, NaN for sky")
+    cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of that return, NaN for sky")
     photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
-    filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target")
+    filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target and lit")
 
 
 # ---------------------------------------------------------------------------------------------------- what comes out
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Observation(Record):
     """What the spacecraft could know of one flash: never truth, never labels."""
 
@@ -274,7 +289,7 @@ class Observation(Record):
         return points
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
     """One laser flash: what the sensor said, what was there, and where everything was."""
 
@@ -284,6 +299,12 @@ class Frame:
     truth: Truth
     source: Source
     kept: Mapping[str, Record] = dataclasses.field(default_factory=dict)  # intermediate records asked for with `keep`
+
+    def __repr__(self) -> str:
+        """Return number, instant, pixels and returns."""
+        rows, cols = self.range_m.shape
+        returns = int(self.valid.sum())
+        return f"<Frame {self.index} at {self.time_s:g} s: {rows} x {cols} pixels, {returns} returns, of {self.source.title!r}>"
 
     @property
     def time_s(self) -> float:

@@ -78,6 +78,8 @@ def _fly(
             frame = made.popleft().result()
             yield frame
             command = controller(frame.observation) if controller else None  # the only feedback there is
+            if command is not None and not isinstance(command, Command):
+                raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
             if command is not None and ptu is None:
                 raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
         while made:
@@ -112,7 +114,12 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
     n_frames = scenario.time.n_frames
     if frames is None:
         return np.arange(n_frames)
-    numbers = np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array(list(frames), dtype=np.int64)
+    try:
+        numbers = np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array(list(frames), dtype=np.int64)
+    except (TypeError, ValueError, OverflowError):
+        raise ScenarioError(
+            f"frames: need a slice or whole numbers, not {frames!r:.60}; such as range(0, 10)"
+        ) from None
     if not len(numbers):
         raise ScenarioError(f"frames: the choice is empty; the scenario has frames 0 to {n_frames - 1}")
     if numbers[0] < 0 or numbers[-1] >= n_frames or np.any(np.diff(numbers) <= 0):
@@ -121,7 +128,7 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
 
 
 def _known(keep: Iterable[str]) -> tuple[str, ...]:
-    names = tuple(keep)
+    names = (keep,) if isinstance(keep, str) else tuple(keep)
     for name in names:
         if name not in KEPT:
             raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")

@@ -17,7 +17,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     try:
         sys.exit(app(arguments, prog_name="rso-lidar", standalone_mode=False))
     except usage_error as error:
-        _say(f"error: {error.format_message().rstrip('.')}; see rso-lidar --help")
+        if error.format_message():  # without any words the help has been shown, and says enough
+            _say(f"error: {error.format_message().rstrip('.')}; see rso-lidar --help")
         sys.exit(2)
     except RunError as error:
         # After a write that failed, HDF5 may crash while the interpreter cleans up: leave at once, all said.

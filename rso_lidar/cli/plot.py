@@ -14,7 +14,9 @@ RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.
 def plot(
     recording: RecordingFile,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png); beside the recording.")] = None,
-    frame: Annotated[int | None, typer.Option("--frame", help="Draw this frame alone, counted from 0.")] = None,
+    frame: Annotated[
+        int | None, typer.Option("--frame", help="Draw this frame alone, by its number in the scenario.")
+    ] = None,
     path: Annotated[bool, typer.Option("--path", help="Draw the relative trajectory and range over time.")] = False,
     curves: Annotated[
         bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")
@@ -25,9 +27,11 @@ def plot(
         kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
         place = output or recording.with_name(f"{recording.stem}_{kind}.png")
         if frame is not None:
-            if not -len(frames) <= frame < len(frames):
-                raise RecordingError(f"--frame {frame}: the recording has frames 0 to {len(frames) - 1}")
-            picture.save_frame(frames[frame], place)
+            numbers = frames.frame_index[:].tolist()
+            if frame not in numbers:
+                held = f"holds {len(numbers)} frames, {numbers[0]} to {numbers[-1]}" if numbers else "holds no frames"
+                raise RecordingError(f"--frame {frame}: {recording.name} {held}")
+            picture.save_frame(frames[numbers.index(frame)], place)
         elif path:
             picture.save_figure(picture.orbit_figure(frames), place)
         elif curves:

@@ -24,7 +24,9 @@ _LOG_EVERY_S = 5.0
 def run(
     file: ScenarioFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5).")],
-    frames: Annotated[str | None, typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only.")] = None,
+    frames: Annotated[
+        str | None, typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only; A:B:C takes every Cth.")
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
@@ -37,9 +39,13 @@ def run(
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
     numbers = frame_numbers(scenario, _choice(frames))
+    if resume and not overwrite and _complete(output, scenario, numbers):
+        typer.echo(f"complete    {output} holds all {len(numbers)} frames already")
+        return
     export.check_output(output, overwrite=overwrite)
     identity = export.run_id(scenario.source, frames or "", importlib.metadata.version("rso-lidar"))
     tally = Tally()
+    done = 0
     with export.Recorder(output, scenario.source, run_id=identity, overwrite=overwrite, resume=resume) as recorder:
         done = recorder.written
         if done:
@@ -50,20 +56,31 @@ def run(
                     recorder.write(frame)
                     tally.add(frame)
                     bar.advance()
-    typer.echo(tally.table(output))
+    typer.echo(tally.table(output, done))
 
 
 def _choice(text: str | None) -> slice | None:
-    """Return the slice that ``A:B`` means."""
+    """Return the slice that ``A:B`` or ``A:B:C`` means."""
     if text is None:
         return None
-    first, colon, last = text.partition(":")
     try:
-        if not colon:
-            return slice(int(first), int(first) + 1)
-        return slice(int(first) if first else 0, int(last) if last else None)
+        ends = [int(word) if word else None for word in text.split(":")]
+        if len(ends) == 1 and ends[0] is not None:
+            return slice(ends[0], ends[0] + 1)
+        if len(ends) in (2, 3) and (len(ends) == 2 or ends[2] is None or ends[2] > 0):
+            return slice(*ends)
     except ValueError:
-        raise ScenarioError(f"--frames {text}: is not A:B; write for example 0:100") from None
+        pass
+    raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
+
+
+def _complete(output: Path, scenario: Scenario, numbers: np.ndarray) -> bool:
+    """Return whether an output is already the whole recording of these frames."""
+    if not output.is_file():
+        return False
+    with export.open(output) as recording:
+        same = recording.complete and recording.source.scenario == scenario.source.scenario
+        return same and np.array_equal(recording.frame_index[:], numbers)
 
 
 class Bar(Protocol):
@@ -135,12 +152,13 @@ class Tally:
             self._nearest = min(self._nearest, float(ranges.min()))
             self._farthest = max(self._farthest, float(ranges.max()))
 
-    def table(self, output: Path) -> str:
-        """Return the summary as lines of text."""
+    def table(self, output: Path, before: int) -> str:
+        """Return the summary as lines of text; `before` frames were there when the run went on."""
         seconds = max(time.monotonic() - self._began, 1e-9)
         lines = [
             f"recorded    {output} ({output.stat().st_size / 1e6:.1f} MB)",
-            f"frames      {self._frames} in {seconds:.1f} s, {self._frames / seconds:.1f} frames/s",
+            f"frames      {self._frames} in {seconds:.1f} s, {self._frames / seconds:.1f} frames/s"
+            + (f"; {before} were there before, and the lines below are without them" if before else ""),
         ]
         if self._seen:
             lines.append(

@@ -26,7 +26,8 @@ class Empirical(Part):
     Only returns between `armed_from_m` and `armed_to_m` count, and false triggers come at `false_alarms_per_s` there.
     Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼ until the converter
     clips at 2^`adc_bits` − 1. The range noise is `range_plateau_m` plus, in quadrature, shot and amplifier noise seen by
-    a filter matched to the pulse sampled every `sample_ns`.
+    a filter matched to the pulse sampled every `sample_ns`. A surface is as easy to find and to range tilted as facing: how
+    it stretches the pulse is left to a waveform model.
     """
 
     type: Literal["empirical"] = "empirical"

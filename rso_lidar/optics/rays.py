@@ -209,7 +209,7 @@ def _fine_rays(
     rows, cols = _cells(boxes[t], owner.shape)
     cells = np.array([[rows.start, cols.start], [rows.stop, cols.stop]], dtype=float)
     step = min(m, _STEP)
-    near = np.stack([np.floor(boxes[t][0] * step), np.ceil(boxes[t][1] * step)]) / step
+    near = np.stack([np.floor(boxes[t][0] * step), np.ceil(boxes[t][1] * step)]) / step if m > step else cells
     made = []
     for s, box in enumerate(boxes):
         seen = _common(box, cells)

@@ -12,7 +12,7 @@ from rso_lidar.picture.palette import BLACK, INTENSITY_RAMP, NO_RETURN, RANGE_RA
 from rso_lidar.picture.sequence import Glimpse
 
 RELATIVE_BELOW = 0.25  # a frame's own span against the sequence's, below which colours are relative to each median
-LOG_ABOVE = 8.0  # brightest frame against faintest, above which intensity is drawn by its logarithm
+LOG_ABOVE = 8.0  # brightest frame against faintest, or glints against the median, above which a logarithm is drawn
 
 
 ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -116,7 +116,8 @@ def _counts(seen: list[np.ndarray]) -> tuple[float, float, bool]:
     high = max(float(np.percentile(counts, 99.5)) for counts in seen)
     low = min(float(np.percentile(counts, 2)) for counts in seen)
     bright = [float(np.percentile(counts, 90)) for counts in seen]
-    if max(bright) > LOG_ABOVE * max(min(bright), 1.0):
+    middle = float(np.median([np.median(counts) for counts in seen]))
+    if max(bright) > LOG_ABOVE * max(min(bright), 1.0) or high > LOG_ABOVE * max(middle, 1.0):
         low = max(math.floor(low), 1.0)
         return low, max(math.ceil(high), 2 * low), True
     return 0.0, max(math.ceil(high), 1.0), False

@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar.motion import Hill
 from rso_lidar.motion.hill import validity
 from rso_lidar.motion.kepler import elements
-from rso_lidar.scenario.preview import Preview, preview
+from rso_lidar.scenario.preview import Preview, filled_pixel_photons, preview
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _hill(scenario, seen)
     lines += _field(scenario, seen)
     lines += _window(scenario, seen)
+    lines += _clipping(scenario, seen)
     lines += _light_time(seen)
     if not scenario.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
@@ -70,6 +71,19 @@ def _window(scenario: Scenario, seen: Preview) -> list[str]:
                 f"target {sight.name}: its range ({near:.0f} to {far:.0f} m) leaves the armed window "
                 f"({detector.armed_from_m:g} to {detector.armed_to_m:g} m), where nothing is detected; "
                 "set lidar.detector.armed_from_m and armed_to_m"
+            )
+    return lines
+
+
+def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
+    lines = []
+    for sight in seen.sights:
+        nearest_m = float(sight.range_m.min())
+        dimmest, _ = filled_pixel_photons(scenario, sight.name, nearest_m)
+        if float(scenario.lidar.detector.counts(np.array(dimmest))) >= scenario.lidar.detector.full_scale_counts:
+            lines.append(
+                f"target {sight.name}: at {nearest_m:.0f} m even its dimmest material clips the converter in a filled pixel "
+                f"({dimmest:,.0f} photons); lower lidar.laser.energy_mj or the aperture"
             )
     return lines
 

@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.motion import Tle, utc_text
 from rso_lidar.motion.kepler import elements
 from rso_lidar.scenario.advice import advice
-from rso_lidar.scenario.preview import Preview, Sight, preview
+from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, preview
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target
@@ -105,29 +105,19 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
 
 
 def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
-    lines = [f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar:"]
+    lines = [
+        f"budget      {sight.name}, a pixel on the boresight, filled by a facet that faces the lidar (dimmest to brightest material):"
+    ]
     for place, range_m in (("first", float(sight.range_m[0])), ("last", float(sight.range_m[-1]))):
         ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m), 6))
         detector = scenario.lidar.detector
         photons = " to ".join(f"{value:,.0f}" for value in ends)
         probability = " to ".join(f"{value:.3f}" for value in detector.detection_probability(ends))
-        noise = detector.range_noise_m(ends[-1:], scenario.lidar.laser.pulse_fwhm_s)[0]
+        noise_m = detector.range_noise_m(ends, scenario.lidar.laser.pulse_fwhm_s)
+        noise = " to ".join(f"{value / units.CM:.1f}" for value in noise_m)
         pixel_m = range_m * scenario.lidar.receiver.pixel_tangent
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
-            f"{photons} photons, P(detect) {probability}, range noise {noise / units.CM:.1f} cm"
+            f"{photons} photons, P(detect) {probability}, range noise {noise} cm"
         )
     return lines
-
-
-def filled_pixel_photons(scenario: Scenario, target: str, range_m: float) -> tuple[float, float]:
-    """Return the photons of a pixel that a facing facet of the target fills, for its dimmest and brightest material.
-
-    Closed form on the boresight (seed eq. 7 with the factor 4), no mesh.
-    """
-    laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
-    surface = next(surface for surface in scenario.surfaces if surface.name == target)
-    brdf = [float(material.brdf_per_sr(np.array(1.0))) for material in surface.materials]
-    gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission / range_m**2
-    each = float(laser.density(np.array(0.0), np.array(0.0))) * gathered
-    return min(brdf) * each, max(brdf) * each

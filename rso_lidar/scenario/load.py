@@ -1,5 +1,6 @@
 """From a TOML file to a validated scenario, and the one line that a bad one gets."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
@@ -43,7 +44,7 @@ def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, .
 def _apply(tree: dict[str, Any], setting: str) -> None:
     """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``."""
     place, equals, text = setting.partition("=")
-    steps = [step.strip() for step in place.split(".")]
+    steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
     if not equals or not all(steps):
         raise ScenarioError(f"--set {setting}: is not place=value; write for example lidar.laser.energy_mj=20")
     try:

@@ -149,6 +149,10 @@ class Scenario(Part):
         """Return the generator of one frame's noise: it depends on seed, frame and stage only."""
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
 
+    def dumps(self) -> str:
+        """Return the scenario as TOML, every default written out and element sets inline."""
+        return self.source.scenario
+
     def describe(self) -> str:
         """Return some twenty lines for a person: orbit, geometry, optics, link budget, warnings."""
         from rso_lidar.scenario.describe import describe

@@ -8,7 +8,11 @@ from rso_lidar.records import Hits, Labels, Photons
 
 
 def label(hits: Hits, photons: Photons) -> Labels:
-    """Return the labels of one flash: of several clusters in a pixel, the one that returns most photons speaks."""
+    """Return the labels of one flash.
+
+    Of several clusters in a pixel the one that returns most photons speaks; in it the part of a target that returns most,
+    and of that the brightest return.
+    """
     n_pixels = photons.shape[0] * photons.shape[1]
     sky: dict[str, Any] = {
         "range_m": np.full(n_pixels, np.nan),
@@ -45,11 +49,25 @@ def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
 
     of_best = np.zeros(n_clusters, dtype=bool)
     of_best[best] = True
-    candidates = np.flatnonzero(of_best[photons.cluster])
-    starts = np.flatnonzero(np.diff(photons.pixel[candidates], prepend=-1))
-    chosen = candidates[_first_greatest(photons.photons[candidates], starts)]
+    speak = np.flatnonzero(of_best[photons.cluster])
+    speak = speak[_of_brightest_part(hits, share, photons.pixel, speak)]
+    starts = np.flatnonzero(np.diff(photons.pixel[speak], prepend=-1))
+    chosen = speak[_first_greatest(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
         labels[name][pixel] = getattr(hits, name)[chosen]
+
+
+def _of_brightest_part(hits: Hits, share: np.ndarray, pixel: np.ndarray, speak: np.ndarray) -> np.ndarray:
+    """Return which of the returns `speak` belong to the part of a target that returns most light in their pixel."""
+    target, part = hits.target[speak].astype(np.int64), hits.part[speak].astype(np.int64)
+    kinds, kind = np.unique(target << 16 | part, return_inverse=True)
+    if len(kinds) == 1:
+        return np.ones(len(speak), dtype=bool)
+    group = np.cumsum(np.diff(pixel[speak], prepend=-1) != 0) - 1
+    light = np.bincount(group * len(kinds) + kind, share[speak], (group[-1] + 1) * len(kinds))
+    brightest = light.reshape(-1, len(kinds)).argmax(axis=1)
+    mine: np.ndarray = kind == brightest[group]
+    return mine
 
 
 def _first_greatest(values: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ def read_obj(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
     name = "body"
     text = path.read_bytes().decode("utf-8", errors="replace").replace("\\\n", " ")
     for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
+        words = line.partition("#")[0].split()
         if not words:
             continue
         try:

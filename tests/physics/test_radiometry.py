@@ -509,3 +509,33 @@ def test_a_gaussian_beam_on_a_small_plate_off_the_axis(validation):
         tolerance=0.01 * expected,
         unit="photons",
     )
+
+
+@pytest.mark.parametrize(("small_m", "large_m"), [(0.5, 1.0), (2.0, 4.0), (6.0, 10.0), (0.3, 10.0), (0.02, 3.0)])
+def test_two_overlapping_plates_fill_their_union(validation, small_m, large_m):
+    """Rectangles A and B at one range cover |A| + |B| - |A and B| of the tangent plane, whichever is listed first.
+
+    100 random pairs about each other; both are sampled by 4096 rays or more, so one pair is within 4 % (a row of 64 on
+    each of two sides, twice), and the mean of 100 within a tenth of that.
+    """
+    rng = np.random.default_rng(12)
+    d, ratio = 3000.0, np.empty(100)
+    for i in range(100):
+        size = np.array([rng.uniform(0.8, 1.2, 2) * small_m, rng.uniform(0.8, 1.2, 2) * large_m])
+        middle = rng.uniform(-30, 30, 2) + np.array([rng.uniform(-0.6, 0.6, 2) * large_m, np.zeros(2)])
+        low, high = middle - size / 2, middle + size / 2
+        shared = np.prod(np.maximum(high.min(axis=0) - low.max(axis=0), 0))
+        union = np.prod(size, axis=1).sum() - shared
+        small, large = surface("small", plate(*size[0])), surface("large", plate(*size[1]))
+        poses = {"small": place((*middle[0], d - 1e-3)), "large": place((*middle[1], d))}
+        seen = see([small, large] if i % 2 else [large, small], truth_of(**poses))
+        ratio[i] = seen.hits.weight.sum() * (SEED_RECEIVER.pixel_tangent * d) ** 2 / union
+    assert np.abs(ratio - 1).max() < 0.04
+    validation(
+        case=f"plates of some {small_m:g} and {large_m:g} m that overlap: area seen over their union",
+        source="areas of rectangles",
+        expected=1.0,
+        got=ratio.mean(),
+        tolerance=0.004,
+        unit="1",
+    )
