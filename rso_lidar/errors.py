@@ -5,7 +5,8 @@ was bad (`RsoLidarError` that is a `ValueError`) and 1 when a run failed.
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -47,6 +48,25 @@ class RunError(RsoLidarError, RuntimeError):
 
 class RsoLidarWarning(UserWarning):
     """Something that is allowed and probably not meant."""
+
+
+@contextmanager
+def placed(place: str) -> Iterator[None]:
+    """Put a place before the message of an error raised on purpose inside.
+
+    >>> with placed("tdrs.motion"):
+    ...     raise ScenarioError("no such thing; name another")
+    Traceback (most recent call last):
+    rso_lidar.errors.ScenarioError: tdrs.motion: no such thing; name another
+    """
+    try:
+        yield
+    except RsoLidarError as error:
+        if str(error).startswith(f"{place}: "):
+            raise
+        again = type(error)(f"{place}: {error}")
+        vars(again).update(vars(error))  # such as the mask of bad epochs
+        raise again from None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

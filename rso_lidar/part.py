@@ -91,7 +91,10 @@ def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:
     # A key that is not known often leaves another missing: the misspelling is what to tell.
     first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    place, owner = _place(first["loc"], part, raw)
+    loc = first["loc"]
+    place, owner = _place(loc, part, raw)
+    if first["type"] == "extra_forbidden":
+        place = _place(loc[:-1], part, raw)[0]
     text = _what(first, owner)
     return f"{place}: {text}{more}" if place else f"{text}{more}"
 
@@ -166,6 +169,8 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         known = [word.strip(" '") for word in re.split(r",| or ", context["expected"])]
         noun = "type" if problem["loc"][-1] == "type" else "value"
         return f"unknown {noun} {_show(value)}{did_you_mean(str(value), known)} (known: {', '.join(known)})"
+    if kind == "string_pattern_mismatch":
+        return f"needs letters, digits, _ and -, a letter first, not {_show(value)}"
     if kind == "datetime_type":
         return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"
     if kind == "tuple_type":

@@ -26,6 +26,21 @@ def pose(position_m: np.ndarray | None = None, rotation: Rotation | None = None)
     return RigidTransform.from_components(np.asarray(position_m, dtype=float), rotation)
 
 
+def turned(rotation: Rotation | np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return vectors (…, 3) turned by a rotation, or by matrices (…, 3, 3); single, or batched over epochs.
+
+    Element by element: library routines give an epoch other bits alone than among many.
+    """
+    matrix = rotation.as_matrix() if isinstance(rotation, Rotation) else rotation
+    vectors = np.asarray(vectors, dtype=float)
+    product: np.ndarray = (
+        matrix[..., 0] * vectors[..., 0, None]
+        + matrix[..., 1] * vectors[..., 1, None]
+        + matrix[..., 2] * vectors[..., 2, None]
+    )
+    return product
+
+
 def euler_zyx(euler_zyx_deg: tuple[float, float, float]) -> Rotation:
     """Return the intrinsic rotation about z, then the new y, then the new x [deg]: the axes so turned, seen from the old."""
     return Rotation.from_euler("ZYX", euler_zyx_deg, degrees=True)
@@ -51,9 +66,10 @@ class Link:
     angular_velocity_rad_s: np.ndarray
 
     def __post_init__(self) -> None:
-        # Copies: scipy's rotations refuse arrays that are locked, as those of records are.
-        object.__setattr__(self, "velocity_m_s", np.array(self.velocity_m_s, dtype=float))
-        object.__setattr__(self, "angular_velocity_rad_s", np.array(self.angular_velocity_rad_s, dtype=float))
+        for name in ("velocity_m_s", "angular_velocity_rad_s"):
+            locked = np.asarray(getattr(self, name), dtype=float).view()
+            locked.flags.writeable = False
+            object.__setattr__(self, name, locked)
 
     @staticmethod
     def still(parent_from_child: RigidTransform | None = None) -> Link:
@@ -73,16 +89,16 @@ class Link:
         carried = np.cross(self.angular_velocity_rad_s, inner.pose.translation)
         return Link(
             self.pose * inner.pose,
-            self.velocity_m_s + rotation.apply(inner.velocity_m_s + carried),
-            inner.pose.rotation.inv().apply(self.angular_velocity_rad_s) + inner.angular_velocity_rad_s,
+            self.velocity_m_s + turned(rotation, inner.velocity_m_s + carried),
+            turned(inner.pose.rotation.inv(), self.angular_velocity_rad_s) + inner.angular_velocity_rad_s,
         )
 
     def inv(self) -> Link:
         """Return the link as the child sees the parent."""
         inverse = self.pose.inv()
         rotation = inverse.rotation
-        velocity = -rotation.apply(self.velocity_m_s) - np.cross(self.angular_velocity_rad_s, inverse.translation)
-        return Link(inverse, velocity, -self.pose.rotation.apply(self.angular_velocity_rad_s))
+        velocity = -turned(rotation, self.velocity_m_s) - np.cross(self.angular_velocity_rad_s, inverse.translation)
+        return Link(inverse, velocity, -turned(self.pose.rotation, self.angular_velocity_rad_s))
 
     def __getitem__(self, epoch: int | slice) -> Link:
         """Return the link at one epoch, or at a slice of them."""

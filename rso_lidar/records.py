@@ -121,7 +121,7 @@ class BodyState(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pointing(Record):
+class PtuAngles(Record):
     """Where the PTU points at one flash: asked for, really, and as its encoders say. Pan left, tilt up positive."""
 
     demand_rad: np.ndarray = array("pan_tilt", "f8", "rad", "demanded pan and tilt")
@@ -143,11 +143,16 @@ class Truth:
     poses: PoseTree
     states: Mapping[str, BodyState]
     sun_direction: np.ndarray
-    pointing: Pointing | None = None
+    pointing: PtuAngles | None = None
+
+    def __post_init__(self) -> None:
+        sun = np.asarray(self.sun_direction, dtype=float).view()
+        sun.flags.writeable = False
+        object.__setattr__(self, "sun_direction", sun)
 
     def __repr__(self) -> str:
         """Return the instants and the names of the axes."""
-        return f"<Truth: {np.size(self.time_s)} epoch(s) from {np.ravel(self.time_s)[0]:g} s, axes {', '.join(self.poses)}>"
+        return f"<Truth: {np.size(self.time_s)} epoch(s), axes {', '.join(self.poses)}>"
 
     def pose(self, a: str, b: str) -> RigidTransform:
         """Return a_from_b, such as lidar_from_tdrs (seed eq. 5): coordinates in b to coordinates in a [m]."""
@@ -215,8 +220,8 @@ class Hits(Record):
 class Photons(Record):
     """Light that comes back to the focal plane, one return for each hit and in the same order.
 
-    Returns of a pixel that leave a gap wider than c * FWHM / 2 between them, each taken with its own depth spread, belong
-    to different clusters; cluster numbers run through the frame by pixel and, within a pixel, from near to far.
+    Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2, beyond what a tilted surface itself spans from ray
+    to ray, belong to different clusters; their numbers run through the frame by pixel and, in a pixel, from near to far.
     """
 
     shape: tuple[int, int]
@@ -304,7 +309,7 @@ class Frame:
         """Return number, instant, pixels and returns."""
         rows, cols = self.range_m.shape
         returns = int(self.valid.sum())
-        return f"<Frame {self.index} at {self.time_s:g} s: {rows} x {cols} pixels, {returns} returns, of {self.source.title!r}>"
+        return f"<Frame {self.index} of {self.source.title!r}: {self.time_s:g} s, {rows} x {cols} pixels, {returns} returns>"
 
     @property
     def time_s(self) -> float:

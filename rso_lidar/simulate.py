@@ -1,5 +1,6 @@
 """The whole walk on one page: a photon goes through the house once, room by room, and never turns back."""
 
+import operator
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -57,7 +58,8 @@ def _fly(
 ) -> Iterator[Frame]:
     ptu = scenario.ptu
     _ = scenario.surfaces, scenario.source  # worked out once, before workers share them
-    course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
+    with scenario.placed():
+        course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
     demand = motion.demand(ptu, scenario.bodies, *scenario.span, local=scenario.local) if ptu else None
     head = motion.start(ptu, demand) if ptu and demand else None
     command: Command | None = None
@@ -115,7 +117,9 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
     if frames is None:
         return np.arange(n_frames)
     try:
-        numbers = np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array(list(frames), dtype=np.int64)
+        numbers = (
+            np.arange(n_frames)[frames] if isinstance(frames, slice) else np.array([operator.index(k) for k in frames])
+        )
     except (TypeError, ValueError, OverflowError):
         raise ScenarioError(
             f"frames: need a slice or whole numbers, not {frames!r:.60}; such as range(0, 10)"

@@ -16,7 +16,7 @@ from rso_lidar.records import (
     Frame,
     Labels,
     Observation,
-    Pointing,
+    PtuAngles,
     Rays,
     Reading,
     Record,
@@ -163,9 +163,9 @@ def test_truth_keeps_the_whole_batch_too():
 
 def test_pointing_is_one_flash():
     zero = np.zeros(2)
-    assert Pointing(zero, zero, zero, zero).measured_rad.shape == (2,)
-    with pytest.raises(TypeError, match=r"Pointing\.actual_rad: pan_tilt is 3 here and 2 elsewhere"):
-        Pointing(zero, np.zeros(3), zero, zero)
+    assert PtuAngles(zero, zero, zero, zero).measured_rad.shape == (2,)
+    with pytest.raises(TypeError, match=r"PtuAngles\.actual_rad: pan_tilt is 3 here and 2 elsewhere"):
+        PtuAngles(zero, np.zeros(3), zero, zero)
 
 
 def test_body_state_is_locked():

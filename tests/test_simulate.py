@@ -1,10 +1,13 @@
 """The walk as a whole: the same frames however they are asked for, and the one way back that there is."""
 
+import datetime
+
 import numpy as np
 import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.motion import truth
 
 
 @pytest.fixture(scope="module")
@@ -122,3 +125,58 @@ def test_no_target_is_no_error(scenario):
     empty = rl.Scenario.load("examples/tdrs_approach.toml", (*settings, "time.duration_s=10"))
     (frame,) = list(rl.simulate(empty, frames=[0]))
     assert (frame.labels.target == -1).all()
+
+
+ORBIT = rl.Kepler(
+    epoch_utc=datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC),
+    semi_major_axis_km=7000,
+    eccentricity=0.01,
+    inclination_deg=98,
+    raan_deg=10,
+    argument_of_perigee_deg=20,
+    true_anomaly_deg=30,
+)
+MOTIONS = {
+    "tle": rl.Tle(file="tle/flyby.tle", norad_id=99002),
+    "kepler": ORBIT,
+    "state": rl.State(
+        epoch_utc=datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC),
+        position_m=(7e6, 1e5, 2e5),
+        velocity_m_s=(10, 7500, 300),
+    ),
+    "hill": rl.Hill(relative_to="chief", position_m=(10, -100, 20), velocity_m_s=(0.01, 0.1, 0.02)),
+    "fixed": rl.Fixed(position_m=(1, 2, 3), relative_to="chief"),
+}
+ATTITUDES = {
+    "none": None,
+    "fixed": rl.FixedAttitude(euler_zyx_deg=(10, 20, 30)),
+    "rtn": rl.Rtn(euler_zyx_deg=(10, 20, 30)),
+    "lvlh_ccsds": rl.LvlhCcsds(euler_zyx_deg=(10, 20, 30)),
+    "look_at": rl.LookAt(at="other"),
+    "spin": rl.Spin(axis=(1, 2, 3), rate_deg_s=3),
+    "tumble": rl.Tumble(inertia_kg_m2=(1, 2, 2.5), body_rate_deg_s=(1, 5, 0.1)),
+}
+
+
+@pytest.mark.parametrize("attitude", ATTITUDES)
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_an_epoch_has_the_same_bits_alone_and_among_many(motion, attitude):
+    """Frame k depends on (scenario, seed, k) only: so must every pose and rate, whatever a library does with batches."""
+    if motion == "fixed" and attitude in ("rtn", "lvlh_ccsds"):
+        pytest.skip("a body that does not orbit has no rtn axes")
+    bodies = [
+        rl.Body(name="chief", motion=ORBIT, attitude=rl.Rtn()),
+        rl.Body(name="other", motion=rl.Hill(relative_to="chief", position_m=(5, 300, -7), velocity_m_s=(0, 0, 0))),
+        rl.Body(name="body", motion=MOTIONS[motion], attitude=ATTITUDES[attitude]),
+    ]
+    epochs = rl.Epochs(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), np.arange(50) * 7.3)
+    course = truth(bodies, epochs)
+    for k in (0, 17, 49):
+        alone, among = truth(bodies, epochs.at([k])).at(0), course.at(k)
+        for name in among.poses:
+            one, many = alone.poses.link("chief", name), among.poses.link("chief", name)
+            np.testing.assert_array_equal(one.pose.as_matrix(), many.pose.as_matrix(), err_msg=name)
+            np.testing.assert_array_equal(one.velocity_m_s, many.velocity_m_s, err_msg=name)
+            np.testing.assert_array_equal(one.angular_velocity_rad_s, many.angular_velocity_rad_s, err_msg=name)
+        np.testing.assert_array_equal(alone.sun_direction, among.sun_direction)
+        np.testing.assert_array_equal(alone.states["body"].velocity_m_s, among.states["body"].velocity_m_s)

@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         _say(f"error: {error}")
         sys.exit(2)
     except KeyboardInterrupt:
-        _say("interrupted")
+        _say("interrupted: a run that had begun goes on with --resume")
         sys.exit(130)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

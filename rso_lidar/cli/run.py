@@ -135,7 +135,6 @@ class Tally:
     def __init__(self) -> None:
         self._began = time.monotonic()
         self._frames = self._seen = self._found = self._false = self._empty = 0
-        self._ranges: list[float] = []
         self._nearest, self._farthest = np.inf, -np.inf
 
     def add(self, frame: Frame) -> None:

@@ -61,9 +61,9 @@ class Empirical(Part):
     def threshold_photons(self) -> float:
         """Return the trigger level, in photons [1], that gives 95 % at `reference_photons`."""
         reference = self.reference_photons
-        return reference - _NORMAL_95 * float(self.signal_noise_photons(np.array(reference)))
+        return reference - _NORMAL_95 * float(self.noise_photons(np.array(reference)))
 
-    def signal_noise_photons(self, photons: np.ndarray) -> np.ndarray:
+    def noise_photons(self, photons: np.ndarray) -> np.ndarray:
         """Return the standard deviation [photons] of the signal of so many expected photons."""
         shot = self.excess_noise_factor * photons / self.quantum_efficiency
         noise: np.ndarray = np.sqrt(self.noise_equivalent_photons**2 + shot)
@@ -77,7 +77,7 @@ class Empirical(Part):
         """
         from scipy.special import ndtr
 
-        probability: np.ndarray = ndtr((photons - self.threshold_photons) / self.signal_noise_photons(photons))
+        probability: np.ndarray = ndtr((photons - self.threshold_photons) / self.noise_photons(photons))
         return probability
 
     def range_noise_m(self, photons: np.ndarray, pulse_fwhm_s: float) -> np.ndarray:
@@ -117,7 +117,7 @@ class Empirical(Part):
         noise = rng.standard_normal((2, n_clusters))
         false_excess = rng.standard_exponential(n_pixels)
 
-        seen = signal + noise[0] * self.signal_noise_photons(signal)
+        seen = signal + noise[0] * self.noise_photons(signal)
         range_m = delay_s * units.RANGE_PER_DELAY_M_S
         armed = (range_m >= self.armed_from_m) & (range_m <= self.armed_to_m)
         triggers = np.flatnonzero((seen >= self.threshold_photons) & armed)

@@ -26,7 +26,7 @@ from rso_lidar.records import (
     Frame,
     Labels,
     Observation,
-    Pointing,
+    PtuAngles,
     Reading,
     Source,
     specs,
@@ -134,14 +134,14 @@ def variables(frame: Frame) -> dict[str, Variable]:
     }
 
 
-# Path, field of `Pointing`, and place in it: /ptu/pan_demand_rad and so on.
+# Path, field of `PtuAngles`, and place in it: /ptu/pan_demand_rad and so on.
 POINTING = [
-    (f"ptu/{axis}_{name}", name, place) for name in specs(Pointing) for place, axis in enumerate(("pan", "tilt"))
+    (f"ptu/{axis}_{name}", name, place) for name in specs(PtuAngles) for place, axis in enumerate(("pan", "tilt"))
 ]
 
 
 def _pointing_specs() -> list[ArraySpec]:
-    return [specs(Pointing)[name] for _, name, _ in POINTING]
+    return [specs(PtuAngles)[name] for _, name, _ in POINTING]
 
 
 def setting_unit(name: str) -> str:

@@ -24,7 +24,7 @@ from rso_lidar.records import (
     Frame,
     Labels,
     Observation,
-    Pointing,
+    PtuAngles,
     Reading,
     Source,
     TargetEntry,
@@ -309,13 +309,13 @@ class Recording(Sequence[Frame]):
             self._row(f"{group}/angular_velocity", k),
         )
 
-    def _pointing(self, k: int) -> Pointing | None:
+    def _pointing(self, k: int) -> PtuAngles | None:
         if not self._ptu:
             return None
-        angles: dict[str, np.ndarray] = {name: np.zeros(2) for name in specs(Pointing)}
+        angles: dict[str, np.ndarray] = {name: np.zeros(2) for name in specs(PtuAngles)}
         for path, name, place in POINTING:
             angles[name][place] = self._row(path, k)
-        return Pointing(**angles)
+        return PtuAngles(**angles)
 
 
 def _opened(path: Path, *, swmr: bool) -> Any:

@@ -1,6 +1,6 @@
 """Where everything is, and how it is turned."""
 
-from rso_lidar.motion.aim import LIDAR_FROM_PTU, aimed, demand, with_lidar
+from rso_lidar.motion.aim import LIDAR_FROM_PTU, aimed, asked, demand, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
 from rso_lidar.motion.ephemeris import Fixed, Table
@@ -39,6 +39,7 @@ __all__ = [
     "TrackPoint",
     "Tumble",
     "aimed",
+    "asked",
     "demand",
     "sense",
     "start",

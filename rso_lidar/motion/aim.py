@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.epochs import Epochs
-from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint
+from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
 from rso_lidar.motion.ptu import Mount, Ptu, ptu_link
 from rso_lidar.motion.truth import truth, unwarned
-from rso_lidar.pose import Link, PoseTree, pose
-from rso_lidar.records import Pointing, Truth
+from rso_lidar.pose import Link, PoseTree, pose, turned
+from rso_lidar.records import PtuAngles, Truth
 
 # x forward, y left, z up to the lidar's x right, y down, z ahead: [[0, -1, 0], [0, 0, -1], [1, 0, 0]].
 LIDAR_FROM_PTU = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
@@ -22,21 +22,31 @@ def demand(ptu: Ptu, bodies: Sequence[Body], start_utc: datetime.datetime, end_s
     """Return the pan and tilt that the scenario asks of the PTU, as a function of time up to `end_s` [s]."""
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand
-    origins = {body.name: body.origin for body in bodies}
-    sought = origins.get(ptu.point.at, ptu.point.at)
 
     def directions(time_s: np.ndarray) -> np.ndarray:
-        """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
         with unwarned():
-            course = truth(bodies, Epochs(start_utc, time_s), local=local)
-        from_follower = course.pose("follower", sought).translation
-        toward = ptu.mount.rotation.inv().apply(from_follower - np.asarray(ptu.mount.position_m))
-        return np.broadcast_to(toward, (len(time_s), 3))
+            return _toward(ptu, bodies, truth(bodies, Epochs(start_utc, time_s), local=local))
 
     return DemandCurve(directions, end_s)
 
 
-def aimed(course: Truth, ptu: Ptu | None, pointing: Pointing | None, mount: Mount) -> Truth:
+def asked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
+    """Return the pan and tilt (time, 2) [rad] that the scenario asks of the PTU at the epochs of a course."""
+    if not isinstance(ptu.point, TrackPoint):
+        return ptu.point.demand(course.time_s)
+    return np.stack(pan_tilt(_toward(ptu, bodies, course)), axis=-1)
+
+
+def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
+    """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
+    assert isinstance(ptu.point, TrackPoint)
+    origins = {body.name: body.origin for body in bodies}
+    from_follower = course.pose("follower", origins.get(ptu.point.at, ptu.point.at)).translation
+    toward = turned(ptu.mount.rotation.inv(), from_follower - np.asarray(ptu.mount.position_m))
+    return np.broadcast_to(toward, (len(course.time_s), 3))
+
+
+def aimed(course: Truth, ptu: Ptu | None, pointing: PtuAngles | None, mount: Mount) -> Truth:
     """Return the truth of one epoch with the axes of PTU and lidar in it; `mount` is the lidar's."""
     actual, rate = (pointing.actual_rad, pointing.rate_rad_s) if pointing else (np.zeros(2), np.zeros(2))
     poses = with_lidar(course.poses, ptu, actual, rate, mount)

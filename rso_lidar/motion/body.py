@@ -15,7 +15,7 @@ from rso_lidar.motion.ptu import Mount
 from rso_lidar.motion.sgp4_orbit import Tle
 from rso_lidar.part import Name, Part
 
-RESERVED = ("inertial", "follower", "ptu", "lidar")
+RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
 def _no_bare_lvlh(table: Any) -> Any:
@@ -45,7 +45,8 @@ class Axes(Mount):
 class Body(Part):
     """Something that moves and turns: body axes x forward, y left, z up, origin in the centre of mass.
 
-    Without an `attitude` a body keeps the axes its motion is given in, or follows its table's quaternions.
+    Without an `attitude` an orbiting body keeps inertial axes, another the axes its motion is given in, or follows its
+    table's quaternions.
     """
 
     name: Name
@@ -88,6 +89,9 @@ def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
 
 def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
     seen: set[str] = set()
+    for axes in [axes for body in bodies for axes in body.axes]:
+        if axes.name in RESERVED:
+            raise ScenarioError(f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED)}); choose another")
     for name in [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]:
         if name in seen:
             raise ScenarioError(f"{name}: two bodies or axes have this name; rename one")

@@ -18,6 +18,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.motion.epochs import Epochs
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
+from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
@@ -83,7 +84,7 @@ class Kepler(Part):
             position, velocity = positions[0], velocities[0]
         angles = np.array([self.raan_deg, self.inclination_deg, self.argument_of_perigee_deg]) * units.DEG
         inertial_from_perifocal = Rotation.from_euler("ZXZ", angles)
-        return BodyState(inertial_from_perifocal.apply(position), inertial_from_perifocal.apply(velocity))
+        return BodyState(turned(inertial_from_perifocal, position), turned(inertial_from_perifocal, velocity))
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""

@@ -32,7 +32,10 @@ class FixedPoint(Part):
 
 
 class TrackPoint(Part):
-    """Point at the true place of a body, or of axes that a body declares: what a perfect tracker would ask for."""
+    """Point the PTU's +x at the true place of a body, or of axes that a body declares, as a perfect tracker would ask.
+
+    A lidar that `[lidar] mount` turns away from the PTU's +x is turned away from the target as well.
+    """
 
     type: Literal["track"] = "track"
     at: Text
@@ -115,7 +118,7 @@ class DemandCurve:
 
     Cubic Hermite with central differences for slopes (Catmull-Rom): for an angle f the error is below
     0.017 h^3 max|f'''|, 5 nrad at a flyby of 6 deg/s. Past the last knot, at most one interval, the last cubic goes on.
-    Knots are asked for in blocks of 512, always the same ones, and two blocks are held: a run of any length takes
+    Knots are asked for in blocks of 4096, always the same ones, and two blocks are held: a run of any length takes
     constant memory, and an instant has the same bits whatever else is asked for. Pan is unwrapped from t = 0.
 
     Parameters

@@ -28,7 +28,7 @@ from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, advance
 from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.part import NotNegative, Number, Part, Quaternion, Vector
 from rso_lidar.pose import Link, euler_zyx, pose
-from rso_lidar.records import Command, Pointing
+from rso_lidar.records import Command, PtuAngles
 
 __all__ = [
     "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "ptu_link", "sense", "start", "step"
@@ -167,7 +167,7 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands)
 
 
-def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> Pointing:
+def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
     """Return where the PTU was asked to point, points, and believes it points; always four draws from `rng`."""
     errors = ptu.errors
     draws = rng.standard_normal(4)
@@ -177,7 +177,7 @@ def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> Pointing:
     if errors.encoder_resolution_deg:
         resolution = errors.encoder_resolution_deg * units.DEG
         measured = resolution * np.rint(measured / resolution)
-    return Pointing(
+    return PtuAngles(
         demand_rad=np.array(state.demand_rad),
         actual_rad=angle + off * units.DEG,
         measured_rad=measured,

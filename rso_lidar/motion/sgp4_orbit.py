@@ -23,6 +23,7 @@ from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning
 from rso_lidar.motion import catalog
 from rso_lidar.motion.epochs import J2000_TT_JD, Epochs, skyfield_tt
 from rso_lidar.part import Count, Part, Text
+from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import find, shipped
 
@@ -95,7 +96,7 @@ class Tle(Part):
         if bad.any():
             raise PropagationError(_failure(elements, epochs, bad, error), bad)
         rotation = gcrs_from_teme(epochs)
-        return BodyState(_rotated(rotation, position_m), _rotated(rotation, velocity_m_s))
+        return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
 
 
 def _age_days(elements: catalog.ElementSet, epochs: Epochs) -> float:
@@ -160,10 +161,3 @@ def _day_of_nodes(day: int) -> np.ndarray:
     nodes: np.ndarray = np.ascontiguousarray(teme_from_gcrs.transpose(2, 1, 0))
     nodes.flags.writeable = False
     return nodes
-
-
-def _rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return rotation (time, 3, 3) times vectors (time, 3), element by element: matrix routines change bits with length."""
-    x, y, z = (vectors[:, k, None] for k in range(3))
-    turned: np.ndarray = rotation[:, :, 0] * x + rotation[:, :, 1] * y + rotation[:, :, 2] * z
-    return turned

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.errors import RsoLidarWarning, ScenarioError
+from rso_lidar.errors import RsoLidarWarning, ScenarioError, placed
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble, look_at
 from rso_lidar.motion.body import Body, working_order
 from rso_lidar.motion.ephemeris import Fixed, Table
@@ -16,7 +16,7 @@ from rso_lidar.motion.epochs import Epochs
 from rso_lidar.motion.hill import Hill, rtn_axes
 from rso_lidar.motion.kepler import semi_major_axis_m
 from rso_lidar.motion.sun import sun_direction
-from rso_lidar.pose import ROOT, Link, PoseTree, pose
+from rso_lidar.pose import ROOT, Link, PoseTree, pose, turned
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import EARTH_GM_M3_S2
 
@@ -35,10 +35,12 @@ def truth(bodies: Sequence[Body], epochs: Epochs, *, local: bool = False) -> Tru
     for name in working_order(bodies, local=local):
         if name in by_origin:
             body = by_origin[name]
-            tree = _with_origin(tree, body, by_name, epochs)
+            with placed(f"{body.name}.motion"):
+                tree = _with_origin(tree, body, by_name, epochs)
             states[body.name] = _state(tree, name, len(epochs))
         else:
-            tree = _with_attitude(tree, by_name[name], by_name, epochs)
+            with placed(f"{name}.attitude"):
+                tree = _with_attitude(tree, by_name[name], by_name, epochs)
     sun = np.full((len(epochs), 3), np.nan) if local else sun_direction(epochs)
     return Truth(epochs.time_s, tree, {body.name: states[body.name] for body in bodies}, sun)
 
@@ -96,11 +98,11 @@ def _with_hill(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epo
     chief_link = tree.link(ROOT, chief.origin)
     turn = chief_link.pose.rotation
     rate = chief_link.angular_velocity_rad_s
-    position = chief_link.pose.translation + turn.apply(relative_m)
-    velocity = chief_link.velocity_m_s + turn.apply(relative_m_s + np.cross(rate, relative_m))
+    position = chief_link.pose.translation + turned(turn, relative_m)
+    velocity = chief_link.velocity_m_s + turned(turn, relative_m_s + np.cross(rate, relative_m))
     own_turn, own_rate = rtn_axes(position, velocity)
     chief_from_own = turn.inv() * own_turn
-    link = Link(pose(relative_m, chief_from_own), relative_m_s, own_rate - chief_from_own.inv().apply(rate))
+    link = Link(pose(relative_m, chief_from_own), relative_m_s, own_rate - turned(chief_from_own.inv(), rate))
     return tree.with_node(body.origin, chief.origin, link)
 
 
@@ -110,7 +112,7 @@ def _with_attitude(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs:
     if axes == ROOT:  # from the root's axes into those of the origin
         base = tree.link(ROOT, body.origin)
         rotation = base.pose.rotation.inv() * rotation
-        rate = rate - rotation.inv().apply(base.angular_velocity_rad_s)
+        rate = rate - turned(rotation.inv(), base.angular_velocity_rad_s)
     tree = tree.with_node(body.name, body.origin, Link(pose(rotation=rotation), np.zeros(3), rate))
     for extra in body.axes:
         tree = tree.with_node(extra.name, body.name, extra.link)
@@ -142,12 +144,12 @@ def _look(
     link, base = tree.link(body.origin, seen), tree.link(ROOT, body.origin)
     relative_m = link.pose.translation
     to_root = base.pose.rotation
-    line = to_root.apply(relative_m)
-    rate = to_root.apply(link.velocity_m_s + np.cross(base.angular_velocity_rad_s, relative_m))
+    line = turned(to_root, relative_m)
+    rate = turned(to_root, link.velocity_m_s + np.cross(base.angular_velocity_rad_s, relative_m))
     if attitude.up is not None:
         up = np.array(attitude.up, dtype=float)
     elif body.orbits:
-        up = to_root.apply([0.0, 0.0, 1.0])
+        up = turned(to_root, np.array([0.0, 0.0, 1.0]))
     else:
         up = np.array([0.0, 0.0, 1.0])
     shape = (len(epochs), 3)

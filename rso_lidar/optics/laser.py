@@ -46,7 +46,7 @@ class Laser(Part):
         return self.divergence_deg * units.DEG
 
     @property
-    def half_width(self) -> float:
+    def half_width_tangent(self) -> float:
         """Return tan(θ/2): half the footprint's width in the tangent plane at unit distance."""
         return math.tan(0.5 * self.divergence_rad)
 
@@ -55,9 +55,9 @@ class Laser(Part):
         if self.footprint == "gaussian":
             return np.ones(np.broadcast(x, y).shape, dtype=bool)
         if self.footprint == "circle":
-            inside: np.ndarray = x * x + y * y <= self.half_width**2
+            inside: np.ndarray = x * x + y * y <= self.half_width_tangent**2
         else:
-            inside = (np.abs(x) <= self.half_width) & (np.abs(y) <= self.half_width)
+            inside = (np.abs(x) <= self.half_width_tangent) & (np.abs(y) <= self.half_width_tangent)
         return inside
 
     def density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -67,10 +67,10 @@ class Laser(Part):
         (seed eq. 7).
 
         >>> laser = Laser(divergence_deg=2.5)
-        >>> float(laser.density(0.0, 0.0) * (2 * laser.half_width) ** 2 / laser.photons)
+        >>> float(laser.density(0.0, 0.0) * (2 * laser.half_width_tangent) ** 2 / laser.photons)
         1.0
         """
-        t2 = self.half_width**2
+        t2 = self.half_width_tangent**2
         if self.footprint == "gaussian":
             bell: np.ndarray = 2.0 * self.photons / (math.pi * t2) * np.exp(-2.0 * (x * x + y * y) / t2)
             return bell

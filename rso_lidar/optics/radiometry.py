@@ -36,11 +36,8 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver) -> Photons:
 
 
 def _depth_spread_s(hits: Hits, delay_s: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle.
-
-    Beyond 87° a facet is taken at 87°: what is seen more edge-on than that is shorter than this would make it.
-    """
-    cosine = np.maximum(hits.cos_incidence, 0.05)
+    """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle."""
+    cosine = np.maximum(hits.cos_incidence, 1e-3)  # nearer to edge-on the product only has to stay finite
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
     spread: np.ndarray = delay_s * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
     return spread
@@ -51,9 +48,9 @@ def _clusters(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the cluster of each return and the pixel of each cluster.
 
-    Returns of a pixel part where more than `gap_s` of delay lies empty between them, each taken from its near to its far
-    edge: a tilted surface is one cluster, however far apart its rays land. Clusters are numbered by pixel, then from near
-    to far. `pixel` never falls.
+    Returns of a pixel, in order of delay, part where two neighbours are more than `gap_s` apart, beyond what the less
+    steep of the two surfaces bridges by its own depth spread: a tilted surface is one cluster, however far apart its rays
+    land, and a rim before a wall is not. Clusters are numbered by pixel, then from near to far. `pixel` never falls.
     """
     if not len(pixel):
         return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
@@ -65,14 +62,11 @@ def _clusters(
     count = np.ones(len(first), dtype=np.int32)
     if wide.any():
         some = np.flatnonzero(wide[group])
-        near, far = delay_s[some] - 0.5 * depth_spread_s[some], delay_s[some] + 0.5 * depth_spread_s[some]
-        order = np.lexsort((near, group[some]))
-        some, near, far = some[order], near[order], far[order]
+        some = some[np.lexsort((delay_s[some], group[some]))]
         new_pixel = np.diff(group[some], prepend=-1) != 0
-        # The far edge of all before, pixel by pixel: pixels are set apart by more than any delay.
-        apart_s = np.cumsum(new_pixel) * (2.0 * far.max() + gap_s)
-        reached = np.maximum.accumulate(far + apart_s) - apart_s
-        parts = (near - np.roll(reached, 1) > gap_s) & ~new_pixel
+        steep_s = depth_spread_s[some]
+        bridged_s = np.minimum(steep_s, np.roll(steep_s, 1))
+        parts = (np.diff(delay_s[some], prepend=0.0) - bridged_s > gap_s) & ~new_pixel
         running = np.cumsum(parts)
         within[some] = running - np.repeat(running[new_pixel], group_sizes[wide])
         count[wide] += np.add.reduceat(parts, np.flatnonzero(new_pixel)).astype(np.int32)

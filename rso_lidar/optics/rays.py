@@ -25,7 +25,9 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     k = receiver.rays_per_side
     boxes = _boxes(receiver, extent, np.inf)
     fineness = [_fineness(box, receiver) for box in boxes]
-    boxes = _boxes(receiver, extent, np.inf if laser.footprint == "gaussian" else laser.half_width)
+    # One cell more than is lit: the edge's cells keep a share even where their centre is dark.
+    reach = laser.half_width_tangent + receiver.pixel_tangent / k
+    boxes = _boxes(receiver, extent, np.inf if laser.footprint == "gaussian" else reach)
     owner = np.full((receiver.n_rows * k, receiver.n_cols * k), -1, dtype=np.int16)
     for t in np.argsort(fineness, kind="stable"):  # the finest grid wins a cell
         rows, cols = _cells(boxes[t], owner.shape)
@@ -59,7 +61,7 @@ def _lit(
     so that a narrow beam loses no energy to the grid.
     """
     half_field = 0.5 * max(receiver.shape) * receiver.pixel_tangent
-    circle, reach = laser.footprint == "circle", laser.half_width
+    circle, reach = laser.footprint == "circle", laser.half_width_tangent
     if half_field * (math.sqrt(2.0) if circle else 1.0) <= reach * (1.0 + 1e-12):
         return direction, pixel, weight
     x, y = direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2]

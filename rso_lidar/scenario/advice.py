@@ -10,7 +10,6 @@ from rso_lidar.motion import Hill
 from rso_lidar.motion.hill import validity
 from rso_lidar.motion.kepler import elements
 from rso_lidar.scenario.preview import Preview, filled_pixel_photons, preview
-from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -91,7 +90,7 @@ def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
 def _light_time(seen: Preview) -> list[str]:
     lines = []
     for sight in seen.sights:
-        shift = float(np.abs(sight.range_rate_m_s * sight.range_m).max()) / SPEED_OF_LIGHT_M_S
+        shift = sight.light_time_m
         if shift > _LIGHT_TIME_M:
             lines.append(
                 f"target {sight.name}: light time would change its range by up to {shift * 100:.1f} cm, "

@@ -54,7 +54,8 @@ def _target_lines(scenario: Scenario, target: Target, sight: Sight, seen: Previe
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
-        f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}",
+        f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
+        f"light time {sight.light_time_m / units.MM:.3f} mm",
         f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time",
     ]
 
@@ -106,7 +107,7 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
 
 def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
     lines = [
-        f"budget      {sight.name}, a pixel on the boresight, filled by a facet that faces the lidar (dimmest to brightest material):"
+        f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest material:"
     ]
     for place, range_m in (("first", float(sight.range_m[0])), ("last", float(sight.range_m[-1]))):
         ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m), 6))
@@ -117,7 +118,8 @@ def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
         noise = " to ".join(f"{value / units.CM:.1f}" for value in noise_m)
         pixel_m = range_m * scenario.lidar.receiver.pixel_tangent
         lines.append(
-            f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
+            f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, "
+            f"target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
             f"{photons} photons, P(detect) {probability}, range noise {noise} cm"
         )
     return lines

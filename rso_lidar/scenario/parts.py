@@ -13,7 +13,7 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.part import Instant, Part, Positive, Text, Vector
 from rso_lidar.scene import Material
 
-_MOST_FRAMES = 100_000_000
+_MOST_FRAMES = 5_000_000
 
 
 class Time(Part):

@@ -10,7 +10,9 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.records import BodyState
+from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -28,6 +30,11 @@ class Sight:
     off_boresight_rad: np.ndarray
     in_field: np.ndarray
     radius_m: float
+
+    @property
+    def light_time_m(self) -> float:
+        """Return by how much light time would change the range at most [m]: range rate times range over c."""
+        return float(np.abs(self.range_rate_m_s * self.range_m).max()) / SPEED_OF_LIGHT_M_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +54,11 @@ def preview(scenario: Scenario) -> Preview:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
         surfaces = scenario.surfaces
-        course = motion.truth(scenario.bodies, epochs, local=scenario.local)
+        with scenario.placed():
+            course = motion.truth(scenario.bodies, epochs, local=scenario.local)
         angles = np.zeros((len(epochs), 2))
         if scenario.ptu:
-            angles = motion.demand(scenario.ptu, scenario.bodies, *scenario.span, local=scenario.local)(epochs.time_s)
+            angles = motion.asked(scenario.ptu, scenario.bodies, course)
     poses = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
     half_field = 0.5 * np.array(scenario.lidar.receiver.shape[::-1]) * scenario.lidar.receiver.pixel_tangent
     sights = []
@@ -74,13 +82,9 @@ def preview(scenario: Scenario) -> Preview:
 
 
 def filled_pixel_photons(scenario: Scenario, target: str, range_m: float) -> tuple[float, float]:
-    """Return the photons of a pixel that a facing facet of the target fills, for its dimmest and brightest material.
-
-    Closed form on the boresight (seed eq. 7 with the factor 4), no mesh.
-    """
-    laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
+    """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material."""
     surface = next(surface for surface in scenario.surfaces if surface.name == target)
     brdf = [float(material.brdf_per_sr(np.array(1.0))) for material in surface.materials]
-    gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission / range_m**2
-    each = float(laser.density(np.array(0.0), np.array(0.0))) * gathered
-    return min(brdf) * each, max(brdf) * each
+    laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
+    dimmest, brightest = (filled_pixel(laser, receiver, value, range_m) for value in (min(brdf), max(brdf)))
+    return dimmest, brightest

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -12,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean
+from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.motion import Body, Epochs, Ptu, Table, Tle, TrackPoint, working_order
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
@@ -96,20 +95,16 @@ class Scenario(Part):
         motion = body.motion
         if not isinstance(motion, Tle | Table):
             return body
-        with self._place(f"{body.name}.motion"):
+        with self.placed(f"{body.name}.motion"):
             if motion.file is not None:
                 motion = motion.replace(file=str(self.file(motion.file)))
             if isinstance(motion, Tle):
                 motion.elements(self.time.start_utc)  # a bad set is told now, with its place
         return body.replace(motion=motion)
 
-    @contextmanager
-    def _place(self, place: str) -> Iterator[None]:
-        """Say in which scenario, and where in it, an error belongs."""
-        try:
-            yield
-        except RsoLidarError as error:
-            raise type(error)(f"{self._where}: {place}: {error}") from None
+    def placed(self, place: str = "") -> AbstractContextManager[None]:
+        """Return a context that puts the scenario's name, and a place in it, before the messages of errors."""
+        return placed(f"{self._where}: {place}" if place else self._where)
 
     def file(self, name: str) -> Path:
         """Return the path of a file that the scenario names, or raise `ScenarioError`."""
@@ -124,7 +119,7 @@ class Scenario(Part):
         """Return the targets' surfaces: meshes in body axes, with materials."""
         surfaces = []
         for target in self.target:
-            with self._place(f"target {target.name}"):
+            with self.placed(f"target {target.name}"):
                 surfaces.append(surface_of(target, self.file))
         return tuple(surfaces)
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import platform
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rso_lidar.motion import Tle, utc_text
+from rso_lidar.motion import Table, Tle, utc_text
 from rso_lidar.records import Source, TargetEntry
 
 if TYPE_CHECKING:
+    from rso_lidar.scenario.parts import Target
     from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scene import Surface
 
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 
@@ -33,7 +37,7 @@ def source_of(scenario: Scenario) -> Source:
                 materials=tuple(_in_words(material) for material in surface.materials),
                 facets=surface.mesh.source_facets,
             )
-            for target, surface in zip(scenario.target, scenario.surfaces, strict=True)
+            for target, surface in _meshes(scenario)
         ),
     )
 
@@ -47,7 +51,16 @@ def resolved(scenario: Scenario) -> str:
     for table, body in zip(tables, scenario.bodies, strict=True):
         if isinstance(body.motion, Tle):
             table["motion"] = body.motion.inline(scenario.time.start_utc).model_dump(exclude_none=True)
-    return tomli_w.dumps(tree)
+    sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in _meshes(scenario)]
+    for body in scenario.bodies:
+        if isinstance(body.motion, Table):
+            content = hashlib.sha256(Path(body.motion.file).read_bytes()).hexdigest()
+            sums.append(f"# table of {body.name}: SHA-256 {content}")
+    return "\n".join([*sums, "", tomli_w.dumps(tree)])
+
+
+def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
+    return list(zip(scenario.target, scenario.surfaces, strict=True))
 
 
 def _in_words(material: Any) -> str:

@@ -103,6 +103,29 @@ def test_frames_seed_and_set(call, scenario, tmp_path):
         np.testing.assert_allclose(d.labels.photons[:], b.labels.photons[:] / 10, rtol=1e-6)
 
 
+def test_every_nth_frame_and_frames_by_their_number(call, scenario, tmp_path):
+    output = tmp_path / "thin.h5"
+    assert call("run", scenario, "-o", output, "--frames", "1:9:3")[0] == 0
+    with rl.open(output) as recording:
+        assert recording.frame_index[:].tolist() == [1, 4, 7]
+    assert call("plot", output, "--frame", 4)[0] == 0
+    status, _, err = call("plot", output, "--frame", 5)
+    assert (status, len(err)) == (2, 1)
+    assert "1 to 7" in err[0]
+
+
+def test_a_run_that_is_complete_has_nothing_to_resume(call, scenario, tmp_path):
+    output = tmp_path / "done.h5"
+    call("run", scenario, "-o", output)
+    before = output.stat().st_mtime_ns
+    status, out, _ = call("run", scenario, "-o", output, "--resume")
+    assert status == 0
+    assert "already" in out
+    assert output.stat().st_mtime_ns == before
+    status, _, err = call("run", scenario, "-o", output, "--resume", "--seed", 99)
+    assert (status, len(err)) == (2, 1)  # another run's recording is in the way
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -102,10 +102,10 @@ def test_counts_rise_bend_and_clip(adc_bits):
     assert np.array_equal(reading.saturated[0] == 1, counts == full)
     linear = 0.04 * photons
     low = linear < 0.2 * full
-    noise = 0.04 * part.signal_noise_photons(photons[low])
+    noise = 0.04 * part.noise_photons(photons[low])
     if low.any():
         assert np.all(np.abs(counts[low] - linear[low]) < 6 * noise + 1)
-    assert np.all(counts <= linear + 6 * 0.04 * part.signal_noise_photons(photons) + 1)
+    assert np.all(counts <= linear + 6 * 0.04 * part.noise_photons(photons) + 1)
 
 
 def test_a_soft_roll_off_below_full_scale_bends_like_its_formula():

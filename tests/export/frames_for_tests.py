@@ -13,7 +13,7 @@ from rso_lidar.records import (
     Frame,
     Labels,
     Observation,
-    Pointing,
+    PtuAngles,
     Reading,
     Source,
     TargetEntry,
@@ -87,7 +87,7 @@ def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2,
     )
     pointing = None
     if ptu:
-        pointing = Pointing(rng.normal(size=2), rng.normal(size=2), observation.pan_tilt_rad, rng.normal(size=2))
+        pointing = PtuAngles(rng.normal(size=2), rng.normal(size=2), observation.pan_tilt_rad, rng.normal(size=2))
     parents = {name: parent for name, parent in PARENTS.items() if ptu or name != "ptu"}
     if not ptu:
         parents["lidar"] = "follower"

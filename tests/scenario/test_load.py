@@ -104,6 +104,22 @@ def test_what_only_files_can_tell(old, new, words, text):
     assert all(word in str(error.value) for word in ["bench.toml", *words])
 
 
+@pytest.mark.parametrize("name", ["lidar", "ptu", "inertial", "follower", "sun_direction"])
+def test_reserved_names_of_axes(name, text):
+    with pytest.raises(ScenarioError, match="reserved"):
+        rl.Scenario.loads(text.replace('model    = "plate"', f'model = "plate"\naxes = [{{ name = "{name}" }}]'))
+
+
+def test_what_only_motion_can_tell_names_file_and_body(text):
+    up = '{ type = "look_at", at = "follower", up = [1, 0, 0] }'
+    scenario = rl.Scenario.loads(
+        text.replace('{ type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', up), where="bench.toml"
+    )
+    for act in (lambda: list(rl.simulate(scenario)), scenario.describe):
+        with pytest.raises(ScenarioError, match=r"^bench\.toml: plate\.attitude: .*up"):
+            act()
+
+
 def test_two_bodies_with_one_name(text):
     twin = text[text.index("[[target]]") : text.index("[follower]")]
     with pytest.raises(ScenarioError, match="plate: two bodies or axes have this name"):

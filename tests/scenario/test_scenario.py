@@ -76,6 +76,29 @@ def test_the_source_holds_element_sets_inline():
     assert len(entry.parts) == len(entry.materials) > 5
 
 
+def test_the_source_knows_the_content_of_files(text, tmp_path):
+    """A resumed run must not go on with another mesh under the same name."""
+    import shutil
+
+    from rso_lidar.shipped import shipped
+
+    path = tmp_path / "craft.glb"
+    written = text.replace('model    = "plate"', 'model = "craft.glb"\ncenter_of_mass_m = [0, 0, 0]')
+    sources = []
+    for name in ("plate", "sphere"):
+        shutil.copy(shipped(f"models/{name}.glb"), path)
+        sources.append(rl.Scenario.loads(written, folder=tmp_path).source.scenario)
+    assert sources[0] != sources[1]
+    assert "SHA-256" in sources[0]
+
+
+def test_dumps_is_loaded_again(text):
+    scenario = rl.Scenario.loads(text)
+    again = rl.Scenario.loads(scenario.dumps())
+    assert again.dumps() == scenario.dumps()
+    assert again.lidar == scenario.lidar
+
+
 class TestAdvice:
     def test_a_sound_scenario_gets_none(self):
         assert rl.Scenario.load("examples/tdrs_approach.toml").advice() == []
