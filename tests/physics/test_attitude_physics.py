@@ -1,12 +1,16 @@
-"""Free rotation of rigid bodies, against closed forms and a numerical integration of Euler's equations."""
+"""Attitude and pointing against closed forms and a numerical integration of Euler's equations."""
+
+import datetime
+import math
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.motion.attitude import Spin, Tumble
-from rso_lidar.units import DEG
+from rso_lidar import motion
+from rso_lidar.motion.attitude import Spin, Tumble, look_at
+from rso_lidar.units import DEG, EARTH_GM_M3_S2
 
 TILT = Rotation.from_euler("ZYX", [0.4, -1.1, 2.0]).as_matrix()
 
@@ -55,40 +59,79 @@ BODIES = {
 }
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_tumble_agrees_with_a_numerical_integration(name):
-    inertia, rate = BODIES[name]
-    tumble = Tumble(inertia_kg_m2=inertia, body_rate_deg_s=rate, quaternion_xyzw=(0.1, -0.5, 0.1, 0.7**0.5 * 1.02))
+# A relative error of 1e-12 a step grows linearly with the turns made, and exponentially near the separatrix.
+UNSTABLE = [name for name in BODIES if "separatrix" in name or "middle" in name]
+STABLE = [name for name in BODIES if name not in UNSTABLE]
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "growth"),
+    [("bodies of any inertia", STABLE, 1.0), ("bodies about to flip over", UNSTABLE, 1e3)],
+)
+def test_tumble_agrees_with_a_numerical_integration(validation, kind, names, growth):
     time = np.linspace(0.0, 200.0, 41)
-    rotation, rates = tumble.orientation(time)
-    expected, expected_rates = integrated(tumble, time)
-    # A relative error of 1e-12 a step grows linearly with the turns made, and exponentially near the separatrix.
-    growth = 1e3 if "separatrix" in name or "middle" in name else 1.0
-    assert (rotation * expected.inv()).magnitude().max() < 2e-10 * growth
-    assert np.abs(rates - expected_rates).max() < 1e-11 * growth
+    off_rad, off_rad_s = [], []
+    for name in names:
+        inertia, rate = BODIES[name]
+        tumble = Tumble(inertia_kg_m2=inertia, body_rate_deg_s=rate, quaternion_xyzw=(0.1, -0.5, 0.1, 0.7**0.5 * 1.02))
+        rotation, rates = tumble.orientation(time)
+        expected, expected_rates = integrated(tumble, time)
+        off_rad.append((rotation * expected.inv()).magnitude().max())
+        off_rad_s.append(np.abs(rates - expected_rates).max())
+        assert off_rad[-1] < 2e-10 * growth, name
+        assert off_rad_s[-1] < 1e-11 * growth, name
+    for what, off, tolerance, unit in [("attitude", off_rad, 2e-10, "rad"), ("body rate", off_rad_s, 1e-11, "rad/s")]:
+        validation(
+            case=f"tumble of {len(names)} {kind} for 200 s: worst {what}",
+            source="numerical integration of Euler's equations, DOP853",
+            expected=0.0,
+            got=max(off),
+            tolerance=tolerance * growth,
+            unit=unit,
+        )
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_tumble_keeps_energy_and_angular_momentum(name):
-    inertia, rate = BODIES[name]
-    tumble = Tumble(inertia_kg_m2=inertia, body_rate_deg_s=rate)
-    rotation, rates = tumble.orientation(np.linspace(0.0, 6000.0, 5001))
-    momentum = rates @ tumble.inertia_tensor_kg_m2
-    inertial, energy = rotation.apply(momentum), 0.5 * np.sum(rates * momentum, axis=1)
-    assert np.ptp(energy) <= 1e-12 * energy[0]  # a few hundred roundings of 2.2e-16
-    assert np.linalg.norm(inertial - inertial[0], axis=1).max() <= 1e-12 * np.linalg.norm(inertial[0])
+def test_tumble_keeps_energy_and_angular_momentum(validation):
+    energy_change, momentum_change = [], []
+    for name, (inertia, rate) in BODIES.items():
+        tumble = Tumble(inertia_kg_m2=inertia, body_rate_deg_s=rate)
+        rotation, rates = tumble.orientation(np.linspace(0.0, 6000.0, 5001))
+        momentum = rates @ tumble.inertia_tensor_kg_m2
+        inertial, energy = rotation.apply(momentum), 0.5 * np.sum(rates * momentum, axis=1)
+        moved, size = np.linalg.norm(inertial - inertial[0], axis=1).max(), np.linalg.norm(inertial[0])
+        assert np.ptp(energy) <= 1e-12 * energy[0], name  # a few hundred roundings of 2.2e-16
+        assert moved <= 1e-12 * size, name
+        if any(rate):
+            energy_change.append(np.ptp(energy) / energy[0])
+            momentum_change.append(moved / size)
+    for what, change in [("energy", energy_change), ("angular momentum in inertial axes", momentum_change)]:
+        validation(
+            case=f"tumble of {len(change)} bodies for 6000 s: greatest relative change of {what}",
+            source="conservation",
+            expected=0.0,
+            got=max(change),
+            tolerance=1e-12,
+            unit="1",
+        )
 
 
-def test_rates_are_those_of_the_attitude():
+def test_rates_are_those_of_the_attitude(validation):
     tumble = Tumble(inertia_kg_m2=(1, 2, 2.5), body_rate_deg_s=(3, 4, 5))
     time, h = np.linspace(0.0, 500.0, 51), 1e-3
     _, rates = tumble.orientation(time)
     before, after = tumble.orientation(time - h)[0], tumble.orientation(time + h)[0]
     # central difference: h^2 |w''| / 6 ~ 1e-6 * 1e-3 / 6, and rounding 1e-13 / h
-    np.testing.assert_allclose((before.inv() * after).as_rotvec() / (2 * h), rates, atol=2e-9)
+    validation(
+        case="tumble: body rate against the turn of the attitude, worst component",
+        source="central difference over 2 ms",
+        expected=0.0,
+        got=np.abs((before.inv() * after).as_rotvec() / (2 * h) - rates).max(),
+        tolerance=2e-9,
+        unit="rad/s",
+    )
 
 
-def test_a_symmetric_top_precesses_as_landau_and_lifshitz_say():
+def test_a_symmetric_top_precesses_as_landau_and_lifshitz_say(validation):
     """Mechanics, section 33: the axis circles the momentum at L / I_transverse, at a constant angle from it."""
     transverse, axial, rate = 3.0, 4.5, np.array([2.0, 0.0, 5.0]) * DEG
     tumble = Tumble(inertia_kg_m2=(transverse, transverse, axial), body_rate_deg_s=(2, 0, 5))
@@ -97,14 +140,35 @@ def test_a_symmetric_top_precesses_as_landau_and_lifshitz_say():
     momentum = np.array([transverse, transverse, axial]) * rate  # body axes are inertial at t = 0
     size = np.linalg.norm(momentum)
     turned = Rotation.from_rotvec(np.multiply.outer(size / transverse * time, momentum / size))
-    np.testing.assert_allclose(rotation.apply([0, 0, 1]), turned.apply([0, 0, 1]), atol=1e-12)
+    axis = rotation.apply([0, 0, 1])
+    np.testing.assert_allclose(axis, turned.apply([0, 0, 1]), rtol=0, atol=1e-12)
+    pole = momentum / size
+    first = axis[0] - pole * (axis[0] @ pole)
+    angle = np.unwrap(np.arctan2(axis @ np.cross(pole, first), axis @ first))
+    validation(
+        case="symmetric top: precession of its axis about the angular momentum, over 1000 s",
+        source="Landau and Lifshitz, Mechanics, section 33",
+        expected=size / transverse / DEG,
+        got=angle[-1] / time[-1] / DEG,
+        tolerance=1e-12 / np.linalg.norm(first) / time[-1] / DEG,
+        unit="deg/s",
+    )
     # Euler: in the body the rate circles the axis at (I_axial - I_transverse) / I_transverse * w_axial
     phase = (axial - transverse) / transverse * rate[2] * time
     expected = np.stack([rate[0] * np.cos(phase), rate[0] * np.sin(phase), np.full_like(time, rate[2])], axis=-1)
-    np.testing.assert_allclose(rates, expected, atol=1e-13)
+    np.testing.assert_allclose(rates, expected, rtol=0, atol=1e-13)
+    angle = np.unwrap(np.arctan2(rates[:, 1], rates[:, 0]))
+    validation(
+        case="symmetric top: circling of its rate about the axis, in the body, over 1000 s",
+        source="Euler: (I_axial / I_transverse - 1) times the axial rate",
+        expected=(axial / transverse - 1) * 5.0,
+        got=angle[-1] / time[-1] / DEG,
+        tolerance=1e-13 / rate[0] / time[-1] / DEG,
+        unit="deg/s",
+    )
 
 
-def test_a_body_spun_about_its_middle_axis_flips_again_and_again():
+def test_a_body_spun_about_its_middle_axis_flips_again_and_again(validation):
     """Dzhanibekov: the time between flips is 2 K / lambda, with K ~ ln(4 / sqrt(1 - m)) (Landau & Lifshitz, section 37)."""
     i1, i2, i3, nudge = 1.0, 2.0, 2.5, 1e-6
     w1, w2, _ = np.array([nudge, 5.0, 0.0]) * DEG
@@ -120,16 +184,140 @@ def test_a_body_spun_about_its_middle_axis_flips_again_and_again():
     m1 = (i3 - i1) * i1 * w1**2 / (i3 * energy2 - momentum2)  # 1 - m, with the difference worked out by hand
     expected = 2.0 * np.log(4.0 / np.sqrt(m1)) / slowness
     assert len(flips) > 5
-    np.testing.assert_allclose(np.diff(flips), expected, atol=0.1)  # a flip is seen to one step of 0.05 s
+    between = np.diff(flips)
+    validation(
+        case="body spun about its middle axis: time between flips, worst",
+        source="Landau and Lifshitz, Mechanics, section 37",
+        expected=expected,
+        got=between[np.argmax(np.abs(between - expected))],
+        tolerance=0.1,  # a flip is seen to one step of 0.05 s
+        unit="s",
+    )
     # the middle axis keeps to one side in space: the momentum does not flip, the body does
     assert rotation.apply([0, 1, 0])[:, 1].min() == pytest.approx(-1.0, abs=1e-6)
 
 
-def test_spin_is_a_tumble_about_a_principal_axis():
+def test_spin_is_a_tumble_about_a_principal_axis(validation):
     time = np.linspace(0.0, 5000.0, 101)
     spin = Spin(axis=(0, 1, 0), rate_deg_s=-3.0, quaternion_xyzw=(0.6, 0, 0, 0.8)).orientation(time)
     tumble = Tumble(inertia_kg_m2=(3, 4, 5), body_rate_deg_s=(0, -3, 0), quaternion_xyzw=(0.6, 0, 0, 0.8)).orientation(
         time
     )
-    assert (spin[0] * tumble[0].inv()).magnitude().max() < 1e-12
+    validation(
+        case="spin for 5000 s: attitude, at worst",
+        source="tumble about a principal axis",
+        expected=0.0,
+        got=(spin[0] * tumble[0].inv()).magnitude().max(),
+        tolerance=1e-12,
+        unit="rad",
+    )
     np.testing.assert_allclose(spin[1], tumble[1], atol=1e-15)
+
+
+def test_spin_turns_by_rate_times_time(validation):
+    """0.5 deg/s for the 2700 s of the hop is three turns and three quarters: body +x comes to stand where -y was."""
+    rotation, _ = Spin(axis=(0, 0, 2), rate_deg_s=0.5).orientation(2700.0)
+    x, y, _ = rotation.apply([1, 0, 0])
+    validation(
+        case="spin of 0.5 deg/s for 2700 s: angle turned, less whole turns",
+        source="1350 deg = 3.75 turns",
+        expected=270.0,
+        got=math.atan2(y, x) / DEG % 360.0,
+        tolerance=1e-12,  # a few roundings of 23.6 rad, 2e-13 deg each
+        unit="deg",
+    )
+
+
+# ------------------------------------------------------------------------------------------------------- looking at
+
+
+def test_rate_of_looking_at_a_target_that_passes(validation):
+    """A target on a straight line, 1500 m off at the closest and 25 m/s fast, as in examples/tle_flyby.toml."""
+    beside, speed, time = 1500.0, 25.0, np.linspace(-120.0, 120.0, 241)
+    line = np.stack([np.full_like(time, beside), speed * time, 0 * time], axis=-1)
+    _, rates = look_at(line, np.broadcast_to([0, speed, 0], line.shape), np.array([0, 0, 1.0]))
+    expected = speed * beside / (beside**2 + (speed * time) ** 2)  # the derivative of atan(v t / b)
+    assert not rates[:, :2].any()
+    worst = np.argmax(np.abs(rates[:, 2] - expected))
+    for what, k in [("at the closest", 120), ("at worst in 4 minutes", worst)]:
+        validation(
+            case=f"look_at a target that passes at 1500 m with 25 m/s: body rate {what}",
+            source="v b / (b^2 + v^2 t^2)",
+            expected=expected[k] / DEG,
+            got=rates[k, 2] / DEG,
+            tolerance=1e-14,  # a few roundings of 1 deg/s
+            unit="deg/s",
+        )
+
+
+def test_looking_along_the_track_turns_once_a_revolution(validation):
+    """On the V-bar, at rest in rtn axes, whoever looks at his chief turns with the orbit: n about the orbit's normal."""
+    epoch = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+    radius = 42164e3
+    n = math.sqrt(EARTH_GM_M3_S2 / radius**3)
+    speed = n * radius * math.sqrt(0.5)
+    chief = motion.State(epoch_utc=epoch, position_m=(radius, 0, 0), velocity_m_s=(0, speed, speed))
+    behind = motion.Hill(relative_to="chief", position_m=(0, -300, 0), velocity_m_s=(0, 0, 0))
+    bodies = [
+        motion.Body(name="chief", motion=chief),
+        motion.Body(name="follower", motion=behind, attitude=motion.LookAt(at="chief")),
+    ]
+    course = motion.truth(bodies, motion.Epochs(epoch, np.linspace(0.0, math.tau / n, 145)))
+    rates = course.poses.link("inertial", "follower").angular_velocity_rad_s
+    off = np.linalg.norm(rates - [0, 0, n], axis=1)
+    worst = rates[np.argmax(off)]
+    # The follower's place in inertial axes, 300 m away, is good to some roundings of the chief's 42164 km, 7 nm each:
+    # 2e-11 of its rate. Its own rtn z, the roll, leans by as little.
+    np.testing.assert_allclose(worst, [0, 0, n], rtol=0, atol=1e-9 * n)
+    validation(
+        case="look_at the chief from 300 m behind in GEO: body rate about the orbit normal, worst of a day",
+        source="mean motion",
+        expected=n / DEG * 3600,
+        got=worst[2] / DEG * 3600,
+        tolerance=1e-9 * n / DEG * 3600,
+        unit="deg/h",
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- pan-tilt unit
+
+
+def jump(time_s):
+    """Return a demand of 0 that steps to 10 deg of pan at 0.1 s, a whole tick."""
+    return np.where(np.asarray(time_s)[:, None] >= 0.1 - 1e-9, [10 * DEG, 0.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("damping", [0.3, 0.5, 0.7])
+def test_pan_overshoots_as_its_damping_says(validation, damping):
+    """Ogata, Modern Control Engineering, 5th ed. section 5-3: exp(-pi zeta / sqrt(1 - zeta^2)), at pi / w_d."""
+    ptu = motion.Ptu(response=motion.SecondOrder(natural_hz=4.0, damping=damping))
+    damped = math.sqrt(1 - damping**2)
+    peak_s = 0.1 + math.pi / (2 * math.pi * 4.0 * damped)
+    head = motion.step(ptu, motion.start(ptu, jump), jump, peak_s)
+    validation(
+        case=f"PTU of 4 Hz and damping {damping:g}: overshoot of a step of pan",
+        source="Ogata, section 5-3",
+        expected=100 * math.exp(-math.pi * damping / damped),
+        got=100 * (head.angle_rad[0] / (10 * DEG) - 1),
+        tolerance=1e-9,  # a thousandth of a tick's rounding would show: some 200 ticks of 1e-16, times 100 %
+        unit="%",
+    )
+    assert abs(head.rate_rad_s[0]) < 1e-10  # the peak
+
+
+def test_pan_lags_a_ramp_by_two_dampings_over_the_natural_rate(validation):
+    def ramp(time_s):
+        return np.multiply.outer(time_s, [10 * DEG, 0.0])
+
+    ptu = motion.Ptu(response=motion.SecondOrder(natural_hz=4.0, damping=0.7))
+    head = motion.step(ptu, motion.start(ptu, ramp), ramp, 10.0)
+    # and half a tick of 1 ms, for which a demand is held
+    expected = 10.0 * (2 * 0.7 / (2 * math.pi * 4.0) + 0.5e-3)
+    validation(
+        case="PTU of 4 Hz and damping 0.7: lag behind a pan of 10 deg/s",
+        source="Ogata, section 5-8: 2 zeta / w, and half a tick",
+        expected=expected,
+        got=(head.demand_rad[0] - head.angle_rad[0]) / DEG,
+        tolerance=1e-6 * expected,  # of second order in w times a tick: (0.025)^2 / 12 of half a tick's 1e-3
+        unit="deg",
+    )
