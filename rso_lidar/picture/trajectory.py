@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 DRAWN = 600  # frames are read at most this often
 ORIGINS = (".rtn", ".origin")  # axes at a target's origin that do not turn with its body
 STRETCHED = 12.0  # above this ratio of the two extents the axes of a panel get scales of their own
+CLOSED = 0.05  # ends nearer to one another than this share of the whole path have one label
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,9 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> Any:
     axes.axvline(0, color=hexed(LINE), lw=0.8, zorder=0)
     axes.plot(x, y, color=hexed(QUIET), lw=1.0, zorder=1)
     drawn = axes.scatter(x, y, c=path.time_s, cmap=RANGE_RAMP, s=11, lw=0, zorder=2)
-    for k, marker, word in ((0, "o", "start"), (-1, "s", "end")):
+    closed = np.hypot(x[-1] - x[0], y[-1] - y[0]) < CLOSED * np.hypot(np.ptp(x), np.ptp(y))
+    ends = ((0, "o", "start and end"), (-1, "s", "")) if closed else ((0, "o", "start"), (-1, "s", "end"))
+    for k, marker, word in ends:
         axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hexed(INK), mew=1.3, zorder=3)
         axes.annotate(
             word, (x[k], y[k]), xytext=(8, 7), textcoords="offset points", fontsize=9, color=hexed(INK), zorder=4
