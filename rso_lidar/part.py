@@ -25,10 +25,31 @@ else:
     ModelMetaclass = type(BaseModel)
 
 
+_GREATEST, _LEAST = 1e12, 1e-12  # nothing that is described here is beyond, in any of the units that people say
+
+
 def _with_offset(instant: datetime.datetime) -> datetime.datetime:
     if instant.tzinfo is None:
         raise ValueError("a time without an offset is ambiguous; end it with Z or +00:00")
+    try:
+        year = instant.astimezone(datetime.UTC).year
+    except OverflowError:
+        year = 0
+    if not 1900 <= year <= 2200:
+        raise ValueError(f"{instant.isoformat()} is not between 1900 and 2200; correct the year")
     return instant
+
+
+def _measurable(value: float) -> float:
+    if abs(value) > _GREATEST:
+        raise ValueError(f"{value:g} is beyond {_GREATEST:g}; check the number and its unit")
+    return value
+
+
+def _not_vanishing(value: float) -> float:
+    if 0.0 < value < _LEAST:
+        raise ValueError(f"{value:g} is below {_LEAST:g}; check the number and its unit")
+    return value
 
 
 def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
@@ -39,14 +60,14 @@ def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _nonzero(vector: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(vector):
+    if np.linalg.norm(vector) < _LEAST:
         raise ValueError("a direction cannot be the zero vector")
     return vector
 
 
-Number = Annotated[float, Strict()]
-Positive = Annotated[float, Strict(), Field(gt=0)]
-NotNegative = Annotated[float, Strict(), Field(ge=0)]
+Number = Annotated[float, Strict(), AfterValidator(_measurable)]
+Positive = Annotated[float, Strict(), Field(gt=0), AfterValidator(_measurable), AfterValidator(_not_vanishing)]
+NotNegative = Annotated[float, Strict(), Field(ge=0), AfterValidator(_measurable)]
 Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
 Whole = Annotated[int, Strict()]
 Count = Annotated[int, Strict(), Field(ge=1)]
@@ -168,13 +189,19 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
     if kind == "literal_error":
         known = [word.strip(" '") for word in re.split(r",| or ", context["expected"])]
         noun = "type" if problem["loc"][-1] == "type" else "value"
-        return f"unknown {noun} {_show(value)}{did_you_mean(str(value), known)} (known: {', '.join(known)})"
+        guess = did_you_mean(value, known) if isinstance(value, str) and value not in known else ""
+        return f"unknown {noun} {_show(value)}{guess} (known: {', '.join(known)})"
+    if kind == "too_long":
+        return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; leave some out"
+    if kind == "dict_type":
+        return f"needs a table, not {_show(value)}"
     if kind == "string_pattern_mismatch":
         return f"needs letters, digits, _ and -, a letter first, not {_show(value)}"
     if kind == "datetime_type":
         return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"
     if kind == "tuple_type":
-        return f"needs a list ([[...]] for a list of tables), not {_show(value)}"
+        tables = " ([[...]] for a list of tables)" if isinstance(value, dict) else ""
+        return f"needs a list{tables}, not {_show(value)}"
     if kind == "value_error":
         return str(context["error"])
     if kind == "model_type" or kind == "model_attributes_type":
@@ -184,5 +211,8 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
 
 
 def _show(value: Any) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:
+        text = f"a {type(value).__name__} of more digits than can be shown"
     return text if len(text) <= 60 else text[:57] + "..."

@@ -19,6 +19,9 @@ def find(path: str | Path, folder: Path | None = None) -> Path | None:
     Looked up as it stands where it is absolute, else beside `folder` (the scenario file's; the working folder if None),
     else among the shipped data.
     """
-    wanted = Path(path).expanduser()
-    places = [wanted] if wanted.is_absolute() else [(folder or Path()) / wanted, shipped(str(wanted))]
-    return next((place for place in places if place.exists()), None)
+    try:
+        wanted = Path(path).expanduser()
+        places = [wanted] if wanted.is_absolute() else [(folder or Path()) / wanted, shipped(str(wanted))]
+        return next((place for place in places if place.exists()), None)
+    except (OSError, RuntimeError, ValueError):  # no such user, a name too long: there is no such file
+        return None

@@ -258,7 +258,11 @@ def test_replace_keeps_what_was_left_to_the_default():
 @given(
     natural_hz=st.floats(min_value=1e-6, max_value=1e6),
     position_m=st.tuples(*[st.floats(-1e9, 1e9)] * 3),
-    start_utc=st.datetimes(timezones=st.just(datetime.UTC)),
+    start_utc=st.datetimes(
+        datetime.datetime(1900, 1, 1),
+        datetime.datetime(2200, 1, 1),
+        timezones=st.just(datetime.UTC),
+    ),
 )
 def test_a_part_survives_its_own_table(natural_hz, position_m, start_utc):
     machine = Machine(

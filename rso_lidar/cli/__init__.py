@@ -3,9 +3,13 @@
 import os
 import sys
 import warnings
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
+
+_INTERRUPTED = 130
+_GO_ON = "interrupted: a run that had begun goes on with --resume"
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
@@ -15,7 +19,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
     try:
-        sys.exit(app(arguments, prog_name="rso-lidar", standalone_mode=False))
+        status = app(arguments, prog_name="rso-lidar", standalone_mode=False)
+        if status == _INTERRUPTED:
+            _say(_GO_ON)
+        sys.exit(status)
     except usage_error as error:
         if error.format_message():  # without any words the help has been shown, and says enough
             _say(f"error: {error.format_message().rstrip('.')}; see rso-lidar --help")
@@ -29,15 +36,20 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         _say(f"error: {error}")
         sys.exit(2)
     except KeyboardInterrupt:
-        _say("interrupted: a run that had begun goes on with --resume")
-        sys.exit(130)
+        _say(_GO_ON)
+        sys.exit(_INTERRUPTED)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
+    except OSError as error:
+        _say(f"error: output: cannot be written ({error.strerror or error}); make room, or send it elsewhere")
+        sys.exit(1)
 
 
 def _say(line: str) -> None:
-    print(" ".join(line.split()), file=sys.stderr, flush=True)  # noqa: T201 - this is what the command line is for
+    if sys.stderr is not None:
+        with suppress(OSError):  # nobody may be listening
+            print(" ".join(line.split()), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
 
 
 _shown: set[str] = set()

@@ -23,6 +23,8 @@ def plot(
     ] = False,
 ) -> None:
     """Draw a contact sheet of a recording; or one frame, its trajectory, or its curves."""
+    if (frame is not None) + path + curves > 1:
+        raise RecordingError("--frame, --path and --curves are three pictures; ask for one at a time")
     with export.open(recording) as frames:
         kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
         place = output or recording.with_name(f"{recording.stem}_{kind}.png")

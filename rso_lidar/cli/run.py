@@ -4,7 +4,7 @@ import importlib.metadata
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
@@ -43,7 +43,9 @@ def run(
         typer.echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
     export.check_output(output, overwrite=overwrite)
-    identity = export.run_id(scenario.source, frames or "", importlib.metadata.version("rso-lidar"))
+    whole = np.array_equal(numbers, np.arange(scenario.time.n_frames))
+    chosen = "" if whole else " ".join(map(str, numbers.tolist()))
+    identity = export.run_id(scenario.source, chosen, importlib.metadata.version("rso-lidar"))
     tally = Tally()
     done = 0
     with export.Recorder(output, scenario.source, run_id=identity, overwrite=overwrite, resume=resume) as recorder:
@@ -93,7 +95,7 @@ class Bar(Protocol):
 @contextmanager
 def progress(total: int, done: int) -> Iterator[Bar]:
     """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done)
         return
     from rich.console import Console
@@ -126,7 +128,8 @@ class _Lines:
         self._said = now
         rate = (self._done - self._first) / max(now - self._began, 1e-9)
         left = (self._total - self._done) / rate
-        typer.echo(f"frame {self._done}/{self._total}, {rate:.1f} frames/s, {left:.0f} s left", err=True)
+        with suppress(OSError, AttributeError):  # nobody may be listening
+            typer.echo(f"frame {self._done}/{self._total}, {rate:.1f} frames/s, {left:.0f} s left", err=True)
 
 
 class Tally:

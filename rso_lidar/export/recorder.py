@@ -95,25 +95,49 @@ class Recorder:
         self._spaces: dict[tuple[int, ...], Any] = {}
 
     def __enter__(self) -> Self:
-        if self._resume and self.temporary.exists():
+        self._lock = _Lock(self.path.with_name(f".{self.temporary.name}.lock"))
+        try:
+            if self.temporary.exists():
+                self._look_at_old()
+        except BaseException:
+            self._lock.release()
+            raise
+        return self
+
+    def _look_at_old(self) -> None:
+        """Go on after the frames of a run that was cut off, or make sure that they may be thrown away."""
+        if self._resume:
             with Recording(self.temporary) as old:
                 if len(old):
                     self._start(old[0], old)
-        return self
+        elif not self._overwrite:
+            try:
+                with Recording(self.temporary) as old:
+                    kept = len(old)
+            except RecordingError:
+                return  # nothing that could be resumed
+            if kept:
+                raise RecordingError(
+                    f"{self.temporary}: holds {kept} frames of this run, which was cut off; "
+                    "give --resume to go on, or --overwrite to start afresh"
+                )
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._file is None:
-            if kind is None:
-                raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
-            return
-        with self._watched():
-            self._columns.clear()
-            self._file.close()
-            self._file = None
-            if kind is None:
-                self._publish()
+        try:
+            if self._file is None:
+                if kind is None:
+                    raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
+                return
+            with self._watched():
+                self._columns.clear()
+                self._file.close()
+                self._file = None
+                if kind is None:
+                    self._publish()
+        finally:
+            self._lock.release()
 
     def write(self, frame: Frame) -> None:
         """Add one frame; when this returns, a kill no longer loses it."""
@@ -265,6 +289,32 @@ class Recorder:
             file.close()
         except (OSError, RuntimeError, ValueError):
             _unclosable.append((file, self._columns))
+
+
+class _Lock:
+    """Keeps a second run of the same recording away while this one writes; a killed run's lock falls with it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._descriptor = path, -1
+        try:
+            import fcntl
+        except ImportError:  # pragma: no cover - not POSIX
+            return
+        try:
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._descriptor)
+            raise RecordingError(f"{path.name[1:-5]}: another run is writing it; wait, or give another name") from None
+        except OSError as error:
+            raise RunError(f"{path}: cannot be written ({error.strerror}); make room and run again") from error
+
+    def release(self) -> None:
+        """Let others write; to be called once more than needed does no harm."""
+        if self._descriptor >= 0:
+            self._path.unlink(missing_ok=True)
+            os.close(self._descriptor)
+            self._descriptor = -1
 
 
 def _superblock(file: Any) -> bytes:

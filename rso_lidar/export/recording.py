@@ -135,8 +135,9 @@ class Recording(Sequence[Frame]):
     def __getitem__(self, k: int | slice) -> Frame | Frames:
         if isinstance(k, slice):
             return Frames(self, range(len(self))[k])
+        place = self.place(k)
         with self.watched():
-            return self._frame(self.place(k))
+            return self._frame(place)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))
@@ -207,9 +208,9 @@ class Recording(Sequence[Frame]):
         """Turn what h5py raises over a damaged file into a `RecordingError`."""
         try:
             yield
-        except (OSError, RuntimeError, KeyError) as error:
-            if isinstance(error, RecordingError):
-                raise
+        except RecordingError:
+            raise
+        except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
             what = " ".join(str(error).split())[:120]
             raise RecordingError(f"{self.path}: is damaged ({what}); copy or record it again") from error
 
@@ -327,6 +328,8 @@ def _opened(path: Path, *, swmr: bool) -> Any:
             raise RecordingError(f"{path}: is a folder; name a recording in it")
         if not path.exists():
             raise RecordingError(f"{path}: there is no such file{_near(path)}")
+        if not path.is_file():
+            raise RecordingError(f"{path}: is not a regular file; give a recording made by `run`")
         with path.open("rb") as stream:
             head = stream.read(SUPERBLOCK_BYTES)
         if not h5py.is_hdf5(path):

@@ -210,6 +210,9 @@ def _line_problem(which: int, line: str) -> str | None:
         if not re.fullmatch(r" *[-+]?[0-9 ]*\.?[0-9]+ *", line[first:end]):
             return f"{what} '{line[first:end]}' is not a number: fetch the set again"
     if which == 1:
+        day = line[20:32].strip()
+        if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day) and 1.0 <= float(day) < 367.0):
+            return f"epoch '{line[18:32]}' is no year and day: fetch the set again"
         for what, (first, end) in _PACKED.items():
             if not re.fullmatch(r"[-+ ][0-9 ]{5}[-+ ][0-9]", line[first:end]):
                 return f"{what} '{line[first:end]}' is not a number: fetch the set again"

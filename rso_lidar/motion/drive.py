@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import NotNegative, Number, Part, Positive
@@ -74,8 +74,8 @@ class SecondOrder(_Drive):
     """A drive with d2x/dt2 + 2 zeta w dx/dt + w^2 x = w^2 demand, w = 2 pi `natural_hz`, zeta = `damping`."""
 
     type: Literal["second_order"] = "second_order"
-    natural_hz: Positive
-    damping: NotNegative
+    natural_hz: Annotated[Positive, Field(le=1000)]
+    damping: Annotated[NotNegative, Field(le=100)]
 
 
 def advance(

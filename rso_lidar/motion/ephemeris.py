@@ -93,6 +93,9 @@ class Rows:
     quaternion: np.ndarray | None
 
 
+_GREATEST, _SHORTEST_S = 1e12, 1e-9
+
+
 def read_table(path: str | Path) -> Rows:
     """Return the rows of a CSV table, checked; what is wrong is a `ScenarioError` that names file and line."""
     path = Path(path)
@@ -113,7 +116,10 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
         text = "\0"
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
-    lines = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
+    try:
+        lines = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
+    except csv.Error as error:
+        raise ScenarioError(f"{path}: cannot be read as CSV ({error}): write plain rows of numbers") from None
     if not lines:
         raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
     columns = _columns(f"{path}: line {lines[0][0]}", [cell.strip() for cell in lines[0][1]])
@@ -121,9 +127,11 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
         raise ScenarioError(f"{path}: has {len(lines) - 1} rows: a table needs at least two")
     values = np.array([_numbers(f"{path}: line {number}", cells, columns) for number, cells in lines[1:]])
     ordered = np.array(values[:, [columns.index(name) for name in PLACE]])
-    steps = np.flatnonzero(np.diff(ordered[:, 0]) <= 0.0)
+    steps = np.flatnonzero(np.diff(ordered[:, 0]) < _SHORTEST_S)
     if len(steps):
-        raise ScenarioError(f"{path}: line {lines[int(steps[0]) + 2][0]}: time_s does not grow: sort the rows by time")
+        raise ScenarioError(
+            f"{path}: line {lines[int(steps[0]) + 2][0]}: time_s does not grow by 1 ns or more: sort the rows by time"
+        )
     quaternion = None
     if TURN[0] in columns:
         quaternion = values[:, [columns.index(name) for name in TURN]]
@@ -163,6 +171,8 @@ def _numbers(where: str, cells: list[str], columns: list[str]) -> list[float]:
         except ValueError:
             raise ScenarioError(f"{where}: {name} '{cell.strip()}' is not a number: correct the cell") from None
         if not np.isfinite(number):
-            raise ScenarioError(f"{where}: {name} is {cell.strip()}: give a finite number")
+            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number")
+        if abs(number) > _GREATEST:
+            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a number within {_GREATEST:g}")
         numbers.append(number)
     return numbers

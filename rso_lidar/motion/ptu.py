@@ -76,7 +76,7 @@ class PointingErrors(Part):
     jitter_deg: NotNegative = 0.0
     encoder_noise_deg: NotNegative = 0.0
     encoder_resolution_deg: NotNegative = 0.0
-    command_latency_s: NotNegative = 0.0
+    command_latency_s: Annotated[NotNegative, Field(le=3600)] = 0.0
 
 
 class Ptu(Part):

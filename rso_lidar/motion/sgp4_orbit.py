@@ -27,6 +27,7 @@ from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import find, shipped
 
+_LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may go on below the ground, and beyond the Moon
 STALE_DAYS = 7.0
 
 
@@ -93,6 +94,8 @@ class Tle(Part):
             )
         position_m, velocity_m_s, error = _teme(elements, epochs)
         bad = (error != 0) | ~np.isfinite(position_m).all(axis=1) | ~np.isfinite(velocity_m_s).all(axis=1)
+        radius_m = np.linalg.norm(position_m, axis=1)
+        bad |= ~((radius_m > _LOWEST_M) & (radius_m < _HIGHEST_M))  # decayed, or drag thrown off by years of flight
         if bad.any():
             raise PropagationError(_failure(elements, epochs, bad, error), bad)
         rotation = gcrs_from_teme(epochs)
@@ -107,7 +110,7 @@ def _failure(elements: catalog.ElementSet, epochs: Epochs, bad: np.ndarray, erro
     from sgp4.api import SGP4_ERRORS
 
     first = int(np.argmax(bad))
-    reason = SGP4_ERRORS.get(int(error[first]), "the state is not a number")
+    reason = SGP4_ERRORS.get(int(error[first]), "it has decayed or gone astray")
     return (
         f"tle {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
         f"time_s = {epochs.time_s[first]:g}: {reason}: fly nearer to the elements' epoch "

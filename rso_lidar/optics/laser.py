@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.part import Number, Part, Positive
+from rso_lidar.part import Part, Positive
 
-Divergence = Annotated[Number, Field(gt=0, lt=180)]
+Divergence = Annotated[Positive, Field(lt=180)]
 
 
 class Laser(Part):

@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.part import Count, Number, Part, Positive, Whole
+from rso_lidar.part import Count, Part, Positive, Whole
 
-FieldOfView = Annotated[Number, Field(gt=0, lt=180)]
-Transmission = Annotated[Number, Field(gt=0, le=1)]
+FieldOfView = Annotated[Positive, Field(lt=180)]
+Transmission = Annotated[Positive, Field(le=1)]
 
 
 class Receiver(Part):
@@ -31,7 +31,7 @@ class Receiver(Part):
     n_cols: Count = 128
     pixel_pitch_um: Positive = 100.0
     rays_per_pixel: Count = 16
-    min_rays_per_target: Annotated[Whole, Field(ge=0)] = 4096
+    min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = 4096
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:
@@ -39,13 +39,13 @@ class Receiver(Part):
             raise ValueError("give exactly one of fov_deg and focal_length_mm")
         if (self.f_number is None) == (self.aperture_mm is None):
             raise ValueError("give exactly one of f_number and aperture_mm")
+        if self.n_rows * self.n_cols * self.rays_per_pixel > 2**27:
+            raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; take fewer")
         if math.isqrt(self.rays_per_pixel) ** 2 != self.rays_per_pixel:
             near = max(1, round(math.sqrt(self.rays_per_pixel))) ** 2
             raise ValueError(
                 f"rays_per_pixel is a k x k grid, so a square number: {near} instead of {self.rays_per_pixel}"
             )
-        if self.n_rows * self.n_cols * self.rays_per_pixel > 2**27:
-            raise ValueError("n_rows * n_cols * rays_per_pixel is over 134 million rays; take fewer")
         return self
 
     @property

@@ -78,6 +78,8 @@ def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
     lines = []
     for sight in seen.sights:
         nearest_m = float(sight.range_m.min())
+        if nearest_m < 1e-3:
+            continue
         dimmest, _ = filled_pixel_photons(scenario, sight.name, nearest_m)
         if float(scenario.lidar.detector.counts(np.array(dimmest))) >= scenario.lidar.detector.full_scale_counts:
             lines.append(

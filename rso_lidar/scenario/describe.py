@@ -110,6 +110,9 @@ def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
         f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest material:"
     ]
     for place, range_m in (("first", float(sight.range_m[0])), ("last", float(sight.range_m[-1]))):
+        if range_m < 1e-3:
+            lines.append(f"  {place:<9} the lidar is at the target's origin")
+            continue
         ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m), 6))
         detector = scenario.lidar.detector
         photons = " to ".join(f"{value:,.0f}" for value in ends)

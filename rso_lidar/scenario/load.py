@@ -23,8 +23,9 @@ def read_toml(path: Path) -> str:
         raise ScenarioError(f"{path}: no such file; check the name") from None
     except UnicodeDecodeError:
         raise ScenarioError(f"{path}: is not UTF-8 text; save the scenario as UTF-8 TOML") from None
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{path}: cannot be read ({reason}); check its name and permissions") from None
 
 
 def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, ...] = ()) -> AnyPart:
@@ -33,6 +34,8 @@ def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, .
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(f"{where}: not valid TOML: {error}; mend that line") from None
+    except (RecursionError, ValueError, TypeError, AttributeError) as error:
+        raise ScenarioError(f"{where}: not readable as TOML ({error}); give the text of a scenario") from None
     for setting in settings:
         _apply(tree, setting)
     try:
@@ -49,7 +52,7 @@ def _apply(tree: dict[str, Any], setting: str) -> None:
         raise ScenarioError(f"--set {setting}: is not place=value; write for example lidar.laser.energy_mj=20")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError):
         value = text.strip()  # a bare word is a text
     here: Any = tree
     for step in steps[:-1]:
@@ -72,7 +75,7 @@ def _position(entries: list[Any], step: str, setting: str) -> int:
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:
         return names.index(step)
-    if step.isdigit() and int(step) < len(entries):
+    if step.isascii() and step.isdigit() and int(step) < len(entries):
         return int(step)
     known = ", ".join(str(name) for name in names if name)
     raise ScenarioError(f"--set {setting}: no entry '{step}' among {len(entries)} ({known}); give a name or a number")

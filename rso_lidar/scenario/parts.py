@@ -26,7 +26,7 @@ class Time(Part):
     @model_validator(mode="after")
     def _some_frames(self) -> Self:
         frames = self.duration_s * self.frame_rate_hz
-        if round(frames) < 1:
+        if frames < 0.5 or round(frames) < 1:
             raise ValueError(
                 f"duration_s * frame_rate_hz is {frames:.3g}, which makes no frame; give a longer duration or a higher rate"
             )

@@ -66,7 +66,8 @@ def preview(scenario: Scenario) -> Preview:
         seen = poses.pose("lidar", surface.name).translation
         # The rate of range, without the PTU's own turning, which changes no distance.
         link = poses.link("follower", surface.name)
-        toward = link.pose.translation / np.linalg.norm(link.pose.translation, axis=-1, keepdims=True)
+        apart = np.linalg.norm(link.pose.translation, axis=-1, keepdims=True)
+        toward = link.pose.translation / np.where(apart > 0.0, apart, np.inf)  # at the target itself there is no rate
         rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
         range_m = np.linalg.norm(seen, axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):

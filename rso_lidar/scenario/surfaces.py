@@ -38,8 +38,7 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
         center_of_mass_m = (np.array(entry.center_of_mass_m) * scale).tolist()
-    warn_of_size(mesh, scale, target.name)
-    return build_surface(
+    surface = build_surface(
         target.name,
         mesh,
         scale=scale,
@@ -48,6 +47,8 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
         material=target.material,
         part_materials={**own, **target.part_materials},
     )
+    warn_of_size(mesh, scale, target.name)
+    return surface
 
 
 def material_named(name: str) -> Lambertian | Phong:

@@ -17,6 +17,7 @@ SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
 
 # The ISS is 109 m across and a marble-sized target is not a spacecraft: outside these sizes metres are doubtful.
 _LARGEST_M, _SMALLEST_M = 250.0, 0.02
+_MOST_PARTS = 32_767  # labels number them in 16 bits
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 
 
@@ -84,6 +85,8 @@ def _read(path: Path) -> Mesh:
         facets.append(piece_facets + base)
         part.append(np.full(len(piece_facets), names.index(name), dtype=np.int16))
         base += len(piece_vertices)
+        if len(names) > _MOST_PARTS:
+            raise MeshError(f"{path.name}: has over {_MOST_PARTS:,} parts; join some and export it again")
     all_vertices, all_facets = np.concatenate(vertices), np.concatenate(facets)
     if all_facets.size and (all_facets.min() < 0 or all_facets.max() >= len(all_vertices)):
         raise MeshError(f"{path.name}: a facet names a vertex that is not in the file; export the mesh again")
@@ -146,11 +149,15 @@ def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
 
 
 def _check_count(path: Path, scene: Any) -> None:
-    """Refuse a PLY that holds fewer facets than its header says: trimesh reads what is there, and is silent."""
-    if path.suffix.lower() != ".ply":
+    """Refuse a PLY or OFF that holds fewer facets than its header says: trimesh reads what is there, and is silent."""
+    if path.suffix.lower() == ".ply":
+        head, _, _ = path.read_bytes().partition(b"end_header")
+        said = re.search(rb"element\s+face\s+(\d+)", head)
+    elif path.suffix.lower() == ".off":
+        bare = re.sub(rb"#[^\n]*", b"", path.read_bytes())
+        said = re.match(rb"\s*\w*OFF\s+\d+\s+(\d+)", bare)
+    else:
         return
-    head, _, _ = path.read_bytes().partition(b"end_header")
-    said = re.search(rb"element\s+face\s+(\d+)", head)
     found = sum(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values())
     if said and found < int(said[1]):
         raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.scene.brdf import Lambertian, Phong
 from rso_lidar.scene.mesh import Mesh
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _scenes_lock = Lock()
 _SCENES_KEPT = 64
+_FARTHEST_M = 1e7  # float32 still resolves a metre there
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,5 +149,9 @@ def build_surface(
     vertices = mesh.vertices * scale - np.asarray(center_of_mass_m)
     if mesh_axes == "y_up":
         vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+    if not float(np.abs(vertices).max()) < _FARTHEST_M:
+        raise MeshError(
+            f"{mesh.path.name} reaches beyond {_FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"
+        )
     default = material or Lambertian()
     return Surface(name, mesh, vertices, tuple(overrides.get(part, default) for part in mesh.part_names))

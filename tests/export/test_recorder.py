@@ -159,6 +159,33 @@ def test_stale_temporary_file_is_replaced_without_resume(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
 
 
+def test_a_run_that_was_cut_off_is_not_thrown_away_in_silence(tmp_path):
+    leave_unfinished(tmp_path / "run.h5", make_frames(3), RUN)
+    with (
+        pytest.raises(RecordingError, match=r"holds 3 frames .*--resume"),
+        export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN),
+    ):
+        pass
+    with export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN, overwrite=True) as recorder:
+        assert recorder.written == 0
+        recorder.write(make_frame(0))
+    assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
+
+
+def test_two_runs_do_not_write_one_recording(tmp_path):
+    with export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN) as recorder:
+        recorder.write(make_frame(0))
+        for settings in ({}, {"resume": True}, {"overwrite": True}):
+            with (
+                pytest.raises(RecordingError, match="another run is writing it"),
+                export.Recorder(tmp_path / "run.h5", SOURCE, run_id=RUN, **settings),
+            ):
+                pass
+        recorder.write(make_frame(1))
+    assert len(export.open(tmp_path / "run.h5")) == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
+
+
 def test_output_that_appears_meanwhile_is_not_overwritten(tmp_path):
     def flying():
         yield make_frame(0)

@@ -254,3 +254,25 @@ def test_a_temporary_file_cut_anywhere_is_refused(tmp_path):
         for cut in range(len(whole) - 1, 0, -len(whole) // 40):
             (tmp_path / "cut.h5.tmp-00").write_bytes(whole[:cut])
             assert "is cut short" in one_line(tmp_path / "cut.h5.tmp-00"), cut
+
+
+def test_flipped_bytes_give_frames_or_one_line(tmp_path):
+    """A damaged file may hide its damage, but what it raises is a `RecordingError` of one line."""
+    rng = np.random.default_rng(404)
+    path = export.save(tmp_path / "whole.h5", make_frames(2, shape=(6, 5)))
+    whole = path.read_bytes()
+    said: list[tuple[str, str]] = []
+    for number in range(150):
+        data = bytearray(whole)
+        start = int(rng.integers(0, len(data) - 512))
+        data[start : start + int(rng.choice([1, 8, 512]))] = rng.bytes(1)
+        broken = tmp_path / f"broken{number}.h5"
+        broken.write_bytes(bytes(data[: len(whole)]))
+        try:
+            with export.open(broken) as recording:
+                for frame in recording:
+                    assert frame.range_m.shape == (6, 5)
+        except RecordingError as error:
+            said.append((broken.name, str(error)))
+    assert len(said) > 5
+    assert all(name in line and "\n" not in line for name, line in said)

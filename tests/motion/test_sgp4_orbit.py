@@ -133,3 +133,23 @@ def test_a_leap_second_does_not_move_the_satellite():
 
 def _sum(line):
     return sum(int(c) if c.isdigit() else c == "-" for c in line[:68]) % 10
+
+
+def test_a_set_whose_drag_threw_it_off_is_refused():
+    """SGP4 reports no error for these: a decayed satellite, years after, is billions of kilometres away."""
+    import math
+
+    from sgp4.api import WGS72, Satrec, jday
+    from sgp4.exporter import export_tle
+
+    jd, fraction = jday(2020, 1, 1, 0, 0, 0)
+    satellite = Satrec()
+    turns = 16.3 * 2.0 * math.pi / 1440.0
+    satellite.sgp4init(WGS72, "i", 99009, jd + fraction - 2433281.5, 0.99999, 0, 0, 1e-3, 0.1, 0.9, 0.1, turns, 0.1)
+    satellite.classification, satellite.intldesg, satellite.elnum, satellite.revnum = "U", "20001A", 1, 1
+    satellite.ephtype = 0
+    tle = Tle(lines=tuple(export_tle(satellite)))
+    epochs = Epochs(datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC), np.array([0.0, 60.0]))
+    with pytest.warns(RsoLidarWarning), pytest.raises(PropagationError, match=r"99009.*epoch") as caught:
+        tle.states(epochs)
+    assert caught.value.bad.tolist() == [True, True]

@@ -67,6 +67,18 @@ BAD = {
         ["loop", "follower"],
     ),
     "one table for a list": ("[[target]]", "[target]", ["target", "[[...]]"]),
+    "a number of no world": ("[1000, 0, 0]", "[1e300, 0, 0]", ["target[0].motion.position_m[0]", "1e+300", "unit"]),
+    "an angle of nothing": ("fov_deg  = 2.5", "fov_deg = 1e-300", ["lidar.receiver.fov_deg", "1e-300"]),
+    "a year of no flight": ("2024-09-17T12:00:00Z", "0001-01-01T00:00:00+14:00", ["time.start_utc", "1900"]),
+    "a version that is no number": ("version = 1", 'version = "1"', ["version", "'1'", "known: 1"]),
+    "brackets without end": ("version = 1", "version = " + "[" * 5000, ["TOML"]),
+    "a number without end": ("seed    = 7", "seed = 1" + "0" * 5000, ["TOML"]),
+    "too many in a vector": ("[1000, 0, 0]", "[1000, 0, 0, 0]", ["3 entries"]),
+    "a key of another's naming": (
+        '{ type = "lambertian", reflectance = 0.30 }',
+        '{ type = "phong", diffuse = 0.1, specular = 0.1, exponent = 10, k_d = 1 }',
+        ["target[0].material", "'k_d'", "diffuse"],
+    ),
     "scale and size": ('model    = "plate"', 'model = "plate"\nscale = 2.0\nsize_m = 3.0', ["scale or size_m"]),
 }
 
@@ -90,6 +102,9 @@ def test_one_line_with_place_and_cure(case, text):
         ('model    = "plate"', 'model = "plat"', ["target plate", "unknown model 'plat'", "'plate'"]),
         ('model    = "plate"', 'model = "meshes/plate.stl"', ["target plate", "no file 'meshes/plate.stl'"]),
         ('model    = "plate"', 'model = "plate.step"', ["target plate", "plate.step"]),
+        ('model    = "plate"', 'model = "~nobody-of-that-name/x.stl"', ["target plate", "no file"]),
+        ('model    = "plate"', 'model = "' + "x" * 300 + '.stl"', ["target plate", "no file"]),
+        ('model    = "plate"', 'model = "plate"\nsize_m = 1e11', ["target plate", "plate.glb", "size_m"]),
         (
             "material = {",
             'part_materials = { wing = { type = "lambertian" } }\nmaterial = {',

@@ -137,3 +137,12 @@ def test_description_is_short_and_full():
     text = "\n".join(lines)
     for words in ["42165", "IFOV 340.9", "1,001 photons", "P(detect) 0.951", "3000.0 -> 304.9", "540 frames"]:
         assert words in text, words
+
+
+def test_a_lidar_at_its_target_is_described_and_flown(text):
+    """Nothing that physics allows is an exception: the lidar may stand in the middle of the plate."""
+    scenario = rl.Scenario.loads(
+        text.replace("[1000, 0, 0]", "[0, 0, 0]").replace('{ type = "track", at = "plate" }', '{ type = "fixed" }')
+    )
+    assert "at the target's origin" in scenario.describe()
+    assert next(rl.simulate(scenario, frames=[0])).range_m.shape == (32, 32)
