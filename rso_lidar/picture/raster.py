@@ -95,9 +95,23 @@ def pair(glimpse: Glimpse, scale: Scale, window: Window, side: int) -> Image:
     both.paste(panel(scale.intensity_rgb(window.cut(glimpse.intensity_counts)), side, BLACK), (side + GAP, 0))
     draw = ImageDraw.Draw(both)
     if not window.whole:
-        _locate(draw, side - 4, 3, max(26, side // 7), window)
+        small = max(26, side // 7)
+        right, top = _free_corner(np.isfinite(window.cut(glimpse.range_m)), small / side)
+        _locate(draw, side - 4 if right else small + 3, 3 if top else side - small - 4, small, window)
     _measure(draw, side + GAP + 8, side - 9, side, glimpse.pixel_m * max(window.width, window.height))
     return both
+
+
+def _free_corner(returns: np.ndarray, share: float) -> tuple[bool, bool]:
+    """Return whether the corner with fewest returns is right, and whether it is at the top; of equals the top right."""
+    rows, cols = (int(np.ceil(size * share)) + 1 for size in returns.shape)
+    corners = {
+        (True, True): returns[:rows, -cols:],
+        (False, True): returns[:rows, :cols],
+        (True, False): returns[-rows:, -cols:],
+        (False, False): returns[-rows:, :cols],
+    }
+    return min(corners, key=lambda corner: int(corners[corner].sum()))
 
 
 def _measure(draw: ImageDraw, x: float, y: float, side: int, across_m: float) -> None:
