@@ -19,7 +19,12 @@ TRACES = {
     "a path of a machine": slash("work", "farm", "tmp", "root", "home", "Users", "opt", "mnt", "var"),
     "a drive of a machine": r"\b[A-Z]:\\\\?" + "Users",
     "an address of a package registry": "|".join(
-        ["py" + r"pi\.org", "files" + r"\.python" + "hosted", "conda" + r"\.anaconda\.org", "--(?:extra-)?index" + "-url"]
+        [
+            "py" + r"pi\.org",
+            "files" + r"\.python" + "hosted",
+            "conda" + r"\.anaconda\.org",
+            "--(?:extra-)?index" + "-url",
+        ]
     ),
     "an address inside a network": r"://(?:localhost|127\.|10\.|192\.168\.|[\w.-]+\.(?:internal|local|lan)\b)",
     "a tool of a workplace": "|".join(
@@ -63,6 +68,8 @@ def test_a_trace_is_seen(trace, text):
     assert PATTERNS[trace].search(text.encode())
 
 
-@pytest.mark.parametrize("text", ["models/" + "work/part.glb", "../var/x", "$OUT/" + "tmp/x", "https://example.org/home/x"])
+@pytest.mark.parametrize(
+    "text", ["models/" + "work/part.glb", "../var/x", "$OUT/" + "tmp/x", "https://example.org/home/x"]
+)
 def test_an_innocent_path_is_let_through(text):
     assert not any(pattern.search(text.encode()) for pattern in PATTERNS.values())
