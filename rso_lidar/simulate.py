@@ -44,6 +44,8 @@ def simulate(
             f"threads: needs a whole number from 1, not {threads!r}; leave it out for one for each core"
         )
     numbers = frame_numbers(scenario, frames)
+    if controller is not None and not callable(controller):
+        raise ScenarioError(f"simulate: a controller is called with each Observation; {controller!r:.60} cannot be")
     if controller is not None and frames is not None:
         raise ScenarioError("simulate: frames depend on history with a controller; leave out frames or the controller")
     return _fly(scenario, controller, numbers, threads, kept)
@@ -56,36 +58,36 @@ def _fly(
     threads: int | None,
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
-    ptu = scenario.ptu
     _ = scenario.surfaces, scenario.source  # worked out once, before workers share them
     with scenario.placed():
         course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
-    demand = motion.demand(ptu, scenario.bodies, *scenario.span, local=scenario.local) if ptu else None
-    head = motion.start(ptu, demand) if ptu and demand else None
-    command: Command | None = None
+        aim = motion.Aim(scenario.ptu, scenario.lidar.mount, scenario.bodies, *scenario.span, local=scenario.local)
     # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
     ahead, bands = (0, threads) if controller else (threads or os.cpu_count() or 1, 1)
     made: deque[Future[Frame]] = deque()
+    command: Command | None = None
     with ThreadPoolExecutor(max(1, ahead), thread_name_prefix="flash") as workers:
         for row, k in enumerate(numbers.tolist()):
-            truth, pointing = course.at(row), None
-            if ptu and demand and head:
-                head = motion.step(ptu, head, demand, until_s=truth.time_s, command=command)
-                pointing = motion.sense(ptu, head, scenario.rng(k, POINTING))
-            truth = motion.aimed(truth, ptu, pointing, scenario.lidar.mount)
+            truth = aim.at(course.at(row), command, scenario.rng(k, POINTING))
             rng = scenario.rng(k, DETECTION)
             made.append(workers.submit(flash, scenario, truth, rng, bands, index=k, keep=keep))
             if len(made) <= ahead:
                 continue
             frame = made.popleft().result()
             yield frame
-            command = controller(frame.observation) if controller else None  # the only feedback there is
-            if command is not None and not isinstance(command, Command):
-                raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
-            if command is not None and ptu is None:
-                raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
+            command = _command(controller, frame, scenario) if controller else None
         while made:
             yield made.popleft().result()
+
+
+def _command(controller: Controller, frame: Frame, scenario: Scenario) -> Command | None:
+    """Return what the controller asks of the next flash: the only feedback there is."""
+    command = controller(frame.observation)
+    if command is not None and not isinstance(command, Command):
+        raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
+    if command is not None and scenario.ptu is None:
+        raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
+    return command
 
 
 def flash(

@@ -1,6 +1,6 @@
 """Where everything is, and how it is turned."""
 
-from rso_lidar.motion.aim import LIDAR_FROM_PTU, aimed, asked, demand, with_lidar
+from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
 from rso_lidar.motion.ephemeris import Fixed, Table
@@ -14,6 +14,7 @@ from rso_lidar.motion.truth import truth
 
 __all__ = [
     "LIDAR_FROM_PTU",
+    "Aim",
     "Axes",
     "Body",
     "Epochs",
@@ -38,7 +39,6 @@ __all__ = [
     "Tle",
     "TrackPoint",
     "Tumble",
-    "aimed",
     "asked",
     "demand",
     "sense",

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.epochs import Epochs
 from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
-from rso_lidar.motion.ptu import Mount, Ptu, ptu_link
+from rso_lidar.motion.ptu import Mount, Ptu, ptu_link, sense, start, step
 from rso_lidar.motion.truth import truth, unwarned
 from rso_lidar.pose import Link, PoseTree, pose, turned
-from rso_lidar.records import PtuAngles, Truth
+from rso_lidar.records import Command, PtuAngles, Truth
 
 # x forward, y left, z up to the lidar's x right, y down, z ahead: [[0, -1, 0], [0, 0, -1], [1, 0, 0]].
 LIDAR_FROM_PTU = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
@@ -46,11 +46,39 @@ def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     return np.broadcast_to(toward, (len(course.time_s), 3))
 
 
-def aimed(course: Truth, ptu: Ptu | None, pointing: PtuAngles | None, mount: Mount) -> Truth:
-    """Return the truth of one epoch with the axes of PTU and lidar in it; `mount` is the lidar's."""
-    actual, rate = (pointing.actual_rad, pointing.rate_rad_s) if pointing else (np.zeros(2), np.zeros(2))
-    poses = with_lidar(course.poses, ptu, actual, rate, mount)
-    return Truth(course.time_s, poses, course.states, course.sun_direction, pointing)
+class Aim:
+    """Where the lidar looks, from flash to flash: what of a run is stepped, the same in open and in closed loop."""
+
+    def __init__(
+        self,
+        ptu: Ptu | None,
+        mount: Mount,
+        bodies: Sequence[Body],
+        start_utc: datetime.datetime,
+        end_s: float,
+        *,
+        local: bool,
+    ) -> None:
+        """Start at t = 0 with the PTU at rest on its demand; `mount` is the lidar's, `end_s` [s] the last flash's."""
+        self._ptu, self._mount = ptu, mount
+        if ptu is not None:
+            self._demand = demand(ptu, bodies, start_utc, end_s, local=local)
+            self._state = start(ptu, self._demand)
+
+    def at(self, course: Truth, command: Command | None, rng: np.random.Generator) -> Truth:
+        """Return the truth of the next flash with the axes of PTU and lidar in it.
+
+        `course` is the truth without them; `command` was given at the flash before; jitter and encoder noise come from
+        `rng`.
+        """
+        pointing: PtuAngles | None = None
+        actual_rad = rate_rad_s = np.zeros(2)
+        if self._ptu is not None:
+            self._state = step(self._ptu, self._state, self._demand, until_s=course.time_s, command=command)
+            pointing = sense(self._ptu, self._state, rng)
+            actual_rad, rate_rad_s = pointing.actual_rad, pointing.rate_rad_s
+        poses = with_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
+        return Truth(course.time_s, poses, course.states, course.sun_direction, pointing)
 
 
 def with_lidar(
