@@ -11,7 +11,7 @@ import datetime
 import re
 import types
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Self, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
@@ -25,7 +25,10 @@ else:
     ModelMetaclass = type(BaseModel)
 
 
-_GREATEST, _LEAST = 1e12, 1e-12  # nothing that is described here is beyond, in any of the units that people say
+# Nothing that is described here is beyond these, in any of the units that people say.
+GREATEST, _LEAST = 1e12, 1e-12
+# Quaternions are written with four digits or more; a norm farther off than that is a mistake, not rounding.
+UNIT_NORM_WITHIN = 1e-3
 
 
 def _with_offset(instant: datetime.datetime) -> datetime.datetime:
@@ -41,8 +44,8 @@ def _with_offset(instant: datetime.datetime) -> datetime.datetime:
 
 
 def _measurable(value: float) -> float:
-    if abs(value) > _GREATEST:
-        raise ValueError(f"{value:g} is beyond {_GREATEST:g}; check the number and its unit")
+    if abs(value) > GREATEST:
+        raise ValueError(f"{value:g} is beyond {GREATEST:g}; check the number and its unit")
     return value
 
 
@@ -54,7 +57,7 @@ def _not_vanishing(value: float) -> float:
 
 def _unit(quaternion: tuple[float, ...]) -> tuple[float, ...]:
     norm = float(np.linalg.norm(quaternion))
-    if abs(norm - 1.0) > 1e-3:
+    if abs(norm - 1.0) > UNIT_NORM_WITHIN:
         raise ValueError(f"a unit quaternion x, y, z, w is needed, but the norm is {norm:.6g}; divide by it")
     return quaternion
 
@@ -164,9 +167,7 @@ def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
 def _part_classes(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
         return [annotation] if issubclass(annotation, BaseModel) else []
-    if get_origin(annotation) in (Union, types.UnionType, Annotated, tuple, list, dict) or get_args(annotation):
-        return [cls for inner in get_args(annotation) for cls in _part_classes(inner)]
-    return []
+    return [cls for inner in get_args(annotation) for cls in _part_classes(inner)]
 
 
 def _what(problem: Any, owner: type[BaseModel] | None) -> str:
@@ -193,7 +194,7 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         return f"unknown {noun} {_show(value)}{guess} (known: {', '.join(known)})"
     if kind == "too_long":
         return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; leave some out"
-    if kind == "dict_type":
+    if kind in ("dict_type", "model_type", "model_attributes_type"):
         return f"needs a table, not {_show(value)}"
     if kind == "string_pattern_mismatch":
         return f"needs letters, digits, _ and -, a letter first, not {_show(value)}"
@@ -204,8 +205,6 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         return f"needs a list{tables}, not {_show(value)}"
     if kind == "value_error":
         return str(context["error"])
-    if kind == "model_type" or kind == "model_attributes_type":
-        return f"needs a table, not {_show(value)}"
     message = problem["msg"].removeprefix("Input ")
     return f"{message}, not {_show(value)}"
 

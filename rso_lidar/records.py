@@ -43,6 +43,13 @@ def specs(record: type) -> dict[str, ArraySpec]:
     return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
 
 
+def _locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
+    """Return a view of values that cannot be written to."""
+    locked = np.asarray(values).astype(dtype, copy=False).view()
+    locked.flags.writeable = False
+    return locked
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """The base of records: checks its arrays against their statements, and locks them."""
@@ -53,15 +60,17 @@ class Record:
             value = getattr(self, name)
             if value is None:
                 continue
-            locked = np.asarray(value).astype(spec.dtype, copy=False).view()
-            if locked.ndim != len(spec.dims):
+            locked = _locked(value, spec.dtype)
+            dims, shape = spec.dims, locked.shape
+            if dims[0] == "…":  # single, or batched over epochs
+                dims, shape = dims[1:], shape[1 - len(dims) :]
+            if len(shape) != len(dims):
                 raise TypeError(
                     f"{type(self).__name__}.{name}: needs dims ({', '.join(spec.dims)}), got {locked.shape}"
                 )
-            for dim, size in zip(spec.dims, locked.shape, strict=True):
+            for dim, size in zip(dims, shape, strict=True):
                 if sizes.setdefault(dim, size) != size:
                     raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
-            locked.flags.writeable = False
             object.__setattr__(self, name, locked)
 
     def __repr__(self) -> str:
@@ -109,12 +118,6 @@ class BodyState(Record):
     position_m: np.ndarray = array("… xyz", "f8", "m", "position in inertial axes")
     velocity_m_s: np.ndarray = array("… xyz", "f8", "m s-1", "velocity in inertial axes")
 
-    def __post_init__(self) -> None:
-        for name in ("position_m", "velocity_m_s"):
-            locked = np.asarray(getattr(self, name), dtype=float).view()
-            locked.flags.writeable = False
-            object.__setattr__(self, name, locked)
-
     def __getitem__(self, epoch: int | slice) -> BodyState:
         """Return the state at one epoch of a batch, or at a slice of them."""
         return BodyState(self.position_m[epoch], self.velocity_m_s[epoch])
@@ -146,9 +149,7 @@ class Truth:
     pointing: PtuAngles | None = None
 
     def __post_init__(self) -> None:
-        sun = np.asarray(self.sun_direction, dtype=float).view()
-        sun.flags.writeable = False
-        object.__setattr__(self, "sun_direction", sun)
+        object.__setattr__(self, "sun_direction", _locked(self.sun_direction, np.dtype(float)))
 
     def __repr__(self) -> str:
         """Return the instants and the names of the axes."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean
-from rso_lidar.part import Name, Part, Text, Vector
+from rso_lidar.part import GREATEST, UNIT_NORM_WITHIN, Name, Part, Text, Vector
 from rso_lidar.shipped import find
 
 PLACE = ("time_s", "x_m", "y_m", "z_m")
@@ -93,7 +93,7 @@ class Rows:
     quaternion: np.ndarray | None
 
 
-_GREATEST, _SHORTEST_S = 1e12, 1e-9
+_SHORTEST_S = 1e-9  # two rows nearer in time make the spline between them run wild
 
 
 def read_table(path: str | Path) -> Rows:
@@ -136,7 +136,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
     if TURN[0] in columns:
         quaternion = values[:, [columns.index(name) for name in TURN]]
         norms = np.linalg.norm(quaternion, axis=1)
-        wrong = np.flatnonzero(np.abs(norms - 1.0) > 1e-3)
+        wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
         if len(wrong):
             k = int(wrong[0])
             raise ScenarioError(
@@ -172,7 +172,7 @@ def _numbers(where: str, cells: list[str], columns: list[str]) -> list[float]:
             raise ScenarioError(f"{where}: {name} '{cell.strip()}' is not a number: correct the cell") from None
         if not np.isfinite(number):
             raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number")
-        if abs(number) > _GREATEST:
-            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a number within {_GREATEST:g}")
+        if abs(number) > GREATEST:
+            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a number within {GREATEST:g}")
         numbers.append(number)
     return numbers

@@ -83,7 +83,9 @@ def mean_motion_rad_s(chief: Body, by_name: dict[str, Body], epochs: Epochs) -> 
         start = truth(bare, Epochs(epochs.start_utc, np.zeros(1))).states[chief.name]
     semi_major_m = float(semi_major_axis_m(start.position_m[0], start.velocity_m_s[0]))
     if not 0.0 < semi_major_m < math.inf:
-        raise ScenarioError(f"{chief.name}.motion: an open orbit has no mean motion, so nothing can be 'hill' about it")
+        raise ScenarioError(
+            f"{chief.name}.motion: an open orbit has no mean motion for 'hill' about it; use 'state' or 'kepler'"
+        )
     return math.sqrt(EARTH_GM_M3_S2 / semi_major_m**3)
 
 

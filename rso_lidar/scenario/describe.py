@@ -13,7 +13,6 @@ from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, preview
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.parts import Target
     from rso_lidar.scenario.scenario import Scenario
 
 
@@ -25,8 +24,8 @@ def describe(scenario: Scenario) -> str:
         f"{scenario.name}",
         f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_span(scenario)}; seed {scenario.seed}",
     ]
-    for target, sight in zip(scenario.target, seen.sights, strict=True):
-        lines += _target_lines(scenario, target, sight, seen)
+    for number, sight in enumerate(seen.sights):
+        lines += _target_lines(scenario, number, sight, seen)
     lines.append(f"follower    {_motion(scenario, len(scenario.target), seen)}")
     lines += _instrument_lines(scenario)
     for sight in seen.sights:
@@ -41,9 +40,8 @@ def _span(scenario: Scenario) -> str:
     return f"{utc_text(start, 0.0)} to {utc_text(start, end)}"
 
 
-def _target_lines(scenario: Scenario, target: Target, sight: Sight, seen: Preview) -> list[str]:
-    number = scenario.target.index(target)
-    surface = scenario.surfaces[number]
+def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) -> list[str]:
+    target, surface = scenario.target[number], scenario.surfaces[number]
     size = surface.vertices[np.unique(surface.facets)]
     sides = " x ".join(f"{side:.2f}" for side in size.max(axis=0) - size.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""

@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
@@ -37,7 +36,8 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
     mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
-        center_of_mass_m = (np.array(entry.center_of_mass_m) * scale).tolist()
+        x, y, z = entry.center_of_mass_m
+        center_of_mass_m = (scale * x, scale * y, scale * z)
     surface = build_surface(
         target.name,
         mesh,

@@ -16,7 +16,7 @@ from rso_lidar.scene.mesh import Mesh
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _scenes_lock = Lock()
-_SCENES_KEPT = 64
+_SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
 _FARTHEST_M = 1e7  # float32 still resolves a metre there
 
 
@@ -24,8 +24,7 @@ _FARTHEST_M = 1e7  # float32 still resolves a metre there
 class Surface:
     """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
 
-    `vertices` (vertex, xyz) f8, `facets` (facet, 3), `part` (facet) index into `part_names`, `source_facet` (facet)
-    number in the file, `materials` one for each part.
+    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts.
     """
 
     name: str
