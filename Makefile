@@ -49,7 +49,7 @@ lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint
 
 validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
-	$(BIN)/python -m pytest -q tests/physics --validation-page=docs/validation.md
+	$(BIN)/python -m pytest -q tests/physics tests/peers --validation-page=docs/validation.md
 
 docs: $(VENV)/.installed ## write the generated parts of docs/ anew
 	$(BIN)/python docs/generate.py

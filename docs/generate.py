@@ -29,9 +29,12 @@ EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
 UNITS = {
     "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "mj": "mJ",
     "m_s": "m/s", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "kg_m2": "kg m²", "per_s": "1/s",
-    "counts": "counts", "photons": "photons",
+    "counts": "counts", "photons": "photons", "electrons": "electrons", "per_sr": "1/sr", "mhz": "MHz", "na": "nA",
+    "nf": "nF", "ohm": "Ω", "per_v": "1/V",
 }  # fmt: skip
-UNITS_BY_NAME = {"counts_per_photon": "counts/photon", "adc_bits": "bits"}
+UNITS_BY_NAME = {
+    "counts_per_photon": "counts/photon", "electrons_per_count": "electrons/count", "adc_bits": "bits",
+}  # fmt: skip
 
 
 def pages() -> dict[Path, str]:
@@ -250,6 +253,8 @@ def _default(name: str, field: Any, section: Section) -> str:
 def _toml(value: Any) -> str:
     if isinstance(value, str):
         return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(inner) for inner in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -384,11 +389,16 @@ def defaults() -> str:
     rows = []
     for name, sources in _meanings()["sources"].items():
         fields = getattr(rl, name).model_fields
-        given = {key for key, field in fields.items() if key != "type" and field.default is not None}
+        given = {key for key, field in fields.items() if key != "type" and _is_a_value(field)}
         if set(sources) != given:
             raise SystemExit(f"meanings.toml: [sources.{name}] must say {', '.join(sorted(given))}")
         rows += [(f"`{name}.{key}`", f"`{_toml(fields[key].default)}`", said) for key, said in sources.items()]
     return _table(("default", "value", "where it comes from"), rows)
+
+
+def _is_a_value(field: Any) -> bool:
+    """Return whether a field has a default of its own: neither nothing nor a part, which has a table of its own."""
+    return not field.is_required() and field.default is not None and not isinstance(field.default, part.Part)
 
 
 def main() -> None:

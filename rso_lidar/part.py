@@ -10,7 +10,7 @@ from __future__ import annotations
 import datetime
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args, get_origin
 
 import numpy as np
@@ -99,6 +99,17 @@ class Part(BaseModel, metaclass=_PartMeta):
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), validate_default=False
     )
+
+    def __eq__(self, other: object) -> bool:
+        """Two parts are equal where their fields are, whatever has been worked out from them."""
+        return type(other) is type(self) and all(self.__dict__[name] == other.__dict__[name] for name in self._names())
+
+    def __hash__(self) -> int:
+        return hash((type(self), *(self.__dict__[name] for name in self._names())))
+
+    @classmethod
+    def _names(cls) -> Iterable[str]:
+        return cls.__pydantic_fields__
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, validated like a new part.

@@ -17,68 +17,10 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from rso_lidar.pose import Link, PoseTree
+from rso_lidar.record import ArraySpec, Record, array, locked, specs
 
+__all__ = ["ArraySpec", "Record", "array", "specs"]
 SCHEMA_VERSION = 1
-
-
-@dataclass(frozen=True)
-class ArraySpec:
-    """What one array of a record is: dimension names, dtype, unit and meaning."""
-
-    dims: tuple[str, ...]
-    dtype: np.dtype[Any]
-    unit: str
-    meaning: str
-
-
-def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = False) -> Any:
-    """Return a dataclass field that holds an array, e.g. ``array("row col", "f4", "m", "slant range")``."""
-    spec = ArraySpec(tuple(dims.split()), np.dtype(dtype), unit, meaning)
-    metadata = {"array": spec}
-    return dataclasses.field(default=None, metadata=metadata) if optional else dataclasses.field(metadata=metadata)
-
-
-def specs(record: type) -> dict[str, ArraySpec]:
-    """Return what each array field of a record class is, by name, in order."""
-    return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
-
-
-def _locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
-    """Return a view of values that cannot be written to."""
-    locked = np.asarray(values).astype(dtype, copy=False).view()
-    locked.flags.writeable = False
-    return locked
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Record:
-    """The base of records: checks its arrays against their statements, and locks them."""
-
-    def __post_init__(self) -> None:
-        sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
-        for name, spec in specs(type(self)).items():
-            value = getattr(self, name)
-            if value is None:
-                continue
-            locked = _locked(value, spec.dtype)
-            dims, shape = spec.dims, locked.shape
-            if dims[0] == "…":  # single, or batched over epochs
-                dims, shape = dims[1:], shape[1 - len(dims) :]
-            if len(shape) != len(dims):
-                raise TypeError(
-                    f"{type(self).__name__}.{name}: needs dims ({', '.join(spec.dims)}), got {locked.shape}"
-                )
-            for dim, size in zip(dims, shape, strict=True):
-                if sizes.setdefault(dim, size) != size:
-                    raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
-            object.__setattr__(self, name, locked)
-
-    def __repr__(self) -> str:
-        """Return the class with the sizes of its arrays, not their contents."""
-        sizes = ", ".join(
-            f"{name}{list(value.shape)}" for name in specs(type(self)) if (value := getattr(self, name)) is not None
-        )
-        return f"<{type(self).__name__}: {sizes}>"
 
 
 # ---------------------------------------------------------------------------------------------- what is being flown
@@ -138,8 +80,8 @@ class Truth:
     """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
 
     `time_s` is a float, or an array (time) [s since start_utc]; `poses` the tree of axes; `states` the inertial states of
-    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world; `pointing` the PTU's
-    angles (None without a PTU).
+    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world without a Sun; `pointing`
+    the PTU's angles (None without a PTU); `sunlit` by body the share (…) of the Sun's disc that the Earth leaves free.
     """
 
     time_s: Any
@@ -147,9 +89,10 @@ class Truth:
     states: Mapping[str, BodyState]
     sun_direction: np.ndarray
     pointing: PtuAngles | None = None
+    sunlit: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sun_direction", _locked(self.sun_direction, np.dtype(float)))
+        object.__setattr__(self, "sun_direction", locked(self.sun_direction, np.dtype(float)))
 
     def __repr__(self) -> str:
         """Return the instants and the names of the axes."""
@@ -172,6 +115,7 @@ class Truth:
             {name: state[epoch] for name, state in self.states.items()},
             self.sun_direction[epoch],
             self.pointing,
+            {name: float(share[epoch]) for name, share in self.sunlit.items()},
         )
 
 
@@ -213,28 +157,74 @@ class Hits(Record):
     facet: np.ndarray = array("hit", "i4", "1", "facet index in the target's source file, before repairs")
     part: np.ndarray = array("hit", "i2", "1", "index of the target's part")
     range_m: np.ndarray = array("hit", "f8", "m", "slant range along the ray from the lidar's origin")
-    cos_incidence: np.ndarray = array("hit", "f8", "1", "cosine of the angle between ray and facet normal, two-sided")
+    cos_incidence: np.ndarray = array("hit", "f8", "1", "cosine of the laser's incidence, two-sided; 0 in its shadow")
     brdf_per_sr: np.ndarray = array("hit", "f8", "sr-1", "BRDF toward the lidar, without the cosine")
+    sunlight_per_sr: np.ndarray | None = array(
+        "hit",
+        "f8",
+        "sr-1",
+        "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen; "
+        "None where no background was asked for",
+        optional=True,
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Photons(Record):
-    """Light that comes back to the focal plane, one return for each hit and in the same order.
+    """Light that comes back to the focal plane, ordered by pixel: one return for each hit, more behind a lens that blurs.
 
     Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2, beyond what a tilted surface itself spans from ray
     to ray, belong to different clusters; their numbers run through the frame by pixel and, in a pixel, from near to far.
+    `pulse_step_s` [s] is the time from tap to tap of the pulse, `late_s` [s] by how much it left later than the receiver's
+    clock believes.
     """
 
     shape: tuple[int, int]
     pulse_fwhm_s: float
+    pulse_step_s: float
+    late_s: float
+    pulse_power_per_s: np.ndarray = array(
+        "tap", "f8", "s-1", "power of the pulse over its energy, in time; the middle tap is its time zero"
+    )
     pixel: np.ndarray = array("return", "i4", "1", "row * n_cols + col")
     delay_s: np.ndarray = array("return", "f8", "s", "two-way delay since emission")
     photons: np.ndarray = array("return", "f8", "1", "expected photons on the pixel, after the optics, before the APD")
     depth_spread_s: np.ndarray = array(
         "return", "f8", "s", "two-way delay from near to far edge of the sub-ray's footprint"
     )
+    coherence_cells: np.ndarray = array(
+        "return", "f8", "1", "area of the aperture times solid angle of the return over the squared wavelength"
+    )
+    hit: np.ndarray = array("return", "i4", "1", "index of the hit that sends it")
     cluster: np.ndarray = array("return", "i4", "1", "cluster of the return, counted through the frame")
     cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
+    background_photons_per_s: np.ndarray | None = array(
+        "row col", "f8", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Waveforms(Record):
+    """What the converter made of the pulses: one trace for each pixel that latched, or for all under a range gate.
+
+    Sample k of a trace was taken `start_s` + k `sample_s` [s] after emission.
+    """
+
+    shape: tuple[int, int]
+    sample_s: float
+    baseline_counts: float
+    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
+    start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first sample since emission")
+    latch_s: np.ndarray = array("trace", "f8", "s", "when the comparator latched, NaN under a range gate")
+    samples_counts: np.ndarray = array("trace sample", "f4", "count", "output of the converter, baseline included")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Oversampled(Record):
+    """The scene on the grid of rays, finer than the pixels (seed figs. 9 and 11): range image and photon image."""
+
+    range_m: np.ndarray = array("fine_row fine_col", "f4", "m", "range where the ray of the cell hit, NaN for sky")
+    photons: np.ndarray = array("fine_row fine_col", "f4", "1", "expected photons that the cell sends to its pixel")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,6 +236,12 @@ class Reading(Record):
         "row col", "u2", "count", "fitted pulse amplitude above baseline, 0 where none"
     )
     saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
+    return_range_m: np.ndarray | None = array(
+        "row col return", "f4", "m", "measured ranges of all returns, near to far, NaN beyond the last", optional=True
+    )
+    return_intensity_counts: np.ndarray | None = array(
+        "row col return", "u2", "count", "fitted amplitudes of all returns, 0 beyond the last", optional=True
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -271,6 +267,16 @@ class Labels(Record):
     cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of that return, NaN for sky")
     photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
     filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target and lit")
+    return_range_m: np.ndarray | None = array(
+        "row col return",
+        "f8",
+        "m",
+        "photon-weighted mean range of each cluster, near to far, NaN beyond",
+        optional=True,
+    )
+    return_photons: np.ndarray | None = array(
+        "row col return", "f4", "1", "expected photons of each cluster, 0 beyond the last", optional=True
+    )
 
 
 # ---------------------------------------------------------------------------------------------------- what comes out
@@ -351,7 +357,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class Command:
-    """What a controller may ask of the next flash; None keeps the scenario's demand. Pan left, tilt up positive."""
+    """What a controller may ask of the next flash; None keeps the scenario's demand. Pan left, tilt up positive.
+
+    `focal_length_m` turns a zoom lens, `divergence_rad` (full angle) an actuated diffuser, `energy_j` is that of one pulse
+    and `gate_delay_s` the two-way delay at which a range gate opens.
+    """
 
     pan_rad: float | None = None
     tilt_rad: float | None = None
+    focal_length_m: float | None = None
+    divergence_rad: float | None = None
+    energy_j: float | None = None
+    gate_delay_s: float | None = None

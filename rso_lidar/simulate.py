@@ -11,12 +11,12 @@ import numpy as np
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Command, Frame, Observation, Record, Truth
-from rso_lidar.scenario import Scenario
+from rso_lidar.scenario import Lidar, Scenario
 
 Controller = Callable[[Observation], Command | None]
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-KEPT = ("rays", "hits", "photons")
+KEPT = ("rays", "hits", "photons", "waveforms", "oversampled")
 
 
 def simulate(
@@ -36,9 +36,9 @@ def simulate(
     frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
         only, so it may not be combined with a controller, which depends on history.
     threads : how many threads work at once (None: one for each core); it does not change a bit.
-    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons.
+    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, waveforms, oversampled.
     """
-    kept = _known(keep)
+    kept = _known(keep, scenario)
     if threads is not None and (not isinstance(threads, int) or threads < 1):
         raise ScenarioError(
             f"threads: needs a whole number from 1, not {threads!r}; leave it out for one for each core"
@@ -58,9 +58,11 @@ def _fly(
     threads: int | None,
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
-    _ = scenario.surfaces, scenario.source  # worked out once, before workers share them
+    _ = scenario.surfaces, scenario.source, scenario.instrument  # worked out once, before workers share them
     with scenario.placed():
-        course = motion.truth(scenario.bodies, scenario.epochs(numbers), local=scenario.local)
+        course = motion.truth(
+            scenario.bodies, scenario.epochs(numbers), local=scenario.local, sun_direction=scenario.world.sun_direction
+        )
         aim = motion.Aim(scenario.ptu, scenario.lidar.mount, scenario.bodies, *scenario.span, local=scenario.local)
     # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
     ahead, bands = (0, threads) if controller else (threads or os.cpu_count() or 1, 1)
@@ -69,8 +71,9 @@ def _fly(
     with ThreadPoolExecutor(max(1, ahead), thread_name_prefix="flash") as workers:
         for row, k in enumerate(numbers.tolist()):
             truth = aim.at(course.at(row), command, scenario.rng(k, POINTING))
+            lidar = scenario.instrument.at(truth.time_s, command)
             rng = scenario.rng(k, DETECTION)
-            made.append(workers.submit(flash, scenario, truth, rng, bands, index=k, keep=keep))
+            made.append(workers.submit(flash, scenario, truth, rng, bands, lidar=lidar, index=k, keep=keep))
             if len(made) <= ahead:
                 continue
             frame = made.popleft().result()
@@ -85,7 +88,9 @@ def _command(controller: Controller, frame: Frame, scenario: Scenario) -> Comman
     command = controller(frame.observation)
     if command is not None and not isinstance(command, Command):
         raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
-    if command is not None and scenario.ptu is None:
+    if command is None:
+        return None
+    if scenario.ptu is None and (command.pan_rad is not None or command.tilt_rad is not None):
         raise ScenarioError("simulate: the controller commands a PTU and the scenario has none; add [ptu]")
     return command
 
@@ -96,21 +101,32 @@ def flash(
     rng: np.random.Generator,
     threads: int | None = None,
     *,
+    lidar: Lidar | None = None,
     index: int = 0,
     keep: tuple[str, ...] = (),
 ) -> Frame:
-    """Return the frame of one laser pulse. Whoever wants an intermediate product calls these lines himself."""
-    surfaces, lidar = scenario.surfaces, scenario.lidar
+    """Return the frame of one laser pulse. Whoever wants an intermediate product calls these lines himself.
+
+    `lidar` is the instrument with what is in force (None: as planned for this instant).
+    """
+    surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
+    receiver = lidar.receiver
+    laser, late_s = lidar.laser.fire(rng)
     extent = scene.extent(surfaces, truth)
-    rays = optics.pixel_rays(lidar.receiver, lidar.laser, extent)
-    hits = scene.cast(rays, surfaces, truth, threads)
-    photons = optics.collect(hits, lidar.laser, lidar.receiver)
-    reading = detector.detect(photons, lidar.detector, rng)
-    labels = scene.label(hits, photons)
+    rays = optics.pixel_rays(receiver, laser, extent)
+    hits = scene.cast(
+        rays, surfaces, truth, threads, laser_from_m=laser.offset, sun=receiver.filter_width_nm is not None
+    )
+    photons = optics.collect(hits, laser, receiver, late_s)
+    reading, waveforms = detector.detect(photons, lidar.detector, rng)
+    labels = scene.label(hits, photons, lidar.max_returns)
     measured = truth.pointing.measured_rad if truth.pointing else None
-    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
-    made: dict[str, Record] = {"rays": rays, "hits": hits, "photons": photons}
-    return Frame(index, observation, labels, truth, scenario.source, {name: made[name] for name in keep})
+    observation = Observation(truth.time_s, reading, lidar.settings, receiver.line_of_sight, measured)
+    made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons, "waveforms": waveforms}
+    if "oversampled" in keep:
+        made["oversampled"] = optics.oversampled(hits, photons, receiver)
+    kept = {name: record for name in keep if (record := made[name]) is not None}
+    return Frame(index, observation, labels, truth, scenario.source, kept)
 
 
 def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> np.ndarray:
@@ -133,9 +149,13 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
     return numbers
 
 
-def _known(keep: Iterable[str]) -> tuple[str, ...]:
+def _known(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     for name in names:
         if name not in KEPT:
             raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
+    if "waveforms" in names and scenario.lidar.detector.type != "gsfl":
+        raise ScenarioError(
+            f'keep: the detector "{scenario.lidar.detector.type}" has no waveforms; set lidar.detector.type = "gsfl"'
+        )
     return names

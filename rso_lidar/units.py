@@ -8,6 +8,7 @@ import math
 # CODATA 2018: both exact by definition of the SI.
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 PLANCK_J_S = 6.626_070_15e-34
+ELEMENTARY_CHARGE_C = 1.602_176_634e-19
 
 # Earth. GM and equatorial radius of EGM96/WGS84 (IERS Conventions 2010, table 1.1 rounds GM to the same digits).
 # SGP4 keeps its own WGS72 constants inside the sgp4 package.
@@ -28,6 +29,8 @@ UM = 1e-6
 NM = 1e-9
 NS = 1e-9
 MJ = 1e-3
+MHZ = 1e6
+NA = 1e-9
 
 
 def photon_energy_j(wavelength_m: float) -> float:
@@ -41,3 +44,6 @@ def photon_energy_j(wavelength_m: float) -> float:
 
 # Light goes out and comes back: multiply a delay by this to have a range, divide a range by it to have a delay.
 RANGE_PER_DELAY_M_S = 0.5 * SPEED_OF_LIGHT_M_S
+
+# Full width at half maximum of a Gaussian over its sigma: 2 sqrt(2 ln 2).
+FWHM_PER_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))

@@ -116,8 +116,11 @@ def test_frames_that_are_not_there(scenario, frames):
 
 
 def test_unknown_records_to_keep(scenario):
-    with pytest.raises(ScenarioError, match="waveforms"):
-        rl.simulate(scenario, keep=["waveforms"])
+    with pytest.raises(ScenarioError, match=r"known: .*waveforms"):
+        rl.simulate(scenario, keep=["wave"])
+    fast = scenario.replace(lidar=scenario.lidar.replace(detector=rl.Empirical()))
+    with pytest.raises(ScenarioError, match=r"lidar.detector.type = .gsfl."):
+        rl.simulate(fast, keep=["waveforms"])
 
 
 def test_no_target_is_no_error(scenario):

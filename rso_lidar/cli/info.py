@@ -6,6 +6,7 @@ import typer
 from rso_lidar import export
 from rso_lidar.cli.plot import RecordingFile
 from rso_lidar.errors import RecordingError
+from rso_lidar.records import Frame
 
 
 def info(recording: RecordingFile) -> None:
@@ -32,8 +33,31 @@ def info(recording: RecordingFile) -> None:
                 f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}"
             )
             typer.echo(f"            mesh SHA-256 {target.mesh_sha256}")
+        for line in _more(frames, first):
+            typer.echo(line)
         typer.echo("axes        " + ", ".join(["inertial", *first.truth.poses]))
         typer.echo("versions    " + ", ".join(f"{name} {text}" for name, text in source.versions.items()))
+
+
+def _more(frames: export.Recording, first: Frame) -> list[str]:
+    """Return lines on what not every recording holds."""
+    lines = []
+    if frames.changes_lens:
+        count = len(frames.line_of_sight)
+        lines.append(f"lens        {count} table{'s' * (count > 1)} of lines of sight, as the lens changes")
+    if first.observation.reading.return_range_m is not None:
+        lines.append(f"returns     up to {first.observation.reading.return_range_m.shape[-1]} of a pixel")
+    if frames.kept:
+        lines.append(f"kept        {', '.join(frames.kept)}")
+    if first.truth.sunlit:
+        shares = {name: frames.dataset(f"truth/{name}/sunlit")[: len(frames)] for name in first.truth.sunlit}
+        text = [f"{name} {_span(share.min(), share.max())}" for name, share in shares.items()]
+        lines.append(f"sunlight    {', '.join(text)}")
+    return lines
+
+
+def _span(low: float, high: float) -> str:
+    return f"{high:.0%}" if low == high else f"{low:.0%} to {high:.0%}"
 
 
 def _returns(range_m: np.ndarray, target: np.ndarray) -> str:

@@ -32,6 +32,12 @@ def run(
         int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
     ] = None,
     settings: Settings = None,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            "--keep", metavar="A,B", help="Record intermediate products as well: photons, waveforms, oversampled."
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
 ) -> None:
@@ -39,22 +45,32 @@ def run(
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
     numbers = frame_numbers(scenario, _choice(frames))
-    if resume and not overwrite and _complete(output, scenario, numbers):
+    kept = _kept(keep)
+    if resume and not overwrite and _complete(output, scenario, numbers, kept):
         typer.echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
     export.check_output(output, overwrite=overwrite)
     whole = np.array_equal(numbers, np.arange(scenario.time.n_frames))
     chosen = "" if whole else " ".join(map(str, numbers.tolist()))
+    if kept:
+        chosen += " keep " + ",".join(sorted(kept))
     identity = export.run_id(scenario.source, chosen, importlib.metadata.version("rso-lidar"))
     tally = Tally()
     done = 0
-    with export.Recorder(output, scenario.source, run_id=identity, overwrite=overwrite, resume=resume) as recorder:
+    with export.Recorder(
+        output,
+        scenario.source,
+        run_id=identity,
+        overwrite=overwrite,
+        resume=resume,
+        changing_lens=scenario.lidar.changes_lens,
+    ) as recorder:
         done = recorder.written
         if done:
             typer.echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
             with progress(len(numbers), done) as bar:
-                for frame in simulate(scenario, frames=numbers[done:].tolist(), threads=threads):
+                for frame in simulate(scenario, frames=numbers[done:].tolist(), threads=threads, keep=kept):
                     recorder.write(frame)
                     tally.add(frame)
                     bar.advance()
@@ -76,12 +92,24 @@ def _choice(text: str | None) -> slice | None:
     raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
 
 
-def _complete(output: Path, scenario: Scenario, numbers: np.ndarray) -> bool:
-    """Return whether an output is already the whole recording of these frames."""
+def _kept(text: str | None) -> tuple[str, ...]:
+    """Return the records that ``A,B`` names, each once."""
+    if text is None:
+        return ()
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    if not names:
+        raise ScenarioError(f"--keep {text!r}: names nothing; write for example photons,waveforms")
+    export.check_kept(names)
+    return names
+
+
+def _complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple[str, ...]) -> bool:
+    """Return whether an output is already the whole recording of these frames, with these records kept."""
     if not output.is_file():
         return False
     with export.open(output) as recording:
         same = recording.complete and recording.source.scenario == scenario.source.scenario
+        same = same and set(recording.kept) == set(kept)
         return same and np.array_equal(recording.frame_index[:], numbers)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.detector.presets import FITTED
 from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
 from rso_lidar.records import Photons, Reading
 
@@ -19,29 +20,34 @@ class Empirical(Part):
 
     The signal of N expected photons is Gaussian with variance NEP² + F N / QE in photons: `noise_equivalent_photons` of
     the amplifier, and shot noise with the APD's excess noise F at quantum efficiency QE. A pixel triggers where the
-    signal passes the threshold that gives 95 % at `reference_photons`. The defaults are preset ``noise_limited``:
-    95 % at 1000 photons is the seed's, the rest is assumed (threshold / amplifier noise = 6).
+    signal passes the threshold that gives 95 % at `reference_photons`. The defaults are fitted to the curves of the full
+    chain with preset ``noise_limited`` (`make calibrate`).
 
     Light returns in clusters of range; the first that triggers is reported, unless a false trigger latched before it.
     Only returns between `armed_from_m` and `armed_to_m` count, and false triggers come at `false_alarms_per_s` there.
     Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼ until the converter
     clips at 2^`adc_bits` − 1. The range noise is `range_plateau_m` plus, in quadrature, shot and amplifier noise seen by
-    a filter matched to the pulse sampled every `sample_ns`. A surface is as easy to find and to range tilted as facing: how
+    a filter matched to the pulse sampled every `sample_ns`, with `range_excess_noise_factor` and
+    `range_noise_equivalent_photons` for F and NEP; intensity has two of its own as well. A surface is as easy to find and to range tilted as facing: how
     it stretches the pulse is left to a waveform model.
     """
 
     type: Literal["empirical"] = "empirical"
     reference_photons: Positive = 1000.0
-    noise_equivalent_photons: Positive = 127.0
+    noise_equivalent_photons: Positive = FITTED["noise_equivalent_photons"]
     quantum_efficiency: Annotated[Number, Field(gt=0, le=1)] = 0.8
-    excess_noise_factor: Annotated[Number, Field(ge=1)] = 3.52
-    false_alarms_per_s: NotNegative = 0.9
+    excess_noise_factor: Annotated[Number, Field(ge=1)] = FITTED["excess_noise_factor"]
+    false_alarms_per_s: NotNegative = FITTED["false_alarms_per_s"]
     armed_from_m: NotNegative = 1.0
     armed_to_m: Positive = 5000.0
-    counts_per_photon: Positive = 0.04
-    compression_counts: Positive = 5000.0
+    intensity_noise_equivalent_photons: NotNegative = FITTED["intensity_noise_equivalent_photons"]
+    intensity_excess_noise_factor: NotNegative = FITTED["intensity_excess_noise_factor"]
+    counts_per_photon: Positive = FITTED["counts_per_photon"]
+    compression_counts: Positive = FITTED["compression_counts"]
     adc_bits: Annotated[Whole, Field(ge=4, le=16)] = 12
-    range_plateau_m: NotNegative = 0.05
+    range_plateau_m: NotNegative = FITTED["range_plateau_m"]
+    range_noise_equivalent_photons: NotNegative = FITTED["range_noise_equivalent_photons"]
+    range_excess_noise_factor: NotNegative = FITTED["range_excess_noise_factor"]
     sample_ns: Positive = 2.38
 
     @model_validator(mode="after")
@@ -51,6 +57,16 @@ class Empirical(Part):
         if self.threshold_photons <= 0:
             raise ValueError("the noise is so strong that 95 % detection there needs no threshold; lower the noise")
         return self
+
+    @property
+    def sees_from_m(self) -> float:
+        """Return the least range [m] at which anything is detected."""
+        return self.armed_from_m
+
+    @property
+    def sees_to_m(self) -> float:
+        """Return the greatest range [m] at which anything is detected."""
+        return self.armed_to_m
 
     @property
     def full_scale_counts(self) -> int:
@@ -88,10 +104,9 @@ class Empirical(Part):
         """
         s = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
         photons = np.maximum(photons, 1e-9)
-        shot = s**2 * self.excess_noise_factor / (self.quantum_efficiency * photons)
-        white = (
-            2.0 * s * self.sample_ns * units.NS / math.sqrt(math.pi) * (self.noise_equivalent_photons / photons) ** 2
-        )
+        shot = s**2 * self.range_excess_noise_factor / (self.quantum_efficiency * photons)
+        relative = self.range_noise_equivalent_photons / photons
+        white = 2.0 * s * self.sample_ns * units.NS / math.sqrt(math.pi) * relative**2
         noise: np.ndarray = np.sqrt(self.range_plateau_m**2 + units.RANGE_PER_DELAY_M_S**2 * (shot + white))
         return noise
 
@@ -102,8 +117,8 @@ class Empirical(Part):
         clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))
         return clipped
 
-    def detect(self, photons: Photons, rng: np.random.Generator) -> Reading:
-        """Return what the sensor says of one flash."""
+    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, None]:
+        """Return what the sensor says of one flash; this detector has no waveforms."""
         n_pixels = photons.shape[0] * photons.shape[1]
         n_clusters = len(photons.cluster_pixel)
         signal = np.bincount(photons.cluster, photons.photons, n_clusters)
@@ -118,6 +133,7 @@ class Empirical(Part):
         false_excess = rng.standard_exponential(n_pixels)
 
         seen = signal + noise[0] * self.noise_photons(signal)
+        delay_s = delay_s + photons.late_s
         range_m = delay_s * units.RANGE_PER_DELAY_M_S
         armed = (range_m >= self.armed_from_m) & (range_m <= self.armed_to_m)
         triggers = np.flatnonzero((seen >= self.threshold_photons) & armed)
@@ -128,7 +144,7 @@ class Empirical(Part):
         report_photons = np.zeros(n_pixels)
         spread_m = self.range_noise_m(signal[latched], photons.pulse_fwhm_s)
         report_m[pixel] = range_m[latched] + noise[1][latched] * spread_m
-        report_photons[pixel] = seen[latched]
+        report_photons[pixel] = signal[latched] + noise[0][latched] * self._told_photons(signal[latched])
 
         true_delay_s = np.full(n_pixels, np.inf)
         true_delay_s[pixel] = delay_s[latched]
@@ -136,7 +152,13 @@ class Empirical(Part):
         false = np.flatnonzero(false_delay_s < np.minimum(true_delay_s, window_end_s))
         report_m[false] = false_delay_s[false] * units.RANGE_PER_DELAY_M_S
         report_photons[false] = self._false_photons(false_excess[false])
-        return self._quantised(report_m, report_photons, photons.shape)
+        return self._quantised(report_m, report_photons, photons.shape), None
+
+    def _told_photons(self, photons: np.ndarray) -> np.ndarray:
+        """Return the standard deviation [photons] of what is reported of so many expected photons."""
+        shot = self.intensity_excess_noise_factor * photons / self.quantum_efficiency
+        told: np.ndarray = np.sqrt(self.intensity_noise_equivalent_photons**2 + shot)
+        return told
 
     def _first_false_s(self, rng: np.random.Generator, n_pixels: int) -> np.ndarray:
         """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0."""

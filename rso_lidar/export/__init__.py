@@ -15,17 +15,32 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.hdf5_file import TEMPORARY
+from rso_lidar.export.kept import PhotonImage, check_kept
 from rso_lidar.export.recorder import SUFFIXES, Recorder, check_output, run_id
-from rso_lidar.export.recording import TEMPORARY, Frames, Recording, Stored
+from rso_lidar.export.recording import Recording
+from rso_lidar.export.stored import Frames, Stored
 from rso_lidar.records import Frame
 
-__all__ = ["Frames", "Recorder", "Recording", "Stored", "check_output", "open", "run_id", "save"]
+__all__ = [
+    "Frames",
+    "PhotonImage",
+    "Recorder",
+    "Recording",
+    "Stored",
+    "check_kept",
+    "check_output",
+    "open",
+    "run_id",
+    "save",
+]
 
 
 def save(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
     """Return the path of the recording after writing frames to it, one at a time as they come.
 
-    The suffix picks the writer (.h5 or .hdf5). The file appears under its name when it is complete.
+    The suffix picks the writer (.h5 or .hdf5). The file appears under its name when it is complete. What the frames have
+    is recorded: all returns of a pixel, kept waveforms, photons and oversampled images, a lens that changes.
     """
     output = check_output(path, overwrite=overwrite)
     coming = iter(frames)
@@ -34,7 +49,7 @@ def save(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bo
         raise RecordingError(f"{output}: there were no frames to record; check the choice of frames")
     source = first.source
     named = run_id(source, "", source.versions.get("rso_lidar", ""))
-    with Recorder(output, source, run_id=named, overwrite=overwrite) as recorder:
+    with Recorder(output, source, run_id=named, overwrite=overwrite, changing_lens=None) as recorder:
         recorder.write(first)
         del first
         for frame in coming:

@@ -19,14 +19,17 @@ from typing import Any, Self
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
-from rso_lidar.export import hdf5_layout
-from rso_lidar.export.recording import SUPERBLOCK_BYTES, Recording
+from rso_lidar.export import datasets, hdf5_layout, kept
+from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
+from rso_lidar.export.lens import LensTables
+from rso_lidar.export.lock import Lock
+from rso_lidar.export.recording import Recording
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")
 _LIBVER = ("v110", "v110")
 _CACHE = {"rdcc_nslots": 1, "rdcc_nbytes": 2**20}  # one chunk a dataset: every flush looks at all that is cached
-_SMALL_FRAMES_PER_COPY = 32 * hdf5_layout.FRAMES_PER_CHUNK
+_SMALL_FRAMES_PER_COPY = 32 * datasets.FRAMES_PER_CHUNK
 _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
 
 
@@ -72,6 +75,9 @@ class Recorder:
 
     A clean end gives the file its name. After an exception, and after a kill, the temporary file stays with all its
     whole frames, and ``resume=True`` with the same `run_id` goes on from `written`. A failed write raises `RunError`.
+
+    A lens that changes needs ``changing_lens=True``: otherwise frames with another line of sight than the first's are
+    refused. None finds out, and copies what is written into a new file where the first such frame comes.
     """
 
     def __init__(
@@ -82,20 +88,23 @@ class Recorder:
         run_id: str,
         overwrite: bool = False,
         resume: bool = False,
+        changing_lens: bool | None = False,
     ) -> None:
         self.path = check_output(path, overwrite=overwrite)
         self.temporary = self.path.with_name(f"{self.path.name}.tmp-{run_id}")
         self.written = 0
         self._source, self._overwrite, self._resume = source, overwrite, resume
+        self._changing_lens = changing_lens
+        self._lenses: LensTables | None = None
         self._file: Any = None
         self._first: Frame | None = None
         self._superblock = b""
-        self._variables: dict[str, hdf5_layout.Variable] = {}
+        self._variables: dict[str, datasets.Variable] = {}
         self._columns: dict[str, tuple[Any, Any, tuple[int, ...]]] = {}
         self._spaces: dict[tuple[int, ...], Any] = {}
 
     def __enter__(self) -> Self:
-        self._lock = _Lock(self.path.with_name(f".{self.temporary.name}.lock"))
+        self._lock = Lock(self.path.with_name(f".{self.temporary.name}.lock"))
         try:
             if self.temporary.exists():
                 self._look_at_old()
@@ -146,6 +155,8 @@ class Recorder:
         filled = self._checked(frame)
         time = filled.pop("time")
         with self._watched():
+            if self._lenses is not None:
+                filled["lens"] = np.array(self._lenses.number(frame.line_of_sight), dtype=datasets.LENS.dtype)
             self._put(filled)
             self._file.flush()
             self._put({"time": time})
@@ -160,9 +171,10 @@ class Recorder:
         import h5py
 
         self._first = first
+        changing = bool(self._changing_lens) or (old is not None and old.changes_lens)
         starting = self.temporary.with_name(f"{self.temporary.name}.starting")
         with h5py.File(starting, "w", driver="core", backing_store=False, libver=_LIBVER) as draft:
-            self._variables = hdf5_layout.lay_out(draft, self._source, first)
+            self._variables = hdf5_layout.lay_out(draft, self._source, first, changing_lens=changing)
             draft.flush()
             image = draft.id.get_file_image()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with self._watched(), self._swept(starting):
@@ -174,9 +186,12 @@ class Recorder:
                 if shape not in self._spaces:
                     places = (h5py.h5s.create_simple((1, *shape)) for _ in range(2))  # in memory, and in the file
                     self._spaces[shape] = tuple(places)
+            self._lenses = LensTables(self._file) if changing else None
             if old is not None:
+                self._copy_lenses(old)
                 for path in self._variables:
-                    self._copy(path, old)
+                    if path != "lens":
+                        self._copy(path, old)
                 self.written = len(old)
             self._file.swmr_mode = True
             self._file.flush()
@@ -199,14 +214,35 @@ class Recorder:
         if (have.shape[1:], have.dtype, have.chunks) != (make.shape[1:], make.dtype, make.chunks):
             raise RecordingError(f"{self.temporary}: {path} has another shape; run again without --resume")
         make.resize(count, axis=0)
-        if self._variables[path].per_pixel:
+        if self._variables[path].is_image:
+            zeros = (0,) * (make.ndim - 1)
             for k in range(count):
-                mask, chunk = have.id.read_direct_chunk((k, 0, 0))
-                make.id.write_direct_chunk((k, 0, 0), chunk, mask)
+                mask, chunk = have.id.read_direct_chunk((k, *zeros))
+                make.id.write_direct_chunk((k, *zeros), chunk, mask)
         else:
             for low in range(0, count, _SMALL_FRAMES_PER_COPY):
                 high = min(low + _SMALL_FRAMES_PER_COPY, count)
                 make[low:high] = have[low:high]
+
+    def _copy_lenses(self, old: Recording) -> None:
+        """Copy the tables of lines of sight that whole frames use, and the number of each frame's."""
+        if self._lenses is None:
+            return
+        tables = old.line_of_sight if old.changes_lens else old.line_of_sight[None]
+        numbers = [self._lenses.number(table) for table in tables]
+        self._file["lens"].resize(len(old), axis=0)
+        self._file["lens"][:] = old.lens[:] if old.changes_lens else numbers[0]
+
+    def _begin_again(self) -> None:
+        """Copy what is written into a new file, for a lens that changes."""
+        assert self._first is not None
+        self._changing_lens = True
+        with self._watched():
+            self._columns.clear()
+            self._file.close()
+            self._file = None
+        with Recording(self.temporary) as old:
+            self._start(self._first, old)
 
     # ------------------------------------------------------------------------------------------------ frame by frame
 
@@ -215,22 +251,37 @@ class Recorder:
         first = self._first
         assert first is not None
         place = f"{self.path}: frame {frame.index}"
-        if hdf5_layout.parents(frame) != hdf5_layout.parents(first):
+        if datasets.parents(frame) != datasets.parents(first):
             raise RecordingError(f"{place}: its tree of axes differs from the first frame's; record it to another file")
-        same = frame.line_of_sight is first.line_of_sight or np.array_equal(frame.line_of_sight, first.line_of_sight)
-        if not same:
-            raise RecordingError(f"{place}: its line of sight differs from the first's; record it to another file")
-        filled = hdf5_layout.values(frame)
-        if filled.keys() != self._variables.keys():
-            odd = ", ".join(sorted(filled.keys() ^ self._variables.keys()))
+        other_lens = self._has_other_lens(frame, first, place)
+        filled = datasets.values(frame)
+        if filled.keys() != self._variables.keys() - {"lens"}:
+            odd = ", ".join(sorted(filled.keys() ^ (self._variables.keys() - {"lens"})))
             raise RecordingError(f"{place}: {odd}: not in every frame; record it to another file")
+        if kept.constants(frame.kept) != kept.constants(first.kept):
+            raise RecordingError(
+                f"{place}: kept waveforms are sampled otherwise than the first's; record to another file"
+            )
         entries = {}
         for path, value in filled.items():
             variable = self._variables[path]
             entries[path] = np.ascontiguousarray(value, dtype=variable.spec.dtype)
             if np.shape(value) != variable.shape:
                 raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
+        if other_lens:
+            self._begin_again()
         return entries
+
+    def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
+        """Return whether a frame's line of sight asks for a file begun again; one that no file takes is refused."""
+        ours, theirs = frame.line_of_sight, first.line_of_sight
+        fits = ours.shape == theirs.shape
+        if ours is theirs or (fits and (self._lenses is not None or np.array_equal(ours, theirs))):
+            return False
+        if fits and self._changing_lens is None:
+            return True
+        cure = "record it to another file" + ", or all of them with changing_lens=True" * fits
+        raise RecordingError(f"{place}: its line of sight differs from the first's; {cure}")
 
     def _put(self, entries: Mapping[str, np.ndarray]) -> None:
         # Low-level calls with shared data spaces are five times faster than dataset[k] = entry, sixty times a frame.
@@ -288,33 +339,7 @@ class Recorder:
             self._columns.clear()
             file.close()
         except (OSError, RuntimeError, ValueError):
-            _unclosable.append((file, self._columns))
-
-
-class _Lock:
-    """Keeps a second run of the same recording away while this one writes; a killed run's lock falls with it."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._descriptor = path, -1
-        try:
-            import fcntl
-        except ImportError:  # pragma: no cover - not POSIX
-            return
-        try:
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(self._descriptor)
-            raise RecordingError(f"{path.name[1:-5]}: another run is writing it; wait, or give another name") from None
-        except OSError as error:
-            raise RunError(f"{path}: cannot be written ({error.strerror}); make room and run again") from error
-
-    def release(self) -> None:
-        """Let others write; to be called once more than needed does no harm."""
-        if self._descriptor >= 0:
-            self._path.unlink(missing_ok=True)
-            os.close(self._descriptor)
-            self._descriptor = -1
+            _unclosable.append((file, self._columns, self._lenses))
 
 
 def _superblock(file: Any) -> bytes:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import json
 import operator
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
 from typing import Any, Self, overload
@@ -16,7 +14,19 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.hdf5_layout import FRAMES_PER_CHUNK, INERTIAL, NODE, POINTING, READING
+from rso_lidar.export import kept
+from rso_lidar.export.datasets import (
+    FRAMES_PER_CHUNK,
+    INERTIAL,
+    LABELS,
+    MORE_LABELS,
+    NODE,
+    POINTING,
+    READING,
+    RETURNS,
+)
+from rso_lidar.export.hdf5_file import TEMPORARY, opened
+from rso_lidar.export.stored import Frames, Stored
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     SCHEMA_VERSION,
@@ -26,82 +36,12 @@ from rso_lidar.records import (
     Observation,
     PtuAngles,
     Reading,
+    Record,
     Source,
     TargetEntry,
     Truth,
     specs,
 )
-
-TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
-
-SUPERBLOCK_BYTES = 48
-
-
-class Stored:
-    """One dataset of a recording, indexed like a numpy array whose first axis is time; only those frames are read."""
-
-    def __init__(self, recording: Recording, path: str, dtype: Any = None) -> None:
-        self._recording, self._path = recording, path
-        dataset = recording.dataset(path)
-        self.shape: tuple[int, ...] = (len(recording), *dataset.shape[1:])
-        self.dtype = np.dtype(dtype or dataset.dtype)
-        self.ndim = len(self.shape)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __repr__(self) -> str:
-        return f"<{self._path} of {self._recording.path.name}: {self.shape} {self.dtype}>"
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        if copy is False:
-            raise ValueError(f"{self._path}: is read from a file, which makes a copy")
-        return np.asarray(self[:], dtype=dtype)
-
-    def __getitem__(self, key: Any) -> Any:
-        keys = key if isinstance(key, tuple) else (key,)
-        first, rest = (keys[0], keys[1:]) if keys else (slice(None), ())
-        if isinstance(first, slice):
-            wanted = range(*first.indices(len(self)))
-            low, high = (min(wanted), max(wanted) + 1) if wanted else (0, 0)
-            step = abs(wanted.step)
-            block = self._read(slice(low, high, step))
-            return block[(slice(None, None, 1 if wanted.step > 0 else -1), *rest)]
-        if first is Ellipsis or first is None or np.ndim(first) > 1:
-            return self._read(slice(0, len(self)))[key]
-        if np.ndim(first) == 0 and not isinstance(first, bool | np.bool_):
-            k = self._recording.place(first)
-            return self._read(slice(k, k + 1))[(0, *rest)]
-        # A list or array of frames (or a mask): read each frame once, then let numpy arrange.
-        places = np.arange(len(self))[first]
-        frames, inverse = np.unique(places, return_inverse=True)
-        blocks = [self._read(slice(k, k + 1)) for k in frames.tolist()]
-        block = np.concatenate(blocks) if blocks else self._read(slice(0, 0))
-        return block[(inverse.reshape(places.shape), *rest)]
-
-    def _read(self, frames: slice) -> np.ndarray:
-        with self._recording.watched():
-            block: np.ndarray = self._recording.dataset(self._path)[frames]
-        return block.astype(self.dtype, copy=False)
-
-
-class Frames(Sequence[Frame]):
-    """Some frames of a recording, read when asked for."""
-
-    def __init__(self, recording: Recording, places: range) -> None:
-        self._recording, self._places = recording, places
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-    @overload
-    def __getitem__(self, k: int) -> Frame: ...
-    @overload
-    def __getitem__(self, k: slice) -> Frames: ...
-    def __getitem__(self, k: int | slice) -> Frame | Frames:
-        if isinstance(k, slice):
-            return Frames(self._recording, self._places[k])
-        return self._recording[self._places[k]]
 
 
 class Recording(Sequence[Frame]):
@@ -114,7 +54,7 @@ class Recording(Sequence[Frame]):
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.complete = TEMPORARY.search(self.path.name) is None
-        self._file = _opened(self.path, swmr=not self.complete)
+        self._file = opened(self.path, swmr=not self.complete)
         self._rows: dict[str, tuple[int, np.ndarray]] = {}
         try:
             with self.watched():
@@ -179,7 +119,48 @@ class Recording(Sequence[Frame]):
     @property
     def labels(self) -> SimpleNamespace:
         """Return what was there, by name: ``recording.labels.target[10:20]``, (time, row, col)."""
-        return SimpleNamespace(**{name: Stored(self, f"labels/{name}") for name in specs(Labels)})
+        return self._named(LABELS | MORE_LABELS)
+
+    @property
+    def returns(self) -> SimpleNamespace:
+        """Return what was measured of all returns of a pixel, as range_m and intensity_counts (time, row, col, return)."""
+        self._need_kept("returns")
+        return self._named({path: name.removeprefix("return_") for path, name in RETURNS.items()})
+
+    @property
+    def waveforms(self) -> SimpleNamespace:
+        """Return samples_counts (time, row, col, sample), start_s, latch_s, and the numbers sample_s, baseline_counts."""
+        return self._kept_arrays("waveforms")
+
+    @property
+    def photons(self) -> SimpleNamespace:
+        """Return the photon images (time, row, col): photons, and background_photons_per_s where there is background."""
+        return self._kept_arrays("photons")
+
+    @property
+    def oversampled(self) -> SimpleNamespace:
+        """Return the images on the grid of rays (time, fine_row, fine_col): range_m and photons."""
+        return self._kept_arrays("oversampled")
+
+    @property
+    def changes_lens(self) -> bool:
+        """Return whether the recording has a line of sight for each of several lenses."""
+        return "lens" in self._datasets
+
+    @property
+    def lens(self) -> Stored:
+        """Return which of the lines of sight each frame (time) was seen along, where the lens changes."""
+        return Stored(self, "lens")
+
+    @property
+    def line_of_sight(self) -> np.ndarray:
+        """Return unit vectors (row, col, xyz) in lidar axes; where the lens changes (lens_number, row, col, xyz)."""
+        if not self.changes_lens:
+            return self._sight_of(0)
+        lenses = self.lens[:]
+        with self.watched():
+            tables: np.ndarray = self._file["line_of_sight"][: int(lenses.max(initial=-1)) + 1]
+        return tables
 
     def dataset(self, path: str) -> Any:
         """Return the h5py dataset at a path of the file, such as ``truth/tdrs/position``."""
@@ -234,18 +215,28 @@ class Recording(Sequence[Frame]):
         self._states: list[str] = json.loads(self._file["truth"].attrs["states"])
         self._settings = list(self._file["settings"]) if "settings" in self._file else []
         self._ptu = "ptu" in self._file
-        paths = ["time", "frame_index", *READING, *(f"labels/{name}" for name in specs(Labels)), "truth/sun_direction"]
+        optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
+        self._sunlit = [name for path in optional if (name := _between("truth/", path, "/sunlit"))]
+        found = [group for group in kept.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
+        self.kept = tuple(found)  # names of the intermediate records that it holds
+        paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
         paths += [f"truth/{name}/{path}" for name in self._parents for path in NODE]
         paths += [f"truth/{name}/{path}" for name in self._states for path in INERTIAL]
         paths += [f"settings/{name}" for name in self._settings]
         paths += [path for path, _, _ in POINTING] if self._ptu else []
         self._need(*paths)
         self._datasets = {path: self._file[path] for path in paths}
+        self._constants = {
+            group: {name: float(self._file[group].attrs[name]) for name in kept.CONSTANTS.get(group, ())}
+            for group in self.kept
+        }
         self._count = len(self._datasets["time"])
         for path, dataset in self._datasets.items():
             if len(dataset) < self._count:
                 raise RecordingError(f"{self.path}: {path} ends before /time; copy or record it again")
-        self.line_of_sight: np.ndarray = self._file["line_of_sight"][:]
+        self._sight: tuple[int, np.ndarray] | None = None
+        if not self.changes_lens:
+            self._sight_of(0)
 
     def _need(self, *paths: str) -> None:
         missing = [path for path in paths if path not in self._file]
@@ -280,7 +271,7 @@ class Recording(Sequence[Frame]):
 
     def _frame(self, k: int) -> Frame:
         time_s = float(self._row("time", k))
-        reading = Reading(**{name: self.dataset(path)[k] for path, name in READING.items()})
+        reading = Reading(**self._arrays(READING | RETURNS, k))
         pointing = self._pointing(k)
         links = {name: self._link(f"truth/{name}", k) for name in self._parents}
         states = {
@@ -291,16 +282,48 @@ class Recording(Sequence[Frame]):
             time_s=time_s,
             reading=reading,
             settings={name: float(self._row(f"settings/{name}", k)) for name in self._settings},
-            line_of_sight=self.line_of_sight,
+            line_of_sight=self._sight_of(int(self._row("lens", k)) if self.changes_lens else 0),
             pan_tilt_rad=None if pointing is None else pointing.measured_rad,
         )
+        sun = self._row("truth/sun_direction", k)
+        sunlit = {name: float(self._row(f"truth/{name}/sunlit", k)) for name in self._sunlit}
         return Frame(
             index=int(self._row("frame_index", k)),
             observation=observation,
-            labels=Labels(**{name: self.dataset(f"labels/{name}")[k] for name in specs(Labels)}),
-            truth=Truth(time_s, PoseTree(self._parents, links), states, self._row("truth/sun_direction", k), pointing),
+            labels=Labels(**self._arrays(LABELS | MORE_LABELS, k)),
+            truth=Truth(time_s, PoseTree(self._parents, links), states, sun, pointing, sunlit),
             source=self.source,
+            kept={group: self._kept_record(group, k) for group in self.kept},
         )
+
+    def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
+        """Return one entry of each of these datasets that the recording has, by name in the record."""
+        return {name: self.dataset(path)[k] for path, name in names.items() if path in self._datasets}
+
+    def _kept_record(self, group: str, k: int) -> Record:
+        entries = self._arrays({f"{group}/{path}": name for path, name in kept.FIELDS[group].items()}, k)
+        return kept.restored(group, entries, self._constants[group])
+
+    def _named(self, names: Mapping[str, str]) -> SimpleNamespace:
+        """Return those of these datasets that the recording has, by name in the record."""
+        return SimpleNamespace(**{name: Stored(self, path) for path, name in names.items() if path in self._datasets})
+
+    def _kept_arrays(self, group: str) -> SimpleNamespace:
+        self._need_kept(group)
+        named = self._named({f"{group}/{path}": name for path, name in kept.FIELDS[group].items()})
+        return SimpleNamespace(**vars(named), **self._constants[group])
+
+    def _need_kept(self, group: str) -> None:
+        if not any(path.startswith(f"{group}/") for path in self._datasets):
+            raise RecordingError(f"{self.path}: holds no {group}; ask for them when the frames are made")
+
+    def _sight_of(self, number: int) -> np.ndarray:
+        """Return the line of sight (row, col, xyz) through one of the lenses."""
+        if self._sight is None or self._sight[0] != number:
+            with self.watched():
+                tables = self._file["line_of_sight"]
+                self._sight = number, tables[_index(number, len(tables))] if self.changes_lens else tables[:]
+        return self._sight[1]
 
     def _link(self, group: str, k: int) -> Link:
         rotation = Rotation.from_quat(self._row(f"{group}/parent_quaternion", k))
@@ -319,44 +342,13 @@ class Recording(Sequence[Frame]):
         return PtuAngles(**angles)
 
 
-def _opened(path: Path, *, swmr: bool) -> Any:
-    """Return the h5py file, or say in one line why it is none."""
-    import h5py
-
-    try:
-        if path.is_dir():
-            raise RecordingError(f"{path}: is a folder; name a recording in it")
-        if not path.exists():
-            raise RecordingError(f"{path}: there is no such file{_near(path)}")
-        if not path.is_file():
-            raise RecordingError(f"{path}: is not a regular file; give a recording made by `run`")
-        with path.open("rb") as stream:
-            head = stream.read(SUPERBLOCK_BYTES)
-        if not h5py.is_hdf5(path):
-            raise RecordingError(f"{path}: is not an HDF5 file, or is cut short; give a recording made by `run`")
-        # The superblock (version 2 and 3) says after every flush where the file ends. HDF5 does not look there while a
-        # file is marked as being written, and then reads zeros behind its end, or tries for ever.
-        size = path.stat().st_size
-        if size < SUPERBLOCK_BYTES or (head[8] >= 2 and size < int.from_bytes(head[28:36], "little")):
-            raise RecordingError(f"{path}: is cut short; copy or record it again")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
-    try:
-        return h5py.File(path, "r", swmr=swmr, locking="best-effort", rdcc_nbytes=2**20)
-    except (OSError, RuntimeError) as error:
-        if "h5clear" in str(error) or "already open" in str(error):
-            raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error
-        what = " ".join(str(error).split())[:120]
-        raise RecordingError(f"{path}: is damaged ({what}); copy or record it again") from error
+def _between(start: str, text: str, end: str) -> str:
+    """Return what stands between a start and an end of a text, nothing where it has others."""
+    return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 
-def _near(path: Path) -> str:
-    """Return a hint at an unfinished recording of that name, or at the nearest name in the folder."""
-    if not path.parent.is_dir():
-        return f"; there is no folder {path.parent} either"
-    names = sorted(entry.name for entry in path.parent.iterdir())
-    unfinished = [name for name in names if name.startswith(f"{path.name}.tmp-") and not name.endswith(".starting")]
-    if unfinished:
-        return f", only the unfinished {unfinished[0]}: open that, or go on with --resume"
-    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
-    return f"; did you mean '{near[0]}'?" if near else "; record it first"
+def _index(number: int, count: int) -> int:
+    """Return a number of a table once it is sure that there is one."""
+    if not 0 <= number < count:
+        raise IndexError(f"no line of sight {number} among {count}")
+    return number

@@ -78,7 +78,7 @@ class Aim:
             pointing = sense(self._ptu, self._state, rng)
             actual_rad, rate_rad_s = pointing.actual_rad, pointing.rate_rad_s
         poses = with_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
-        return Truth(course.time_s, poses, course.states, course.sun_direction, pointing)
+        return Truth(course.time_s, poses, course.states, course.sun_direction, pointing, course.sunlit)
 
 
 def with_lidar(

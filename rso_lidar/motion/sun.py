@@ -2,7 +2,8 @@
 
 The Astronomical Almanac's low-precision Sun (section C; Vallado 4th ed. alg. 29), which is in the mean equator and equinox
 of date, turned to GCRS by the IAU 1976 precession (Lieske 1977; Vallado eq. 3-88): to leave that out would cost 0.37
-degree in 2026. Its longitude contains the aberration of light, so it is the Sun as seen, 8 minutes late.
+degree in 2026. Its longitude contains the aberration of light, so it is the Sun as seen, 8 minutes late. How much of
+its disc the Earth hides is the conical shadow of a sphere.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.motion.epochs import Epochs
+
+SUN_RADIUS_M = 6.957e8  # nominal solar radius, IAU 2015 resolution B3
 
 _ARCSEC = units.DEG / 3600.0
 
@@ -26,6 +29,34 @@ def sun_direction(epochs: Epochs) -> np.ndarray:
     position = sun_position_m(epochs)
     direction: np.ndarray = position / np.linalg.norm(position, axis=1, keepdims=True)
     return direction
+
+
+def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.ndarray:
+    """Return the share (time) of the Sun's disc that a spherical Earth leaves free: 1 in full light, 0 in the umbra.
+
+    Overlapping discs on the sky (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2). Inside the Earth it is dark.
+
+    Parameters
+    ----------
+    position_m : (time, 3) from the Earth's centre [m].
+    sun_position_m : (time, 3) from the Earth's centre, in the same axes [m].
+    """
+    to_sun = sun_position_m - position_m
+    distance = np.linalg.norm(position_m, axis=-1)
+    sun = np.arcsin(SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1))  # a and b of the source: apparent radii
+    earth = np.arcsin(np.minimum(units.EARTH_RADIUS_M / np.maximum(distance, units.EARTH_RADIUS_M), 1.0))
+    across = np.linalg.norm(np.cross(position_m, to_sun), axis=-1)
+    apart = np.arctan2(across, -np.sum(position_m * to_sun, axis=-1))  # c: between the discs' centres
+    smaller = np.minimum(sun, earth)
+    clear, inside = apart >= sun + earth, apart <= np.abs(sun - earth)
+    partly = ~(clear | inside)
+    c = np.where(partly, apart, 1.0)
+    x = (c**2 + sun**2 - earth**2) / (2.0 * c)  # from the Sun's centre to the chord that the two rims share
+    y = np.sqrt(np.maximum(sun**2 - x**2, 0.0))
+    lens = sun**2 * np.arctan2(y, x) + earth**2 * np.arctan2(y, c - x) - c * y
+    hidden = np.where(clear, 0.0, np.where(inside, np.pi * smaller**2, lens)) / (np.pi * sun**2)
+    free: np.ndarray = np.where(distance < units.EARTH_RADIUS_M, 0.0, np.clip(1.0 - hidden, 0.0, 1.0))
+    return free
 
 
 def _mean_of_date_m(t: np.ndarray) -> np.ndarray:

@@ -15,18 +15,25 @@ from rso_lidar.motion.ephemeris import Fixed, Table
 from rso_lidar.motion.epochs import Epochs
 from rso_lidar.motion.hill import Hill, rtn_axes
 from rso_lidar.motion.kepler import semi_major_axis_m
-from rso_lidar.motion.sun import sun_direction
+from rso_lidar.motion.sun import sun_position_m, sunlit_fraction
 from rso_lidar.pose import ROOT, Link, PoseTree, pose, turned
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import EARTH_GM_M3_S2
 
 
-def truth(bodies: Sequence[Body], epochs: Epochs, *, local: bool = False) -> Truth:
+def truth(
+    bodies: Sequence[Body],
+    epochs: Epochs,
+    *,
+    local: bool = False,
+    sun_direction: Sequence[float] | np.ndarray | None = None,
+) -> Truth:
     """Return poses, rates and states of all bodies at all epochs, as one batch; ``truth.at(k)`` is one epoch of it.
 
     Each body has two nodes: its origin in axes that do not turn with it (``tdrs.rtn`` where it orbits, ``plate.origin``
     where it does not), and under that its body axes. A relative motion hangs under the rtn axes of its chief, so that a
-    relative pose is composed without inertial coordinates. `local` says that the root has no Earth.
+    relative pose is composed without inertial coordinates. `local` says that the root has no Earth; only there a
+    `sun_direction` in root axes may be given, of any length, for a Sun that nothing hides.
     """
     tree = PoseTree({}, {})
     states: dict[str, BodyState] = {}
@@ -41,8 +48,28 @@ def truth(bodies: Sequence[Body], epochs: Epochs, *, local: bool = False) -> Tru
         else:
             with placed(f"{name}.attitude"):
                 tree = _with_attitude(tree, by_name[name], by_name, epochs)
-    sun = np.full((len(epochs), 3), np.nan) if local else sun_direction(epochs)
-    return Truth(epochs.time_s, tree, {body.name: states[body.name] for body in bodies}, sun)
+    states = {body.name: states[body.name] for body in bodies}
+    return Truth(epochs.time_s, tree, states, *_sun(states, epochs, local, sun_direction))
+
+
+def _sun(
+    states: dict[str, BodyState], epochs: Epochs, local: bool, given: Sequence[float] | np.ndarray | None
+) -> tuple[np.ndarray, None, dict[str, np.ndarray]]:
+    """Return directions (time, 3) to the Sun, no pointing, and by body the share (time) of the Sun that it sees."""
+    shape = (len(epochs), 3)
+    if not local:
+        if given is not None:
+            raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
+        position = sun_position_m(epochs)
+        lit = {name: sunlit_fraction(state.position_m, position) for name, state in states.items()}
+        return position / np.linalg.norm(position, axis=1, keepdims=True), None, lit
+    if given is None:
+        return np.full(shape, np.nan), None, {}
+    direction = np.asarray(given, dtype=float)
+    length = np.linalg.norm(direction)
+    if direction.shape != (3,) or not 0.0 < length < math.inf:
+        raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
+    return np.broadcast_to(direction / length, shape), None, {name: np.ones(len(epochs)) for name in states}
 
 
 @contextmanager

@@ -1,29 +1,61 @@
-"""The pulsed laser: how many photons leave, and how they spread over the tangent plane."""
+"""The pulsed laser: how many photons leave, how they spread over the tangent plane, and when."""
 
 import math
-from typing import Annotated, Literal
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.part import Part, Positive
+from rso_lidar.errors import ScenarioError
+from rso_lidar.optics.measured import full_width_s, read_pattern, read_pulse
+from rso_lidar.optics.zemax import stamp
+from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector
 
 Divergence = Annotated[Positive, Field(lt=180)]
+_TAPS_PER_FWHM = 48
+_MOST_TAPS = 4096  # to each side of a measured pulse
 
 
 class Laser(Part):
-    """A laser that lights the scene with one pulse for each frame, from the lidar's origin along its boresight.
+    """A laser that lights the scene with one pulse for each frame, along the lidar's boresight.
 
-    `divergence_deg` is the full angle, edge to edge of a square or circular footprint, 1/e² of a Gaussian one. The
-    footprint ``as_printed`` is the square of the seed's eq. 7 as printed, which returns four times the energy sent.
+    `divergence_deg` is the full angle, edge to edge of a square or circular footprint, 1/e² of a Gaussian one, the whole
+    image of a ``pattern`` measured in `pattern_file` (an image, or a table of numbers). The footprint ``as_printed`` is the
+    square of the seed's eq. 7 as printed, which returns four times the energy sent.
+
+    The pulse of `pulse_fwhm_ns` is Gaussian, super-Gaussian exp(−|t/a|^2p) with p = `pulse_order`, or ``measured`` in
+    `pulse_file` (columns time_ns, power), which then sets its width. `offset_m` is where the laser stands from the lens, in
+    lidar axes. `energy_jitter_fraction` and `timing_jitter_ns` are 1 sigma from pulse to pulse, unknown to the receiver.
     """
 
     wavelength_nm: Positive = 1064.0
     energy_mj: Positive = 50.0
     pulse_fwhm_ns: Positive = 8.0
+    pulse_shape: Literal["gaussian", "super_gaussian", "measured"] = "gaussian"
+    pulse_order: Annotated[Number, Field(ge=1, le=20)] = 2.0
+    pulse_file: Text | None = None
     divergence_deg: Divergence = 2.5
-    footprint: Literal["square", "circle", "gaussian", "as_printed"] = "square"
+    footprint: Literal["square", "circle", "gaussian", "pattern", "as_printed"] = "square"
+    pattern_file: Text | None = None
+    offset_m: Vector = (0.0, 0.0, 0.0)
+    energy_jitter_fraction: Annotated[NotNegative, Field(le=0.5)] = 0.0
+    timing_jitter_ns: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _files_where_needed(self) -> Self:
+        for what, needs, name in (
+            ("pulse_shape 'measured'", self.pulse_shape == "measured", "pulse_file"),
+            ("footprint 'pattern'", self.footprint == "pattern", "pattern_file"),
+        ):
+            given = getattr(self, name) is not None
+            if needs and not given:
+                raise ValueError(f"{what} needs {name}; name the file")
+            if given and not needs:
+                raise ValueError(f"{name} is given but not used; set {what}, or leave it out")
+        return self
 
     @property
     def wavelength_m(self) -> float:
@@ -37,8 +69,33 @@ class Laser(Part):
 
     @property
     def pulse_fwhm_s(self) -> float:
-        """Return the full width of the pulse at half maximum [s]."""
-        return self.pulse_fwhm_ns * units.NS
+        """Return the full width of the pulse at half maximum [s]; a measured one has its own."""
+        if self.pulse_shape != "measured":
+            return self.pulse_fwhm_ns * units.NS
+        assert self.pulse_file is not None
+        return full_width_s(*read_pulse(self.pulse_file))
+
+    @property
+    def pulse(self) -> tuple[float, np.ndarray]:
+        """Return the pulse's power over its energy [1/s] as taps (tap), their middle at time zero, and their step [s]."""
+        if self.pulse_shape == "measured":
+            assert self.pulse_file is not None
+            return _measured_taps(*stamp(self.pulse_file))
+        order = 1.0 if self.pulse_shape == "gaussian" else self.pulse_order
+        return _taps(self.pulse_fwhm_ns * units.NS, order)
+
+    @property
+    def offset(self) -> np.ndarray | None:
+        """Return where the laser stands in lidar axes (xyz) [m]; None at the lens."""
+        return np.array(self.offset_m) if any(self.offset_m) else None
+
+    def fire(self, rng: np.random.Generator) -> "tuple[Laser, float]":
+        """Return the laser of one pulse, with the energy it really had, and when it left [s after its nominal instant]."""
+        if self.energy_jitter_fraction == 0.0 and self.timing_jitter_ns == 0.0:
+            return self, 0.0
+        energy, late = rng.standard_normal(2)
+        factor = max(1.0 + self.energy_jitter_fraction * energy, 1e-3)
+        return self.replace(energy_mj=self.energy_mj * factor), float(late) * self.timing_jitter_ns * units.NS
 
     @property
     def divergence_rad(self) -> float:
@@ -71,8 +128,56 @@ class Laser(Part):
         1.0
         """
         t2 = self.half_width_tangent**2
+        if self.footprint == "pattern":
+            return self._pattern_density(x, y)
         if self.footprint == "gaussian":
             bell: np.ndarray = 2.0 * self.photons / (math.pi * t2) * np.exp(-2.0 * (x * x + y * y) / t2)
             return bell
         area = {"square": 4.0 * t2, "circle": math.pi * t2, "as_printed": t2}[self.footprint]
         return np.where(self.lit(x, y), self.photons / area, 0.0)
+
+    def _pattern_density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return the density of a measured pattern, constant over each of its cells."""
+        rows, cols = self._pattern.shape
+        t = self.half_width_tangent
+        row = np.clip(((np.asarray(y) / t + 1.0) * 0.5 * rows).astype(np.int64), 0, rows - 1)
+        col = np.clip(((np.asarray(x) / t + 1.0) * 0.5 * cols).astype(np.int64), 0, cols - 1)
+        cell = 4.0 * t * t / (rows * cols)
+        density: np.ndarray = np.where(self.lit(x, y), self._pattern[row, col] * (self.photons / cell), 0.0)
+        return density
+
+    @cached_property
+    def _pattern(self) -> np.ndarray:
+        assert self.pattern_file is not None
+        return read_pattern(self.pattern_file)
+
+
+@lru_cache(maxsize=16)
+def _taps(fwhm_s: float, order: float) -> tuple[float, np.ndarray]:
+    step_s = fwhm_s / _TAPS_PER_FWHM
+    # A Gaussian is 1e-16 of its peak at 3.65 FWHM; higher orders end sooner.
+    half = math.ceil(3.7 * _TAPS_PER_FWHM)
+    time = np.arange(-half, half + 1) / (0.5 * _TAPS_PER_FWHM)
+    power = np.exp(-math.log(2.0) * np.abs(time) ** (2.0 * order))
+    power /= power.sum() * step_s
+    power.flags.writeable = False
+    return step_s, power
+
+
+@lru_cache(maxsize=16)
+def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.ndarray]:
+    time_s, power = read_pulse(file)
+    fwhm_s, reach_s = full_width_s(time_s, power), float(np.abs(time_s).max())
+    half = min(math.ceil(reach_s / min(float(np.diff(time_s).min()), fwhm_s / _TAPS_PER_FWHM)), _MOST_TAPS)
+    if reach_s / half > fwhm_s / 8.0:
+        raise ScenarioError(
+            f"{Path(file).name}: the pulse is {fwhm_s / units.NS:.3g} ns wide and its rows reach {reach_s / units.NS:.3g} ns from its "
+            "middle; cut its tails"
+        )
+    step_s = reach_s / half
+    time = np.arange(-half, half + 1) * step_s
+    taps = np.interp(time, time_s, power, left=0.0, right=0.0)
+    taps = np.interp(time + float(np.average(time, weights=taps)), time_s, power, left=0.0, right=0.0)
+    taps /= taps.sum() * step_s
+    taps.flags.writeable = False
+    return step_s, taps

@@ -3,44 +3,97 @@
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.optics.background import sun_photons_per_s_m2
 from rso_lidar.optics.laser import Laser
+from rso_lidar.optics.lens import blurred
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits, Photons
 
 
-def collect(hits: Hits, laser: Laser, receiver: Receiver) -> Photons:
-    """Return the photons that each hit sends back to its pixel.
+def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
+    """Return the photons that each hit sends back to its pixel, of a pulse that left `late_s` [s] late.
 
     N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R²: b photons per unit area of the tangent plane, w the ray's share
     of its pixel, p/f the pixel's side in the tangent plane, ρ the BRDF, α the incidence, A the aperture's area, θ the
     angle from the boresight (the aperture is seen foreshortened), η the transmission, R the slant range. On the axis
     this is the seed's eq. 7 with the factor 4 of a square footprint.
+
+    A laser beside the lens lights a facet from its own place: with R′ and θ′ from there, R becomes R′ and cos θ becomes
+    cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts sees the solid angle that its pixels have.
     """
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
-    density = laser.density(x / cos_axis, y / cos_axis)
+    seen = hits.weight
+    if receiver.distortion is not None:
+        seen = seen * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
-    photons = density * hits.weight * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
-    delay_s = hits.range_m / units.RANGE_PER_DELAY_M_S
-    depth_spread_s = _depth_spread_s(hits, delay_s, receiver)
-    cluster, cluster_pixel = _clusters(hits.pixel, delay_s, depth_spread_s, laser.pulse_fwhm_s)
+    if laser.offset is None:
+        density = laser.density(x / cos_axis, y / cos_axis)
+        photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
+        path_m = 2.0 * hits.range_m
+    else:
+        density, laser_range_m = _from_aside(hits, laser, x, y, cos_axis)
+        photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * cos_axis**4 / laser_range_m**2 * gathered
+        path_m = hits.range_m + laser_range_m
+    delay_s = path_m / units.SPEED_OF_LIGHT_M_S
+    solid_angle_sr = seen * receiver.pixel_tangent**2 * cos_axis**3
+    spread_s = _depth_spread_s(hits, 0.5 * path_m, receiver)
+    hit, pixel = np.arange(len(hits.ray), dtype=np.int32), hits.pixel
+    cells = solid_angle_sr * receiver.aperture_area_m2 / laser.wavelength_m**2
+    if receiver.psf is not None:
+        hit, pixel, share = blurred(hits, photons, receiver, laser.wavelength_m)
+        photons, delay_s, spread_s, cells = photons[hit] * share, delay_s[hit], spread_s[hit], cells[hit] * share
+    cluster, cluster_pixel = _clusters(pixel, delay_s, spread_s, laser.pulse_fwhm_s)
+    step_s, power = laser.pulse
     return Photons(
         shape=hits.rays.shape,
         pulse_fwhm_s=laser.pulse_fwhm_s,
-        pixel=hits.pixel,
+        pulse_step_s=step_s,
+        late_s=late_s,
+        pulse_power_per_s=power,
+        pixel=pixel,
         delay_s=delay_s,
         photons=photons,
-        depth_spread_s=depth_spread_s,
+        depth_spread_s=spread_s,
+        coherence_cells=cells,
+        hit=hit,
         cluster=cluster,
         cluster_pixel=cluster_pixel,
+        background_photons_per_s=_background(hits, laser, receiver, solid_angle_sr * cos_axis),
     )
 
 
-def _depth_spread_s(hits: Hits, delay_s: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return the two-way delay from near to far edge of what a ray stands for: 2 R δ tan α / c, δ its angle."""
+def _from_aside(
+    hits: Hits, laser: Laser, x: np.ndarray, y: np.ndarray, cos_axis: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return density / cos³ θ′ of the laser's light at each hit, and the hit's distance [m] from the laser."""
+    from_laser = np.stack([x, y, cos_axis]) * hits.range_m - np.array(laser.offset_m)[:, None]
+    laser_range_m = np.sqrt(np.sum(from_laser**2, axis=0))
+    before = from_laser[2] > 0.0
+    cosine = np.where(before, from_laser[2] / laser_range_m, 1.0)
+    depth = np.where(before, from_laser[2], 1.0)
+    density = np.where(before, laser.density(from_laser[0] / depth, from_laser[1] / depth), 0.0)
+    return density / cosine**3, laser_range_m
+
+
+def _background(hits: Hits, laser: Laser, receiver: Receiver, projected_sr: np.ndarray) -> np.ndarray | None:
+    """Return the sunlight [photons/s] on each pixel (row, col) that passes the filter; None without one.
+
+    It is spread by no PSF: what a pixel gains from its neighbours it gives them.
+    """
+    if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
+        return None
+    per_m2 = sun_photons_per_s_m2(laser.wavelength_m, receiver.filter_width_nm * units.NM)
+    rate = per_m2 * receiver.aperture_area_m2 * receiver.transmission * hits.sunlight_per_sr * projected_sr
+    n_pixels = receiver.n_rows * receiver.n_cols
+    return np.bincount(hits.pixel, rate, n_pixels).reshape(receiver.shape)
+
+
+def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.ndarray:
+    """Return how long light returns from one ray's footprint [s]: 2 R δ tan α / c, δ the side of the footprint."""
     cosine = np.maximum(hits.cos_incidence, 1e-3)  # nearer to edge-on the product only has to stay finite
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
-    spread: np.ndarray = delay_s * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
-    return spread
+    spread = range_m / units.RANGE_PER_DELAY_M_S * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
+    return np.where(hits.cos_incidence > 0.0, spread, 0.0)
 
 
 def _clusters(

@@ -20,14 +20,16 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
 
     Cells under a target that would get fewer than `min_rays_per_target` rays are refined m x m, and of these only the
     rays inside the bounds are made. A ray's weight is its share of the pixel's area (1/k², or 1/(k m)²), whatever
-    becomes of its neighbours.
+    becomes of its neighbours. Cells are even in the image, so a lens that distorts bends the rays. What the laser does not
+    light is left out, unless it stands beside the lens or sunlight is asked for.
     """
     k = receiver.rays_per_side
     boxes = _boxes(receiver, extent, np.inf)
     fineness = [_fineness(box, receiver) for box in boxes]
     # One cell more than is lit: the edge's cells keep a share even where their centre is dark.
     reach = laser.half_width_tangent + receiver.pixel_tangent / k
-    boxes = _boxes(receiver, extent, np.inf if laser.footprint == "gaussian" else reach)
+    everywhere = laser.footprint == "gaussian" or laser.offset is not None or receiver.filter_width_nm is not None
+    boxes = _boxes(receiver, extent, np.inf if everywhere else reach)
     owner = np.full((receiver.n_rows * k, receiver.n_cols * k), -1, dtype=np.int16)
     for t in np.argsort(fineness, kind="stable"):  # the finest grid wins a cell
         rows, cols = _cells(boxes[t], owner.shape)
@@ -35,7 +37,9 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
         if fineness[t] > 1 or outline is None:
             owner[rows, cols] = t
         else:
-            owner[rows, cols][_inside(_in_cells(outline, receiver), rows, cols)] = t
+            outline, off = _outline_in_cells(outline, receiver)
+            if len(outline):
+                owner[rows, cols][_inside(outline, rows, cols, off)] = t
     coarse = np.array([m == 1 for m in fineness] + [False])[owner]  # -1 picks the last: no ray
     parts = [_grid_rays(receiver, coarse)]
     for t, m in enumerate(fineness):
@@ -47,7 +51,7 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     if len(parts) > 1:
         order = np.argsort(pixel, kind="stable")
         direction, pixel, weight = _taken(direction, order), pixel[order], weight[order]
-    if laser.footprint != "gaussian":
+    if laser.footprint != "gaussian" and laser.offset is None:
         direction, pixel, weight = _lit(direction, pixel, weight, laser, receiver)
     return Rays(receiver.shape, direction, pixel, weight)
 
@@ -55,20 +59,34 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
 def _lit(
     direction: np.ndarray, pixel: np.ndarray, weight: np.ndarray, laser: Laser, receiver: Receiver
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays inside a footprint with an edge.
+    """Return the rays inside a footprint with an edge; where sunlight is asked for, those outside as well.
 
     A cell that the edge cuts keeps the share of its area that is lit, and its ray goes through the middle of that share,
-    so that a narrow beam loses no energy to the grid.
+    so that a narrow beam loses no energy to the grid. For sunlight the rest gets a ray of its own, through the cell's
+    farthest corner.
     """
-    half_field = 0.5 * max(receiver.shape) * receiver.pixel_tangent
+    half_field = float(receiver.field_edge.max())
     circle, reach = laser.footprint == "circle", laser.half_width_tangent
     if half_field * (math.sqrt(2.0) if circle else 1.0) <= reach * (1.0 + 1e-12):
         return direction, pixel, weight
     x, y = direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2]
     half_cell = 0.5 * np.sqrt(weight) * receiver.pixel_tangent
+    if receiver.distortion is not None:
+        half_cell *= np.sqrt(receiver.distortion.area_seen(x, y))
+    farthest = [np.abs(v) + (1.0 - 1e-6) * half_cell for v in (x, y)]
     share, x, y = _in_circle(x, y, half_cell, reach) if circle else _in_square(x, y, half_cell, reach)
     kept = np.flatnonzero(share > 1e-9)  # less is rounding
-    return _unit(x[kept], y[kept]), pixel[kept], weight[kept] * share[kept]
+    lit = _unit(x[kept], y[kept]), pixel[kept], weight[kept] * share[kept]
+    if receiver.filter_width_nm is None:
+        return lit
+    rest = np.flatnonzero(share < 1.0 - 1e-9)
+    cut = share[rest] > 1e-9
+    unlit = _taken(direction, rest)
+    unlit[cut] = _unit(*(np.copysign(farthest[axis][rest[cut]], unlit[cut, axis]) for axis in (0, 1)))
+    dark = unlit, pixel[rest], weight[rest] * (1.0 - np.where(cut, share[rest], 0.0))
+    direction, pixel, weight = (np.concatenate(column) for column in zip(lit, dark, strict=True))
+    order = np.argsort(pixel, kind="stable")
+    return _taken(direction, order), pixel[order], weight[order]
 
 
 def _in_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
@@ -100,24 +118,70 @@ def _in_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float
 
 
 def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges."""
-    middle = 0.5 * receiver.rays_per_side * np.array(receiver.shape)
-    cells: np.ndarray = points[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent) + middle
-    return cells
+    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges.
+
+    Outside the field a distortion means nothing: there the cells go on as even ones.
+    """
+    k = receiver.rays_per_side
+    if receiver.distortion is None:
+        cells: np.ndarray = points[..., ::-1] * (k / receiver.pixel_tangent) + 0.5 * k * np.array(receiver.shape)
+        return cells
+    within = np.clip(points, -receiver.field_edge, receiver.field_edge)
+    col, row = receiver.image_of(within[..., 0], within[..., 1])
+    bent: np.ndarray = k * (np.stack([row, col], axis=-1) + (points - within)[..., ::-1] / receiver.pixel_tangent)
+    return bent
 
 
-def _inside(corners: np.ndarray, rows: slice, cols: slice) -> np.ndarray:
-    """Return which cells of a block (row, col) have their centre in a convex outline of corners (corner, row_col)."""
+def _bent(corners: np.ndarray, receiver: Receiver, pieces: int = 16) -> tuple[np.ndarray, float]:
+    """Return an outline (corner, right_down) in cells (point, row_col) as a lens bends it, and how far off it may be."""
+    share = (np.arange(pieces) / pieces)[:, None]
+    along = (corners[:, None] + share * (np.roll(corners, -1, axis=0) - corners)[:, None]).reshape(-1, 2)
+    cells = _in_cells(along, receiver)
+    even, odd = cells[::2], cells[1::2]
+    # A chord of half the length leaves a quarter of the arrow, of any curve that is smooth over it; twice that is sure.
+    return cells, 0.5 * float(np.abs(odd - 0.5 * (even + np.roll(even, -1, axis=0))).max()) + 1e-6
+
+
+def _outline_in_cells(outline: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, float]:
+    """Return a convex outline (corner, right_down) in cells (point, row_col), and by how much its rows may be off."""
+    if receiver.distortion is None:
+        return _in_cells(outline, receiver), 0.0
+    for axis, side in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
+        outline = _cut(outline, axis, side, float(receiver.field_edge[axis]))
+    return _bent(outline, receiver) if len(outline) else (outline, 0.0)
+
+
+def _cut(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
+    """Return the part of a convex outline (corner, right_down) with side * coordinate <= edge (Sutherland & Hodgman)."""
+    if not len(outline):
+        return outline
+    over = side * outline[:, axis] - edge
+    following, next_over = np.roll(outline, -1, axis=0), np.roll(over, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = outline + (over / (over - next_over))[:, None] * (following - outline)
+    both = np.stack([outline, crossing], axis=1).reshape(-1, 2)
+    kept: np.ndarray = both[np.stack([over <= 0.0, (over <= 0.0) != (next_over <= 0.0)], axis=1).ravel()]
+    return kept
+
+
+def _inside(corners: np.ndarray, rows: slice, cols: slice, off: float) -> np.ndarray:
+    """Return which cells of a block (row, col) have their centre within `off` of an outline (corner, row_col).
+
+    The outline is convex, or has at least one piece of each row inside.
+    """
     row = np.arange(rows.start, rows.stop)[:, None] + 0.5
     col = np.arange(cols.start, cols.stop) + 0.5
     (r0, c0), (r1, c1) = corners.T, np.roll(corners, -1, axis=0).T
-    crosses = (np.minimum(r0, r1) <= row) & (row <= np.maximum(r0, r1)) & (r0 != r1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = c0 + (row - r0) * (c1 - c0) / (r1 - r0)
-    edge = 1e-6  # of a cell: rounding must not lose a ray that meets the rim
-    left = np.where(crosses, at, np.inf).min(axis=1) - edge
-    right = np.where(crosses, at, -np.inf).max(axis=1) + edge
-    inside: np.ndarray = (col >= left[:, None]) & (col <= right[:, None])
+    low, high = np.minimum(r0, r1), np.maximum(r0, r1)
+    crosses = (low <= row + off) & (row - off <= high) & (r0 != r1)
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for at_row in (row,) if off == 0.0 else (np.clip(row - off, low, high), np.clip(row + off, low, high)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = c0 + (at_row - r0) * (c1 - c0) / (r1 - r0)
+        left = np.minimum(left, np.where(crosses, at, np.inf).min(axis=1))
+        right = np.maximum(right, np.where(crosses, at, -np.inf).max(axis=1))
+    margin = off + 1e-6  # rounding must not lose a ray that meets the rim
+    inside: np.ndarray = (col >= (left - margin)[:, None]) & (col <= (right + margin)[:, None])
     return inside
 
 
@@ -127,9 +191,20 @@ def _boxes(receiver: Receiver, extent: Extent, reach: float) -> list[np.ndarray]
     Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
     target does; it is empty where first > last.
     """
-    low = _in_cells(np.maximum(extent.low, -reach), receiver)
-    high = _in_cells(np.minimum(extent.high, reach), receiver)
-    return list(np.stack([low, high], axis=1))
+    low, high = np.maximum(extent.low, -reach), np.minimum(extent.high, reach)
+    if receiver.distortion is None:
+        return list(np.stack([_in_cells(low, receiver), _in_cells(high, receiver)], axis=1))
+    boxes = []
+    for ends in np.stack([low, high], axis=1):
+        if np.any(ends[0] > ends[1]):
+            boxes.append(np.array([[1.0, 1.0], [0.0, 0.0]]))
+            continue
+        within = np.clip(ends, -receiver.field_edge, receiver.field_edge)
+        (x0, y0), (x1, y1) = within
+        cells, off = _bent(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), receiver)
+        beyond = (ends - within)[:, ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
+        boxes.append(np.stack([cells.min(axis=0) - off, cells.max(axis=0) + off]) + beyond)
+    return boxes
 
 
 def _fineness(box: np.ndarray, receiver: Receiver) -> int:
@@ -158,12 +233,12 @@ def _cells(box: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice]:
 
 
 @lru_cache(maxsize=4)
-def _full_grid(shape: tuple[int, int], k: int, pixel_tangent: float) -> tuple[np.ndarray, np.ndarray]:
+def _full_grid(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     """Return directions (ray, xyz) and pixels (ray) of all cells, pixel by pixel."""
-    n_rows, n_cols = shape
-    y = ((np.arange(n_rows * k) + 0.5) / k - 0.5 * n_rows) * pixel_tangent
-    x = ((np.arange(n_cols * k) + 0.5) / k - 0.5 * n_cols) * pixel_tangent
-    direction = _unit(*(_by_pixel(axis, shape, k) for axis in np.broadcast_arrays(x[None, :], y[:, None])))
+    (n_rows, n_cols), k = receiver.shape, receiver.rays_per_side
+    centres = ((np.arange(n_cols * k) + 0.5) / k)[None, :], ((np.arange(n_rows * k) + 0.5) / k)[:, None]
+    x, y = receiver.tangents_at(*(np.broadcast_arrays(*centres) if receiver.distortion else centres))
+    direction = _unit(*(_by_pixel(axis, receiver.shape, k) for axis in np.broadcast_arrays(x, y)))
     pixel = np.repeat(np.arange(n_rows * n_cols, dtype=np.int32), k * k)
     direction.flags.writeable = pixel.flags.writeable = False
     return direction, pixel
@@ -193,7 +268,7 @@ def _taken(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 def _grid_rays(receiver: Receiver, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direction, pixel and weight of the cells wanted, at one ray a cell."""
     k = receiver.rays_per_side
-    direction, pixel = _full_grid(receiver.shape, k, receiver.pixel_tangent)
+    direction, pixel = _full_grid(receiver)
     if not wanted.all():
         chosen = np.flatnonzero(_by_pixel(wanted, receiver.shape, k))
         direction, pixel = _taken(direction, chosen), pixel[chosen]
@@ -247,8 +322,6 @@ def _rays_at(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direction, pixel and weight of the rays through parts of cells, by row and col of parts."""
     fine = receiver.rays_per_side * grid
-    n_rows, n_cols = receiver.shape
-    y = ((row + 0.5) / fine - 0.5 * n_rows) * receiver.pixel_tangent
-    x = ((col + 0.5) / fine - 0.5 * n_cols) * receiver.pixel_tangent
-    pixel = (row // fine) * n_cols + col // fine
+    x, y = receiver.tangents_at((col + 0.5) / fine, (row + 0.5) / fine)
+    pixel = (row // fine) * receiver.n_cols + col // fine
     return _unit(x, y), pixel.astype(np.int32), np.full(len(pixel), 1.0 / fine**2)

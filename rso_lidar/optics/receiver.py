@@ -8,6 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.optics.distortion import Distortion
+from rso_lidar.optics.psf import Psf
 from rso_lidar.part import Count, Part, Positive, Whole
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
@@ -20,6 +22,9 @@ class Receiver(Part):
     Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Each pixel is
     sampled by a k x k grid of rays, `rays_per_pixel` = k²; a target whose bounds would get fewer than
     `min_rays_per_target` is sampled on a finer grid (0: off).
+
+    `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect. `filter_width_nm`
+    is the width of the filter about the laser's line: with it, sunlight on the targets reaches the detector.
     """
 
     fov_deg: FieldOfView | None = None
@@ -32,6 +37,9 @@ class Receiver(Part):
     pixel_pitch_um: Positive = 100.0
     rays_per_pixel: Count = 16
     min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = 4096
+    psf: Psf | None = None
+    distortion: Distortion | None = None
+    filter_width_nm: Positive | None = None
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:
@@ -99,12 +107,32 @@ class Receiver(Part):
         """Return the instantaneous field of view of a pixel on the boresight [rad]."""
         return 2.0 * math.atan(0.5 * self.pixel_tangent)
 
+    def image_of(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where light of the directions (x, y, 1) falls: column and row, 0 at the first pixels' outer edges."""
+        if self.distortion is not None:
+            x, y = self.distortion.distort(x, y)
+        return x / self.pixel_tangent + 0.5 * self.n_cols, y / self.pixel_tangent + 0.5 * self.n_rows
+
+    def tangents_at(self, col: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the x and y of the directions (x, y, 1) whose light falls on the focal plane at (col, row)."""
+        x = (col - 0.5 * self.n_cols) * self.pixel_tangent
+        y = (row - 0.5 * self.n_rows) * self.pixel_tangent
+        return (x, y) if self.distortion is None else self.distortion.undistort(x, y)
+
+    @cached_property
+    def field_edge(self) -> np.ndarray:
+        """Return the greatest |x| and |y| (right_down) of directions (x, y, 1) whose light the focal plane catches."""
+        col = np.concatenate([np.linspace(0.0, self.n_cols, 65)] * 2 + [np.zeros(65), np.full(65, float(self.n_cols))])
+        down = np.linspace(0.0, self.n_rows, 65)
+        row = np.concatenate([np.zeros(65), np.full(65, float(self.n_rows)), down, down])
+        edge: np.ndarray = np.abs(np.stack(self.tangents_at(col, row))).max(axis=1)
+        return edge
+
     @cached_property
     def line_of_sight(self) -> np.ndarray:
-        """Return the unit vectors (row, col, xyz) through the centres of the pixels, in lidar axes."""
-        x = (np.arange(self.n_cols) + 0.5 - 0.5 * self.n_cols) * self.pixel_tangent
-        y = (np.arange(self.n_rows) + 0.5 - 0.5 * self.n_rows) * self.pixel_tangent
-        ray = np.stack([*np.broadcast_arrays(x[None, :], y[:, None]), np.ones(self.shape)], axis=-1)
+        """Return the unit vectors (row, col, xyz) of the pixels' centres in lidar axes, as the lens bends them."""
+        centres = np.broadcast_arrays((np.arange(self.n_cols) + 0.5)[None, :], (np.arange(self.n_rows) + 0.5)[:, None])
+        ray = np.stack([*self.tangents_at(*centres), np.ones(self.shape)], axis=-1)
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
         ray.flags.writeable = False
         return ray

@@ -1,6 +1,7 @@
 """What a user describes, joined: Time, World, Target, Follower, Lidar, Scenario."""
 
-from rso_lidar.scenario.parts import Follower, Lidar, Target, Time, World
+from rso_lidar.scenario.lidar import Lidar, Schedule
+from rso_lidar.scenario.parts import Follower, Target, Time, World
 from rso_lidar.scenario.scenario import Scenario
 
-__all__ = ["Follower", "Lidar", "Scenario", "Target", "Time", "World"]
+__all__ = ["Follower", "Lidar", "Scenario", "Schedule", "Target", "Time", "World"]

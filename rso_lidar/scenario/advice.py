@@ -6,15 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rso_lidar import units
+from rso_lidar.detector import Gsfl
 from rso_lidar.motion import Hill
 from rso_lidar.motion.hill import validity
 from rso_lidar.motion.kepler import elements
-from rso_lidar.scenario.preview import Preview, filled_pixel_photons, preview
+from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _LIGHT_TIME_M = 0.01
+_FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
+_DIM = 0.01  # of the light that a laser at the lens would send to the boresight
 
 
 def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
@@ -24,6 +28,9 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _hill(scenario, seen)
     lines += _field(scenario, seen)
     lines += _window(scenario, seen)
+    lines += _detector(scenario)
+    lines += _sun(scenario)
+    lines += _beam(scenario, seen)
     lines += _clipping(scenario, seen)
     lines += _light_time(seen)
     if not scenario.target:
@@ -61,15 +68,83 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
 
 
 def _window(scenario: Scenario, seen: Preview) -> list[str]:
-    detector = scenario.lidar.detector
     lines = []
     for sight in seen.sights:
+        detectors = [scenario.lidar.at(float(time_s)).detector for time_s in seen.time_s]
+        opens, closes = (np.array([getattr(d, name) for d in detectors]) for name in ("sees_from_m", "sees_to_m"))
+        outside = (sight.range_m < opens) | (sight.range_m > closes)
         near, far = float(sight.range_m.min()), float(sight.range_m.max())
-        if far > detector.armed_to_m or near < detector.armed_from_m:
+        if isinstance(detectors[0], Gsfl) and detectors[0].gate is not None:
+            lines += _gate(sight, opens, closes)
+        elif outside.any():
             lines.append(
                 f"target {sight.name}: its range ({near:.0f} to {far:.0f} m) leaves the armed window "
-                f"({detector.armed_from_m:g} to {detector.armed_to_m:g} m), where nothing is detected; "
+                f"({opens[0]:g} to {closes[0]:g} m), where nothing is detected; "
                 "set lidar.detector.armed_from_m and armed_to_m"
+            )
+    return lines
+
+
+def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
+    """Return what a range gate cuts off of a target."""
+    out = (sight.range_m + sight.radius_m < opens) | (sight.range_m - sight.radius_m > closes)
+    cut = (sight.range_m - sight.radius_m < opens) | (sight.range_m + sight.radius_m > closes)
+    where = f"target {sight.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
+    if out.any():
+        return [
+            f"{where} misses it {np.mean(out):.0%} of the time; set lidar.detector.gate.delay_ns to 6.671 ns a metre "
+            "of range less half the width, plan it in lidar.schedule, or command it"
+        ]
+    if cut.any():
+        deep_m = 2.0 * sight.radius_m
+        return [
+            f"{where} cannot contain it whole {np.mean(cut):.0%} of the time: it is up to {deep_m:.1f} m deep and the gate "
+            f"{closes[0] - opens[0]:.1f} m; widen lidar.detector.gate.width_ns or shift delay_ns"
+        ]
+    return []
+
+
+def _detector(scenario: Scenario) -> list[str]:
+    detector = scenario.lidar.detector
+    if not isinstance(detector, Gsfl):
+        return []
+    lines = []
+    if detector.gate is None:
+        armed_s = (detector.armed_to_m - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
+        share = detector.mean_false_alarms_per_s * armed_s
+        if share > _FALSE_SHARE:
+            lines.append(
+                f"noise triggers {share:.1%} of the pixels in every frame before they could see a target (threshold "
+                f"{detector.threshold_over_noise:.2g} times the noise); raise lidar.detector.trigger.threshold_electrons, "
+                "or arm a shorter window"
+            )
+        if detector.returns != "first" or detector.max_returns > 1:
+            lines.append(
+                f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing: the strongest, "
+                "last or further returns are chosen inside that only; use lidar.detector.gate to see deeper"
+            )
+    return lines
+
+
+def _sun(scenario: Scenario) -> list[str]:
+    if scenario.lidar.receiver.filter_width_nm is None or not scenario.local or scenario.world.sun_direction:
+        return []
+    return [
+        "lidar.receiver.filter_width_nm asks for sunlight, and this local world has no Sun; set world.sun_direction, or "
+        "leave the filter out"
+    ]
+
+
+def _beam(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return where a laser beside the lens does not light what the lens looks at."""
+    lines = []
+    for sight in seen.sights:
+        nearest_m = float(sight.range_m.min())
+        laser = scenario.instrument.at(float(seen.time_s[np.argmin(sight.range_m)])).laser
+        if nearest_m > 0.0 and parallax_share(laser, nearest_m) < _DIM:
+            lines.append(
+                f"target {sight.name}: at {nearest_m:.1f} m the beam of a laser {np.linalg.norm(laser.offset_m):.3g} m from "
+                "the lens passes beside the boresight; shorten lidar.laser.offset_m or widen divergence_deg"
             )
     return lines
 
@@ -80,7 +155,8 @@ def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
         nearest_m = float(sight.range_m.min())
         if nearest_m < 1e-3:
             continue
-        dimmest, _ = filled_pixel_photons(scenario, sight.name, nearest_m)
+        time_s = float(seen.time_s[np.argmin(sight.range_m)])
+        dimmest, _ = filled_pixel_photons(scenario, sight.name, nearest_m, time_s)
         if float(scenario.lidar.detector.counts(np.array(dimmest))) >= scenario.lidar.detector.full_scale_counts:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.0f} m even its dimmest material clips the converter in a filled pixel "

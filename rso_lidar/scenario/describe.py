@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector import Empirical
+from rso_lidar.detector.trial import Trial, plate, trial
 from rso_lidar.motion import Tle, utc_text
 from rso_lidar.motion.kepler import elements
 from rso_lidar.scenario.advice import advice
@@ -14,6 +16,9 @@ from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, pre
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
+
+_TRIALS = 4000
+_FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
 def describe(scenario: Scenario) -> str:
@@ -29,7 +34,7 @@ def describe(scenario: Scenario) -> str:
     lines.append(f"follower    {_motion(scenario, len(scenario.target), seen)}")
     lines += _instrument_lines(scenario)
     for sight in seen.sights:
-        lines += _budget_lines(scenario, sight)
+        lines += _budget_lines(scenario, sight, seen)
     warned = advice(scenario, seen)
     lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
     return "\n".join(lines)
@@ -93,34 +98,114 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
     return [
         f"ptu         {ptu}",
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "
-        f"{laser.pulse_fwhm_ns:g} ns, {laser.divergence_deg:g}° {laser.footprint}",
+        f"{scenario.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
         f"IFOV {receiver.ifov_rad * 1e6:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
-        f"detector    {scenario.lidar.detector.type}, 95 % at {scenario.lidar.detector.reference_photons:g} photons, "
-        f"armed {scenario.lidar.detector.armed_from_m:g} to {scenario.lidar.detector.armed_to_m:g} m",
+        *_more_optics(scenario),
+        *_detector_lines(scenario),
     ]
 
 
-def _budget_lines(scenario: Scenario, sight: Sight) -> list[str]:
+def _more_optics(scenario: Scenario) -> list[str]:
+    """Return lines on what not every instrument has: offset, jitter, files, PSF, distortion, filter, and a plan."""
+    lidar = scenario.lidar
+    laser, receiver, schedule = lidar.laser, lidar.receiver, lidar.schedule
+    beam, lens = [], []
+    if laser.offset is not None:
+        beam.append(f"{float(np.linalg.norm(laser.offset)):g} m from the lens")
+    if laser.pulse_shape != "gaussian":
+        beam.append(f"pulse {laser.pulse_file or laser.pulse_shape}")
+    if laser.pattern_file is not None:
+        beam.append(f"pattern {laser.pattern_file}")
+    if laser.energy_jitter_fraction or laser.timing_jitter_ns:
+        beam.append(f"jitter {laser.energy_jitter_fraction:.3g} of the energy, {laser.timing_jitter_ns:g} ns")
+    if receiver.psf is not None:
+        lens.append(f"PSF {receiver.psf.type}")
+    if receiver.distortion is not None:
+        lens.append(f"distortion {receiver.distortion.type}")
+    if receiver.filter_width_nm is not None:
+        lens.append(f"filter {receiver.filter_width_nm:g} nm, sunlight counts")
+    lines = [f"  beam      {', '.join(beam)}"] * bool(beam) + [f"  lens      {', '.join(lens)}"] * bool(lens)
+    if schedule is not None:
+        plans = [
+            f"{name} {getattr(schedule, name)[0]:g} -> {getattr(schedule, name)[-1]:g}" for name in schedule.planned
+        ]
+        lines.append(
+            f"schedule    {', '.join(plans)}; {schedule.interpolation}, {len(schedule.time_s)} entries, "
+            f"{schedule.time_s[0]:g} to {schedule.time_s[-1]:g} s"
+        )
+    return lines
+
+
+def _detector_lines(scenario: Scenario) -> list[str]:
+    detector = scenario.lidar.detector
+    if isinstance(detector, Empirical):
+        return [
+            f"detector    empirical, 95 % at {detector.reference_photons:g} photons, "
+            f"armed {detector.armed_from_m:g} to {detector.armed_to_m:g} m"
+        ]
+    apd, amplifier, readout = detector.apd, detector.amplifier, detector.readout
+    lines = [
+        f"detector    gsfl {detector.preset}: QE {detector.quantum_efficiency:g}, gain {apd.gain:g} (F "
+        f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:g} MHz and "
+        f"{amplifier.noise_electrons:.0f} electrons, {readout.samples} samples of {readout.sample_ns:g} ns, "
+        f"{detector.ranging.algorithm}"
+    ]
+    parts = [name for name in _FOCAL_PLANE if getattr(detector, name) is not None]
+    if detector.returns != "first" or detector.max_returns > 1:
+        parts.append(f"returns: {detector.returns} of up to {detector.max_returns}")
+    if parts:
+        lines.append(f"  with      {', '.join(parts)}")
+    if detector.gate is not None:
+        gate = detector.gate
+        lines.append(
+            f"  gate      {gate.from_m:.1f} to {gate.to_m:.1f} m, {gate.pulses} pulse{'s' * (gate.pulses > 1)} a frame, "
+            f"false alarms {gate.false_alarm_probability:g} a pixel and frame"
+        )
+        return lines
+    armed_s = (detector.armed_to_m - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
+    n_pixels = scenario.lidar.receiver.n_rows * scenario.lidar.receiver.n_cols
+    false = detector.mean_false_alarms_per_s * armed_s * n_pixels
+    lines.append(
+        f"  trigger   {detector.trigger.threshold_electrons:.0f} electrons ({detector.threshold_photons:.0f} photons), "
+        f"{detector.threshold_over_noise:.1f} times the noise; "
+        f"armed {detector.armed_from_m:g} to {detector.armed_to_m:g} m, {false:.2g} false triggers a frame"
+    )
+    return lines
+
+
+def _budget_lines(scenario: Scenario, sight: Sight, seen: Preview) -> list[str]:
     lines = [
         f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest material:"
     ]
-    for place, range_m in (("first", float(sight.range_m[0])), ("last", float(sight.range_m[-1]))):
+    for place, at in (("first", 0), ("last", -1)):
+        range_m, time_s = float(sight.range_m[at]), float(seen.time_s[at])
         if range_m < 1e-3:
             lines.append(f"  {place:<9} the lidar is at the target's origin")
             continue
-        ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m), 6))
-        detector = scenario.lidar.detector
+        ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m, time_s), 6))
+        made = [_trial(scenario, value, time_s) for value in ends]
         photons = " to ".join(f"{value:,.0f}" for value in ends)
-        probability = " to ".join(f"{value:.3f}" for value in detector.detection_probability(ends))
-        noise_m = detector.range_noise_m(ends, scenario.lidar.laser.pulse_fwhm_s)
-        noise = " to ".join(f"{value / units.CM:.1f}" for value in noise_m)
-        pixel_m = range_m * scenario.lidar.receiver.pixel_tangent
+        probability = " to ".join(f"{one.probability:.3f}" for one in made)
+        noise = " to ".join(_in_cm(one.range_noise_m) for one in made)
+        pixel_m = range_m * scenario.lidar.at(time_s).receiver.pixel_tangent
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, "
             f"target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
-            f"{photons} photons, P(detect) {probability}, range noise {noise} cm"
+            f"{photons} photons, P(detect) {probability}, range noise {noise}"
         )
     return lines
+
+
+def _trial(scenario: Scenario, photons: float, time_s: float) -> Trial:
+    """Return what 4000 pixels of this detector make of so many photons, through its whole chain, always the same draws."""
+    lidar = scenario.instrument.at(time_s)
+    middle_m = 0.5 * (lidar.detector.sees_from_m + min(lidar.detector.sees_to_m, 1e6))
+    seen = plate(photons, _TRIALS, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
+    return trial(lidar.detector, seen, np.random.Generator(np.random.Philox(_TRIALS)))
+
+
+def _in_cm(value_m: float) -> str:
+    return f"{value_m / units.CM:.1f} cm" if np.isfinite(value_m) else "none"

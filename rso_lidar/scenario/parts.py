@@ -1,16 +1,13 @@
-"""The parts of a scenario that join rooms: time, world, target, follower, lidar."""
+"""The parts of a scenario that join rooms: time, world, target, follower."""
 
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar import units
-from rso_lidar.detector import Empirical
-from rso_lidar.motion import Body, Mount
+from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
-from rso_lidar.optics import Laser, Receiver
-from rso_lidar.part import Instant, Part, Positive, Text, Vector
+from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
 from rso_lidar.scene import Material
 
 _MOST_FRAMES = 5_000_000
@@ -45,9 +42,19 @@ class Time(Part):
 
 
 class World(Part):
-    """What the root axes are: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth."""
+    """What the root axes are: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
+
+    A local world has a Sun only where `sun_direction`, from the origin toward it in root axes, says so; nothing eclipses it.
+    """
 
     axes: Literal["inertial", "local"] = "inertial"
+    sun_direction: Direction | None = None
+
+    @model_validator(mode="after")
+    def _one_sun(self) -> Self:
+        if self.sun_direction is not None and self.axes != "local":
+            raise ValueError('sun_direction is for axes = "local"; in inertial axes the date says where the Sun is')
+        return self
 
 
 class Target(Body):
@@ -55,8 +62,8 @@ class Target(Body):
 
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `scale` turns its unit into
     metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
-    seed's Lambertian 0.30; `part_materials` overrides by part. `center_of_mass_m` is the body's origin in the mesh's own
-    axes, after scaling.
+    seed's Lambertian 0.30; `part_materials` overrides by part. `smooth_parts` are curved: normals are interpolated
+    over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling.
     """
 
     model: Text
@@ -65,6 +72,7 @@ class Target(Body):
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     material: Material | None = None
     part_materials: dict[Text, Material] = Field(default_factory=dict)
+    smooth_parts: tuple[Text, ...] = ()
     center_of_mass_m: Vector | None = None
 
     @model_validator(mode="after")
@@ -85,28 +93,3 @@ class Follower(Body):
     """The spacecraft that carries the lidar."""
 
     name: Literal["follower"] = "follower"
-
-
-class Lidar(Part):
-    """The instrument: laser, receiver, detector, and how it is mounted.
-
-    `mount` turns and moves the lidar in the axes of what carries it, the PTU or, without one, the follower; unturned,
-    its boresight is their +x and its rows run along −z.
-    """
-
-    mount: Mount = Mount()
-    laser: Laser = Laser()
-    receiver: Receiver
-    detector: Empirical = Empirical()
-
-    @property
-    def settings(self) -> dict[str, float]:
-        """Return what is in force, in SI, as every frame records it."""
-        return {
-            "laser_energy_j": self.laser.energy_mj * units.MJ,
-            "laser_divergence_rad": self.laser.divergence_rad,
-            "laser_wavelength_m": self.laser.wavelength_m,
-            "pulse_fwhm_s": self.laser.pulse_fwhm_s,
-            "focal_length_m": self.receiver.focal_length_m,
-            "aperture_m": self.receiver.aperture_m,
-        }

@@ -10,6 +10,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import RsoLidarWarning
+from rso_lidar.optics import Laser
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.records import BodyState
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
@@ -55,12 +56,15 @@ def preview(scenario: Scenario) -> Preview:
         warnings.simplefilter("always", RsoLidarWarning)
         surfaces = scenario.surfaces
         with scenario.placed():
-            course = motion.truth(scenario.bodies, epochs, local=scenario.local)
+            course = motion.truth(
+                scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
+            )
         angles = np.zeros((len(epochs), 2))
         if scenario.ptu:
             angles = motion.asked(scenario.ptu, scenario.bodies, course)
     poses = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
-    half_field = 0.5 * np.array(scenario.lidar.receiver.shape[::-1]) * scenario.lidar.receiver.pixel_tangent
+    receivers = [scenario.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
+    half_field = np.array([receiver.field_edge for receiver in receivers])
     sights = []
     for surface in surfaces:
         seen = poses.pose("lidar", surface.name).translation
@@ -82,10 +86,26 @@ def preview(scenario: Scenario) -> Preview:
     return Preview(epochs.time_s, tuple(sights), dict(course.states), tuple(lines))
 
 
-def filled_pixel_photons(scenario: Scenario, target: str, range_m: float) -> tuple[float, float]:
-    """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material."""
+def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s: float = 0.0) -> tuple[float, float]:
+    """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material.
+
+    They are of the instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
+    """
     surface = next(surface for surface in scenario.surfaces if surface.name == target)
     brdf = [float(material.brdf_per_sr(np.array(1.0))) for material in surface.materials]
-    laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
-    dimmest, brightest = (filled_pixel(laser, receiver, value, range_m) for value in (min(brdf), max(brdf)))
+    lidar = scenario.instrument.at(time_s)
+    share = parallax_share(lidar.laser, range_m)
+    dimmest, brightest = (
+        share * filled_pixel(lidar.laser, lidar.receiver, value, range_m) for value in (min(brdf), max(brdf))
+    )
     return dimmest, brightest
+
+
+def parallax_share(laser: Laser, range_m: float) -> float:
+    """Return the light on the boresight at `range_m` [m] over that of a laser at the lens: 0 where its beam passes by."""
+    right, down, ahead = laser.offset_m
+    middle = float(laser.density(np.array(0.0), np.array(0.0)))
+    if laser.offset is None or middle == 0.0:
+        return 1.0
+    depth = range_m - ahead
+    return float(laser.density(np.array(-right / depth), np.array(-down / depth))) / middle if depth > 0.0 else 0.0

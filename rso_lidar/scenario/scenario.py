@@ -15,8 +15,9 @@ from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.motion import Body, Epochs, Ptu, Table, Tle, TrackPoint, working_order
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
+from rso_lidar.scenario.lidar import Lidar, with_files
 from rso_lidar.scenario.load import read_toml, validated
-from rso_lidar.scenario.parts import Follower, Lidar, Target, Time, World
+from rso_lidar.scenario.parts import Follower, Target, Time, World
 from rso_lidar.scenario.surfaces import surface_of
 from rso_lidar.scene import Surface
 from rso_lidar.shipped import find
@@ -120,8 +121,16 @@ class Scenario(Part):
         surfaces = []
         for target in self.target:
             with self.placed(f"target {target.name}"):
-                surfaces.append(surface_of(target, self.file))
+                surfaces.append(surface_of(target, self.file, self.lidar.laser.wavelength_m))
         return tuple(surfaces)
+
+    @cached_property
+    def instrument(self) -> Lidar:
+        """Return the lidar with the files that it names found and read."""
+        with self.placed("lidar"):
+            found: Lidar = with_files(self.lidar, self.file)
+            found.check()
+        return found
 
     @cached_property
     def source(self) -> Source:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rso_lidar.motion import Table, Tle, utc_text
 from rso_lidar.records import Source, TargetEntry
+from rso_lidar.scenario.lidar import files_of
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target
@@ -52,11 +53,16 @@ def resolved(scenario: Scenario) -> str:
         if isinstance(body.motion, Tle):
             table["motion"] = body.motion.inline(scenario.time.start_utc).model_dump(exclude_none=True)
     sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in _meshes(scenario)]
-    for body in scenario.bodies:
-        if isinstance(body.motion, Table):
-            content = hashlib.sha256(Path(body.motion.file).read_bytes()).hexdigest()
-            sums.append(f"# table of {body.name}: SHA-256 {content}")
+    listed = [(body.name, body.motion.file) for body in scenario.bodies if isinstance(body.motion, Table)]
+    sums += [f"# table of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
+    sums += [
+        f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(scenario.instrument)
+    ]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])
+
+
+def _sha256(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
@@ -64,5 +70,10 @@ def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
 
 
 def _in_words(material: Any) -> str:
-    fields = material.model_dump()
-    return f"{fields.pop('type')} " + " ".join(f"{name}={value:g}" for name, value in fields.items())
+    fields = material.model_dump(exclude_none=True)
+    kind = fields.pop("type")
+    return " ".join([kind, *(f"{name}={_short(value)}" for name, value in fields.items())])
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else "..."

@@ -8,16 +8,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
 from rso_lidar.scenario.parts import Target
-from rso_lidar.scene import Lambertian, Material, Phong, Surface, build_surface, load_mesh, warn_of_size
+from rso_lidar.scene import Material, Scatterer, Surface, build_surface, load_mesh, warn_of_size
 from rso_lidar.scene.library import ModelEntry, materials, model
 
-_MATERIAL: TypeAdapter[Lambertian | Phong] = TypeAdapter(Material)
+_MATERIAL: TypeAdapter[Scatterer] = TypeAdapter(Material)
 
 
-def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
-    """Return the surface of a target; `file` finds the path of a mesh that the scenario names."""
+def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:
+    """Return the surface of a target as light of `wavelength_m` sees it; `file` finds a mesh that the scenario names."""
     entry: ModelEntry | None = None
-    own: Mapping[str, Lambertian | Phong] = {}
+    own: Mapping[str, Scatterer] = {}
     center_of_mass_m = target.center_of_mass_m
     if target.is_path:
         path = file(target.model)
@@ -32,7 +32,7 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
         entry = model(target.model)
         path = entry.path
         if target.material is None:
-            own = {part: material_named(name) for part, name in entry.parts.items()}
+            own = {part: material_named(name, wavelength_m) for part, name in entry.parts.items()}
     mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
@@ -46,21 +46,26 @@ def surface_of(target: Target, file: Callable[[str], Path]) -> Surface:
         center_of_mass_m=center_of_mass_m or (0.0, 0.0, 0.0),
         material=target.material,
         part_materials={**own, **target.part_materials},
+        smooth_parts=target.smooth_parts,
+        wavelength_m=wavelength_m,
     )
     warn_of_size(mesh, scale, target.name)
     return surface
 
 
-def material_named(name: str) -> Lambertian | Phong:
-    """Return a material of the catalogue by name."""
+def material_named(name: str, wavelength_m: float) -> Scatterer:
+    """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
     fields = materials().get(name)
     if fields is None:
         raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
-    known = {key: value for key, value in fields.items() if key in _KEYS.get(fields.get("type", ""), ())}
+    if wavelength_m > _BETWEEN_M:
+        fields = {**fields, **fields.get("at_1570_nm", {})}
+    known = {key: value for key, value in fields.items() if key not in _REMARKS}
     try:
         return _MATERIAL.validate_python(known)
     except ValidationError as error:
         raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; mend the entry") from None
 
 
-_KEYS = {"lambertian": ("type", "reflectance"), "phong": ("type", "diffuse", "specular", "exponent")}
+_BETWEEN_M = 1.29e-6  # midway, in ratio, between 1064 and 1570 nm
+_REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")

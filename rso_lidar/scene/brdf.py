@@ -6,10 +6,19 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.part import Fraction, NotNegative, Part
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Fraction, NotNegative, Positive
+from rso_lidar.scene.measured import TableBrdf
+from rso_lidar.scene.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.retro import RetroReflector
+from rso_lidar.scene.scatter import Scatterer, both_ways
+
+_NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
+_NEAR_FRACTION = 0.05  # of the wavelength: materials hold so far
 
 
-class Lambertian(Part):
+class Lambertian(Scatterer):
     """A surface equally bright from everywhere: ρ = ρ₀/π (seed eq. 9).
 
     `reflectance` is ρ₀ at the laser's wavelength.
@@ -18,20 +27,22 @@ class Lambertian(Part):
     type: Literal["lambertian"] = "lambertian"
     reflectance: Fraction = 0.30
 
-    def brdf_per_sr(self, cos_incidence: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] toward the lidar, which is the laser's place too, for cos α.
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr], the same from everywhere.
 
         >>> float(Lambertian(reflectance=0.5).brdf_per_sr(np.array(1.0)) * math.pi)
         0.5
         """
-        return np.full(np.shape(cos_incidence), self.reflectance / math.pi)
+        return np.full(np.shape(cos_in), self.reflectance / math.pi)
 
 
-class Phong(Part):
+class Phong(Scatterer):
     """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (seed eq. 10; Lafortune and Willems 1994).
 
     `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength; k_d + k_s may not exceed 1, or the
-    surface would send back more than it gets.
+    surface would send back more than it gets. φ is the angle between the mirror's direction and the viewer.
     """
 
     type: Literal["phong"] = "phong"
@@ -46,12 +57,66 @@ class Phong(Part):
             raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
         return self
 
-    def brdf_per_sr(self, cos_incidence: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] toward the lidar; light comes and goes one way, so φ = 2α, and cos φ < 0 counts 0."""
-        cos_phi = np.clip(2.0 * np.square(cos_incidence) - 1.0, 0.0, 1.0)
+    @property
+    def narrow(self) -> bool:
+        """Return whether the lobe changes over the Sun's disc."""
+        return self.specular > 0.0 and self.exponent > _NARROW_EXPONENT
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
+        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_phi = np.clip(2.0 * (cos_in * cos_out) - phase, 0.0, 1.0)
         lobe = self.specular * (self.exponent + 2.0) / (2.0 * math.pi)
         brdf: np.ndarray = self.diffuse / math.pi + lobe * cos_phi**self.exponent
         return brdf
 
 
-Material = Annotated[Lambertian | Phong, Field(discriminator="type")]
+OneMaterial = Annotated[
+    Lambertian | Phong | OrenNayar | Ggx | RetroReflector | TableBrdf,
+    Field(discriminator="type"),
+]
+
+
+class ByWavelength(Scatterer):
+    """One material for each of several wavelengths; the laser's picks the nearest, within 5 %.
+
+    `wavelength_nm` and `materials` go in pairs.
+    """
+
+    type: Literal["by_wavelength"] = "by_wavelength"
+    wavelength_nm: tuple[Positive, ...]
+    materials: tuple[OneMaterial, ...]
+
+    @model_validator(mode="after")
+    def _in_pairs(self) -> Self:
+        n, m = len(self.wavelength_nm), len(self.materials)
+        if n != m or n == 0:
+            raise ValueError(f"{n} wavelengths and {m} materials; give one material for each wavelength, at least one")
+        if len(set(self.wavelength_nm)) < n:
+            raise ValueError("a wavelength stands twice in wavelength_nm; leave one out")
+        return self
+
+    def at(self, wavelength_m: float) -> Scatterer:
+        """Return the material of the wavelength nearest to that of the light [m]."""
+        asked_nm = wavelength_m / units.NM
+        off, nearest = min((abs(known / asked_nm - 1.0), k) for k, known in enumerate(self.wavelength_nm))
+        if off > _NEAR_FRACTION:
+            known_nm = ", ".join(f"{known:g}" for known in sorted(self.wavelength_nm))
+            raise ScenarioError(
+                f"by_wavelength: no material within 5 % of {asked_nm:g} nm (known: {known_nm}); add one for it"
+            )
+        return self.materials[nearest].at(wavelength_m)
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Refuse: which material it is, only a wavelength says."""
+        raise ScenarioError("by_wavelength: has no BRDF of its own; choose one by at(wavelength_m)")
+
+
+Material = Annotated[
+    Lambertian | Phong | OrenNayar | Ggx | RetroReflector | TableBrdf | ByWavelength,
+    Field(discriminator="type"),
+]

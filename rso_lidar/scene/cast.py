@@ -7,28 +7,41 @@ on how many there are.
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from rso_lidar.records import Hits, Rays, Truth
+from rso_lidar.scene.light import from_laser, from_sun, seen
 from rso_lidar.scene.surface import Surface
 
 _BAND_RAYS = 16_384  # some 2 ms of casting: long against the hand-over to a thread
 
 
-def cast(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None = None) -> Hits:
+def cast(
+    rays: Rays,
+    surfaces: Sequence[Surface],
+    truth: Truth,
+    threads: int | None = None,
+    *,
+    laser_from_m: ArrayLike | None = None,
+    sun: bool = False,
+) -> Hits:
     """Return the first facet that each ray meets, over all targets.
 
     `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
+    `laser_from_m` (xyz) is where the laser is, in lidar axes [m]; None, or zeros, is in the lens. Beside it, incidence is
+    the laser's, 0 in shadow, and the BRDF takes both directions. `sun` asks for the sunlight too.
     """
     met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
     ray, target, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
     brdf, part, source_facet = _surface_of(surfaces, target, facet, cosine)
-    return Hits(
+    hits = Hits(
         rays=rays,
         ray=ray,
         pixel=rays.pixel[ray],
@@ -40,6 +53,46 @@ def cast(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | N
         cos_incidence=cosine,
         brdf_per_sr=brdf,
     )
+    laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
+    if not (sun or laser.any() or any(surface.smooth for surface in surfaces)):
+        return hits
+    return _relit(hits, facet, surfaces, truth, threads, laser, sun=sun)
+
+
+def _relit(
+    hits: Hits,
+    facet: np.ndarray,
+    surfaces: Sequence[Surface],
+    truth: Truth,
+    threads: int | None,
+    laser_from_m: np.ndarray,
+    *,
+    sun: bool,
+) -> Hits:
+    """Return the hits in the light of a laser beside the lens and of the Sun, curved parts shaded as curved."""
+    cosine, brdf = hits.cos_incidence.copy(), hits.brdf_per_sr.copy()
+    sunlight = np.zeros(len(facet)) if sun else None
+
+    def light(number: int, on: np.ndarray) -> None:
+        surface, direction = surfaces[number], hits.rays.direction[hits.ray[on]]
+        here = seen(surfaces, number, truth, direction, facet[on], hits.range_m[on], cosine[on])
+        if laser_from_m.any():
+            cosine[on], brdf[on] = from_laser(here, laser_from_m)
+        elif surface.smooth:
+            cosine[on], brdf[on] = here.cos_out, surface.brdf_per_sr(facet[on], here.cos_out)
+        if sunlight is not None:
+            sunlight[on] = from_sun(here)
+
+    pieces = []
+    for number in range(len(surfaces)):
+        on = np.flatnonzero(hits.target == number)
+        pieces += [(number, on[start : start + _BAND_RAYS]) for start in range(0, len(on), _BAND_RAYS)]
+    if threads != 1 and len(pieces) > 1:
+        list(_pool(threads).map(light, *zip(*pieces, strict=True)))
+    else:
+        for number, on in pieces:
+            light(number, on)
+    return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
 
 
 class _Met(NamedTuple):

@@ -4,14 +4,16 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.records import Hits, Labels, Photons
 
 
-def label(hits: Hits, photons: Photons) -> Labels:
+def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     """Return the labels of one flash.
 
     Of several clusters in a pixel the one that returns most photons speaks; in it the part of a target that returns most,
-    and of that the brightest return.
+    and of that the brightest return. With `max_returns` over 1 the first clusters of each pixel are listed as well. Range is
+    half the light's way out and back.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sky: dict[str, Any] = {
@@ -25,9 +27,12 @@ def label(hits: Hits, photons: Photons) -> Labels:
         "photons": np.bincount(photons.pixel, photons.photons, n_pixels),
         "filled_fraction": np.bincount(hits.pixel, hits.weight, n_pixels),
     }
+    if max_returns > 1:
+        sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
+        sky["return_photons"] = np.zeros((n_pixels, max_returns))
     if len(photons.pixel):
         _fill(sky, hits, photons)
-    return Labels(**{name: values.reshape(photons.shape) for name, values in sky.items()})
+    return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
 
 
 def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
@@ -35,8 +40,9 @@ def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
     n_clusters = len(photons.cluster_pixel)
     bright = np.bincount(photons.cluster, photons.photons, n_clusters)
     # A black facet returns nothing and is there all the same: then area weighs instead of light.
-    share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight)
-    mean_range = np.bincount(photons.cluster, share * hits.range_m, n_clusters) / np.bincount(
+    share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight[photons.hit])
+    range_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
+    mean_range = np.bincount(photons.cluster, share * range_m, n_clusters) / np.bincount(
         photons.cluster, share, n_clusters
     )
 
@@ -50,16 +56,22 @@ def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
     of_best = np.zeros(n_clusters, dtype=bool)
     of_best[best] = True
     speak = np.flatnonzero(of_best[photons.cluster])
-    speak = speak[_of_brightest_part(hits, share, photons.pixel, speak)]
+    speak = speak[_of_brightest_part(hits, share, photons, speak)]
     starts = np.flatnonzero(np.diff(photons.pixel[speak], prepend=-1))
     chosen = speak[_first_greatest(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
-        labels[name][pixel] = getattr(hits, name)[chosen]
+        labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
+    if "return_range_m" in labels:
+        number = np.arange(n_clusters) - np.repeat(first, np.diff(first, append=n_clusters))
+        listed = np.flatnonzero(number < labels["return_range_m"].shape[1])
+        at = photons.cluster_pixel[listed], number[listed]
+        labels["return_range_m"][at], labels["return_photons"][at] = mean_range[listed], bright[listed]
 
 
-def _of_brightest_part(hits: Hits, share: np.ndarray, pixel: np.ndarray, speak: np.ndarray) -> np.ndarray:
+def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: np.ndarray) -> np.ndarray:
     """Return which of the returns `speak` belong to the part of a target that returns most light in their pixel."""
-    target, part = hits.target[speak].astype(np.int64), hits.part[speak].astype(np.int64)
+    hit, pixel = photons.hit[speak], photons.pixel
+    target, part = hits.target[hit].astype(np.int64), hits.part[hit].astype(np.int64)
     kinds, kind = np.unique(target << 16 | part, return_inverse=True)
     if len(kinds) == 1:
         return np.ones(len(speak), dtype=bool)

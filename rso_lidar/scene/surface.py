@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
-from rso_lidar.scene.brdf import Lambertian, Phong
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
+from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.scatter import Scatterer
+from rso_lidar.scene.shading import corner_normals, interpolated
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _scenes_lock = Lock()
@@ -24,13 +26,15 @@ _FARTHEST_M = 1e7  # float32 still resolves a metre there
 class Surface:
     """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
 
-    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts.
+    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts. `smooth`
+    are the numbers of parts that are curved in truth: their normals are interpolated over the facets.
     """
 
     name: str
     mesh: Mesh
     vertices: np.ndarray
-    materials: tuple[Lambertian | Phong, ...]
+    materials: tuple[Scatterer, ...]
+    smooth: tuple[int, ...] = ()
 
     @property
     def facets(self) -> np.ndarray:
@@ -100,16 +104,57 @@ class Surface:
             _scenes.move_to_end(self.content)
             return _scenes[self.content]
 
-    def brdf_per_sr(self, facet: np.ndarray, cos_incidence: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit) at cos α (hit)."""
+    def brdf_per_sr(
+        self,
+        facet: np.ndarray,
+        cos_in: np.ndarray,
+        cos_out: np.ndarray | None = None,
+        cos_phase: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit), for the cosines that a material takes."""
         if len(set(self.materials)) == 1:
-            return self.materials[0].brdf_per_sr(cos_incidence)
+            return self.materials[0].brdf_per_sr(cos_in, cos_out, cos_phase)
+        return self.by_material(
+            facet,
+            lambda material, of: material.brdf_per_sr(
+                cos_in[of], None if cos_out is None else cos_out[of], None if cos_phase is None else cos_phase[of]
+            ),
+        )
+
+    def by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return what `ask` says of a material and of the hits on it, for all hits on the facets numbered `facet` (hit)."""
         part = self.part[facet]
-        brdf = np.empty(len(facet))
+        answer = np.empty(len(facet))
         for number, material in enumerate(self.materials):
             of_part = np.flatnonzero(part == number)
-            brdf[of_part] = material.brdf_per_sr(cos_incidence[of_part])
-        return brdf
+            if len(of_part):
+                answer[of_part] = ask(material, of_part)
+        return answer
+
+    @cached_property
+    def is_smooth(self) -> np.ndarray:
+        """Return whether a facet is of a smooth part (facet)."""
+        return np.isin(self.part, self.smooth)
+
+    @cached_property
+    def _corner_normals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the place of each facet among the smooth ones (facet), and their unit normals (smooth, corner, xyz)."""
+        number = np.cumsum(self.is_smooth) - 1
+        on = np.flatnonzero(self.is_smooth)
+        return number, corner_normals(self.corners[on], self.planes[:3, on].T, self.part[on])
+
+    def shading_normals(self, facet: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Return the unit normals (hit, xyz) at points (hit, xyz) [m] of the facets numbered `facet` (hit), body axes.
+
+        On smooth parts they are interpolated between the corners', elsewhere the facet's own; of its side in any case.
+        """
+        normal = np.stack([self.planes[axis][facet] for axis in range(3)], axis=1)
+        curved = np.flatnonzero(self.is_smooth[facet])
+        if len(curved):
+            number, normals = self._corner_normals
+            of = facet[curved]
+            normal[curved] = interpolated(self.corners[of], normals[number[of]], point[curved])
+        return normal
 
 
 def _build(corners: np.ndarray) -> Any:
@@ -131,20 +176,24 @@ def build_surface(
     scale: float = 1.0,
     mesh_axes: str = "z_up",
     center_of_mass_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    material: Lambertian | Phong | None = None,
-    part_materials: Mapping[str, Lambertian | Phong] | None = None,
+    material: Scatterer | None = None,
+    part_materials: Mapping[str, Scatterer] | None = None,
+    smooth_parts: Sequence[str] = (),
+    wavelength_m: float | None = None,
 ) -> Surface:
     """Return the surface of a target: its mesh scaled to metres, turned and moved to body axes, with materials.
 
     `center_of_mass_m` is in the mesh's own axes, after scaling. `mesh_axes` "y_up" turns the file's y to body z.
-    `part_materials` overrides `material` for the parts it names.
+    `part_materials` overrides `material` for the parts it names; `smooth_parts` get interpolated normals. Materials are
+    those that light of `wavelength_m` [m] sees; None leaves them as they are, for those that need no wavelength.
     """
     overrides = dict(part_materials or {})
-    for part in overrides:
-        if part not in mesh.part_names:
-            guess = did_you_mean(part, mesh.part_names)
-            known = ", ".join(mesh.part_names)
-            raise ScenarioError(f"part_materials: no part '{part}' in {mesh.path.name}{guess} ({known})")
+    for key, named in (("part_materials", overrides), ("smooth_parts", smooth_parts)):
+        for part in named:
+            if part not in mesh.part_names:
+                guess = did_you_mean(part, mesh.part_names)
+                known = ", ".join(mesh.part_names)
+                raise ScenarioError(f"{key}: no part '{part}' in {mesh.path.name}{guess} ({known})")
     vertices = mesh.vertices * scale - np.asarray(center_of_mass_m)
     if mesh_axes == "y_up":
         vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
@@ -153,4 +202,10 @@ def build_surface(
             f"{mesh.path.name} reaches beyond {_FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"
         )
     default = material or Lambertian()
-    return Surface(name, mesh, vertices, tuple(overrides.get(part, default) for part in mesh.part_names))
+    materials = []
+    for part in mesh.part_names:
+        with placed(f"part_materials.{part}" if part in overrides else "material"):
+            chosen = overrides.get(part, default)
+            materials.append(chosen if wavelength_m is None else chosen.at(wavelength_m))
+    smooth = tuple(number for number, part in enumerate(mesh.part_names) if part in set(smooth_parts))
+    return Surface(name, mesh, vertices, tuple(materials), smooth)

@@ -1,4 +1,4 @@
-"""The optical presets that the models name: statements for models/materials.toml, at 1064 nm.
+"""The optical presets that the models name: statements for models/materials.toml, at 1064 nm and, where it differs, 1570 nm.
 
 Each splits a total hemispherical reflectance into a diffuse share and a specular lobe of modified Phong (Lafortune &
 Willems 1994: kd/pi + ks (n+2)/(2 pi) cos^n). The totals lean on tabulated data, the splits are engineering defaults.
@@ -12,14 +12,19 @@ UNCALIBRATED = "uncalibrated engineering default"
 
 
 def _phong(
-    what: str, source: str, confidence: str, lobe: tuple[float, float, float], rgb: tuple[float, float, float]
+    what: str,
+    source: str,
+    confidence: str,
+    lobe: tuple[float, float, float],
+    rgb: tuple[float, float, float],
+    at_1570_nm: tuple[float, float, float] | None = None,
 ) -> dict[str, Any]:
-    diffuse, specular, exponent = lobe
+    keys = ("diffuse", "specular", "exponent")
+    other = {"at_1570_nm": dict(zip(keys, at_1570_nm, strict=True))} if at_1570_nm else {}
     return {
         "type": "phong",
-        "diffuse": diffuse,
-        "specular": specular,
-        "exponent": exponent,
+        **dict(zip(keys, lobe, strict=True)),
+        **other,
         "what": what,
         "source": source,
         "confidence": f"{confidence}; split and exponent: {UNCALIBRATED}",
@@ -42,6 +47,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "medium",
         (0.15, 0.65, 30.0),
         (0.83, 0.62, 0.22),
+        (0.16, 0.71, 30.0),
     ),
     "mli_silver": _phong(
         "Multi-layer insulation, aluminium side outward, crinkled; total 0.92-0.95 at 1064 nm, 0.95-0.97 at 1570 nm",
@@ -49,6 +55,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "medium",
         (0.10, 0.80, 30.0),
         (0.80, 0.81, 0.83),
+        (0.10, 0.86, 30.0),
     ),
     "solar_cell": _phong(
         "Triple-junction solar cell under cover glass; total 0.05-0.15 at 1064 nm, 0.10-0.25 at 1570 nm",
@@ -56,6 +63,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "low",
         (0.02, 0.08, 1000.0),
         (0.10, 0.12, 0.32),
+        (0.03, 0.14, 1000.0),
     ),
     "solar_cell_si": _phong(
         "Silicon solar cell under cover glass (1990s to 2000s); total 0.10-0.30 at 1064 nm, 0.3-0.6 at 1570 nm",
@@ -63,6 +71,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "low",
         (0.03, 0.15, 1000.0),
         (0.08, 0.10, 0.28),
+        (0.08, 0.37, 1000.0),
     ),
     "white_paint": _phong(
         "White thermal paint (Z93, S13, A276 class); total 0.80-0.90 at 1064 nm, 0.65-0.80 at 1570 nm",
@@ -70,6 +79,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "medium",
         (0.80, 0.02, 10.0),
         (0.92, 0.92, 0.90),
+        (0.70, 0.02, 10.0),
     ),
     "black_paint": _phong(
         "Black optical paint (Z306 class); total 0.04-0.05 at 1064 and 1570 nm",
@@ -91,6 +101,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "medium",
         (0.25, 0.40, 60.0),
         (0.66, 0.67, 0.69),
+        (0.30, 0.50, 60.0),
     ),
     "cfrp": _phong(
         "Bare carbon-fibre composite; total 0.05-0.10 at 1064 nm, 0.06-0.12 at 1570 nm",
@@ -98,6 +109,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "low",
         (0.05, 0.03, 30.0),
         (0.18, 0.18, 0.19),
+        (0.055, 0.035, 30.0),
     ),
     "osr": _phong(
         "Optical solar reflector or silvered Teflon, a mirror; total 0.95-0.97 at 1064 nm, 0.96 at 1570 nm",

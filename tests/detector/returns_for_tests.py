@@ -4,6 +4,18 @@ import numpy as np
 
 from rso_lidar.records import Photons
 
+# A detector told by round figures, whatever the shipped one has been fitted to.
+STATED = {
+    "noise_equivalent_photons": 127.0,
+    "excess_noise_factor": 3.52,
+    "intensity_noise_equivalent_photons": 127.0,
+    "intensity_excess_noise_factor": 3.52,
+    "range_noise_equivalent_photons": 127.0,
+    "range_excess_noise_factor": 3.52,
+    "range_plateau_m": 0.05,
+    "counts_per_photon": 0.04,
+    "compression_counts": 5000.0,
+}
 RANGE_PER_DELAY_M_S = 299_792_458.0 / 2
 
 
@@ -16,10 +28,13 @@ def returns(range_m, photons, pixel=None, shape=None, cluster=None, pulse_fwhm_s
     return Photons(
         shape=(1, len(range_m)) if shape is None else shape,
         pulse_fwhm_s=pulse_fwhm_s,
+        **bell(pulse_fwhm_s),
         pixel=pixel,
         delay_s=range_m / RANGE_PER_DELAY_M_S,
         photons=np.asarray(photons, dtype=float),
         depth_spread_s=np.zeros(len(range_m)),
+        coherence_cells=np.full(len(range_m), 885.0),
+        hit=np.arange(len(range_m)),
         cluster=cluster,
         cluster_pixel=pixel[first],
     )
@@ -28,4 +43,14 @@ def returns(range_m, photons, pixel=None, shape=None, cluster=None, pulse_fwhm_s
 def nothing(shape):
     """Return the photons of an empty scene."""
     empty = np.zeros(0)
-    return Photons(shape, 8e-9, empty, empty, empty, empty, empty, empty)
+    return Photons(shape, 8e-9, **bell(8e-9), **dict.fromkeys(RETURNS, empty))
+
+
+RETURNS = ("pixel", "delay_s", "photons", "depth_spread_s", "coherence_cells", "hit", "cluster", "cluster_pixel")
+
+
+def bell(fwhm_s):
+    """Return step, lateness and power of a Gaussian pulse."""
+    step_s = fwhm_s / 48
+    power = np.exp2(-((np.arange(-180, 181) / 24) ** 2))
+    return {"pulse_step_s": step_s, "late_s": 0.0, "pulse_power_per_s": power / (power.sum() * step_s)}

@@ -7,9 +7,9 @@ from scipy import stats
 from rso_lidar import detector
 from rso_lidar.detector import Empirical
 from rso_lidar.errors import ScenarioError
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import STATED, nothing, returns
 
-QUIET = Empirical(false_alarms_per_s=0.0)
+QUIET = Empirical(**STATED, false_alarms_per_s=0.0)
 N = 100_000
 
 
@@ -18,7 +18,7 @@ def rng(seed=1):
 
 
 def read(photons, part=QUIET, seed=1):
-    return detector.detect(photons, part, rng(seed))
+    return detector.detect(photons, part, rng(seed))[0]
 
 
 def test_a_pixel_without_light_and_noise_reports_nothing():
@@ -38,7 +38,7 @@ def test_valid_pixels_have_a_count_and_the_others_none():
 
 def test_the_same_generator_gives_the_same_bits_and_another_does_not():
     photons = returns(np.linspace(500, 4000, 500), 1200.0)
-    one, same, other = (read(photons, Empirical(), seed) for seed in (3, 3, 4))
+    one, same, other = (read(photons, Empirical(**STATED), seed) for seed in (3, 3, 4))
     assert one.range_m.tobytes() == same.range_m.tobytes()
     assert one.intensity_counts.tobytes() == same.intensity_counts.tobytes()
     assert one.range_m.tobytes() != other.range_m.tobytes()
@@ -48,7 +48,8 @@ def test_the_generator_is_drawn_from_alike_whatever_comes_of_it():
     """A change of threshold or window must not shift the noise of what is drawn later, so runs can be compared."""
     photons = returns(np.linspace(500, 4000, 500), 1200.0)
     states = []
-    for part in (Empirical(), QUIET, Empirical(armed_to_m=700), Empirical(reference_photons=5000.0)):
+    near = dict(STATED, armed_to_m=700.0)
+    for part in (Empirical(**STATED), QUIET, Empirical(**near), Empirical(**STATED, reference_photons=5000.0)):
         generator = rng()
         detector.detect(photons, part, generator)
         states.append(generator.random())
@@ -132,4 +133,4 @@ def test_a_soft_roll_off_below_full_scale_bends_like_its_formula():
 )
 def test_a_detector_that_cannot_be(bad):
     with pytest.raises(ScenarioError):
-        Empirical(**bad)
+        Empirical(**STATED | bad)

@@ -1,6 +1,7 @@
 """Frames made of random numbers, for tests that need no simulator."""
 
 import contextlib
+import dataclasses
 
 import h5py
 import numpy as np
@@ -13,11 +14,14 @@ from rso_lidar.records import (
     Frame,
     Labels,
     Observation,
+    Oversampled,
+    Photons,
     PtuAngles,
     Reading,
     Source,
     TargetEntry,
     Truth,
+    Waveforms,
 )
 
 PARENTS = {
@@ -40,19 +44,27 @@ SOURCE = Source(
 )
 
 
-def line_of_sight(shape):
+KEEP = ("waveforms", "photons", "oversampled")
+RETURNS, SAMPLES, FINER = 3, 20, 4
+
+
+def line_of_sight(shape, zoom=1.0):
     rows, cols = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
-    sight = np.stack([cols - shape[1] / 2 + 0.5, rows - shape[0] / 2 + 0.5, np.full(shape, 20.0 * shape[0])], axis=-1)
+    deep = np.full(shape, 20.0 * shape[0] * zoom)
+    sight = np.stack([cols - shape[1] / 2 + 0.5, rows - shape[0] / 2 + 0.5, deep], axis=-1)
     return sight / np.linalg.norm(sight, axis=-1, keepdims=True)
 
 
 _SIGHT = {}
 
 
-def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2, settings=None):
-    """Return frame k of a made-up run; the same for the same arguments."""
+def make_frame(
+    k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2, settings=None, returns=False, keep=(), zoom=1.0
+):
+    """Return frame k of a made-up run; the same for the same arguments. `zoom` is a number, or a function of k."""
     rng = np.random.default_rng([seed, k])
-    sight = _SIGHT.setdefault(shape, line_of_sight(shape))
+    zoom = zoom(k) if callable(zoom) else zoom
+    sight = line_of_sight(shape, zoom) if zoom != 1.0 else _SIGHT.setdefault(shape, line_of_sight(shape))
     valid = np.zeros(shape, bool)
     side = [max(1, round(lit**0.5 * size)) for size in shape]
     valid[: side[0], : side[1]] = True
@@ -77,6 +89,17 @@ def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2,
         photons=sky(1000 * noise, 0),
         filled_fraction=sky(noise, 0),
     )
+    if returns:
+        some = np.arange(RETURNS) < labels.cluster_count[..., None]
+        many = rng.uniform(0, 1, (*shape, RETURNS))
+        reading = dataclasses.replace(
+            reading,
+            return_range_m=np.where(some, 300 + many, np.nan),
+            return_intensity_counts=np.where(some, 1 + 4094 * many, 0),
+        )
+        labels = dataclasses.replace(
+            labels, return_range_m=np.where(some, 300 + many, np.nan), return_photons=np.where(some, 1000 * many, 0)
+        )
     time_s = 0.1 * k
     observation = Observation(
         time_s=time_s,
@@ -102,8 +125,43 @@ def make_frame(k=0, seed=1, shape=(12, 10), *, ptu=True, source=SOURCE, lit=0.2,
     }
     states = {name: BodyState(4.2e7 * rng.normal(size=3), 3e3 * rng.normal(size=3)) for name in ("tdrs", "follower")}
     sun = rng.normal(size=3)
-    truth = Truth(time_s, PoseTree(parents, links), states, sun / np.linalg.norm(sun), pointing)
-    return Frame(3 * k, observation, labels, truth, source)
+    sunlit = {"tdrs": float(rng.uniform()), "follower": 1.0}
+    truth = Truth(time_s, PoseTree(parents, links), states, sun / np.linalg.norm(sun), pointing, sunlit)
+    kept = {name: made for name, made in make_kept(rng, shape, valid).items() if name in keep}
+    return Frame(3 * k, observation, labels, truth, source, kept)
+
+
+def make_kept(rng, shape, valid):
+    """Return intermediate records of pixels that are lit."""
+    pixel = np.flatnonzero(valid)
+    count = len(pixel)
+    latch_s = rng.uniform(2e-6, 3e-6, count)
+    waveforms = Waveforms(
+        shape, 1.25e-9, 100.0, pixel, latch_s - 8e-9, latch_s, rng.integers(0, 4096, (count, SAMPLES))
+    )
+    hits = np.repeat(pixel, 2)  # two returns a pixel
+    photons = Photons(
+        shape=shape,
+        pulse_fwhm_s=8e-9,
+        pulse_step_s=1e-9,
+        late_s=0.0,
+        pulse_power_per_s=np.array([0.0, 1e9, 0.0]),
+        pixel=hits,
+        delay_s=np.repeat(latch_s, 2),
+        photons=rng.uniform(0, 500, 2 * count),
+        depth_spread_s=np.zeros(2 * count),
+        coherence_cells=np.ones(2 * count),
+        hit=np.arange(2 * count),
+        cluster=np.repeat(np.arange(count), 2),
+        cluster_pixel=pixel,
+        background_photons_per_s=rng.uniform(0, 1e6, shape),
+    )
+    fine = (FINER * shape[0], FINER * shape[1])
+    seen = np.kron(valid, np.ones((FINER, FINER))) > 0
+    oversampled = Oversampled(
+        np.where(seen, rng.uniform(300, 301, fine), np.nan), np.where(seen, rng.uniform(0, 60, fine), 0)
+    )
+    return {"waveforms": waveforms, "photons": photons, "oversampled": oversampled}
 
 
 def make_frames(count, **how):
@@ -125,12 +183,33 @@ def datasets(path):
     return found
 
 
-def leave_unfinished(path, frames, run_id):
+def leave_unfinished(path, frames, run_id, **how):
     """Record frames, and then let an exception end the run."""
-    with contextlib.suppress(ZeroDivisionError), export.Recorder(path, SOURCE, run_id=run_id) as recorder:
+    with contextlib.suppress(ZeroDivisionError), export.Recorder(path, SOURCE, run_id=run_id, **how) as recorder:
         for frame in frames:
             recorder.write(frame)
         raise ZeroDivisionError
+
+
+def image(record):
+    """Return what a recording keeps of photons; of others all."""
+    if not isinstance(record, Photons):
+        return record
+    total = np.zeros(record.shape)
+    np.add.at(total.reshape(-1), record.pixel, record.photons)
+    return export.PhotonImage(total, record.background_photons_per_s)
+
+
+def assert_same_record(a, b):
+    assert type(a) is type(b)
+    assert vars(a).keys() == vars(b).keys()
+    for name, value in vars(a).items():
+        other = getattr(b, name)
+        if isinstance(value, np.ndarray):
+            assert value.dtype == other.dtype
+            np.testing.assert_array_equal(value, other, err_msg=name)
+        else:
+            assert value == other, name
 
 
 def assert_same(a, b):
@@ -138,11 +217,12 @@ def assert_same(a, b):
     assert (a.index, a.time_s, a.truth.time_s) == (b.index, b.time_s, b.truth.time_s)
     assert a.source == b.source
     assert dict(a.observation.settings) == dict(b.observation.settings)
-    for record in (lambda f: f.observation.reading, lambda f: f.labels):
-        for name, value in vars(record(a)).items():
-            other = getattr(record(b), name)
-            assert value.dtype == other.dtype
-            np.testing.assert_array_equal(value, other, err_msg=name)
+    assert_same_record(a.observation.reading, b.observation.reading)
+    assert_same_record(a.labels, b.labels)
+    assert list(a.kept) == list(b.kept)
+    for name in a.kept:
+        assert_same_record(image(a.kept[name]), image(b.kept[name]))
+    assert a.truth.sunlit == b.truth.sunlit
     np.testing.assert_array_equal(a.line_of_sight, b.line_of_sight)
     assert (a.truth.pointing is None) == (b.truth.pointing is None)
     if a.truth.pointing is not None:

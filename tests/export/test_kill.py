@@ -11,7 +11,9 @@ from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_fra
 
 from rso_lidar import export
 
-COUNT, SHAPE, KILLS = 60, (24, 20), 10
+COUNT, SHAPE, KILLS = 60, (24, 20), 6
+PLAIN = "{}"
+FULL = '{"returns": True, "keep": ("waveforms", "photons", "oversampled"), "zoom": lambda k: 1.0 + k % 11}'
 
 # Writes frames, going on where an earlier run was killed, and tells of each.
 FLY = f"""
@@ -21,21 +23,24 @@ from frames_for_tests import SOURCE, make_frame
 from rso_lidar import export
 import h5py
 print("ready", flush=True)
-with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True) as recorder:
+how = eval(sys.argv[2])
+with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
     for k in range(recorder.written, {COUNT}):
-        recorder.write(make_frame(k, shape={SHAPE}))
+        recorder.write(make_frame(k, shape={SHAPE}, **how))
         print(k, flush=True)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
-def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path):
+@pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept and lens"])
+def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, kind):
+    how = eval(kind)
     rng = np.random.default_rng(1807)
     output, left = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"
     told = -1
     middles = 0
     for _ in range(KILLS):
-        child = subprocess.Popen([sys.executable, "-c", FLY, str(output)], stdout=subprocess.PIPE, text=True)
+        child = subprocess.Popen([sys.executable, "-c", FLY, str(output), kind], stdout=subprocess.PIPE, text=True)
         assert child.stdout.readline() == "ready\n"
         for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
             told = max(told, int(child.stdout.readline()))
@@ -51,12 +56,12 @@ def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path
             assert len(recording) >= told + 1  # what was told as written is there
             middles += 0 < len(recording) < COUNT
             for k, frame in enumerate(recording):
-                assert_same(frame, make_frame(k, shape=SHAPE))
+                assert_same(frame, make_frame(k, shape=SHAPE, **how))
     assert middles > KILLS / 3
-    with export.Recorder(output, SOURCE, run_id="1a2b3c4d", resume=True) as recorder:
+    with export.Recorder(output, SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
         assert recorder.written > 0
         for k in range(recorder.written, COUNT):
-            recorder.write(make_frame(k, shape=SHAPE))
+            recorder.write(make_frame(k, shape=SHAPE, **how))
     assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
-    whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE))
+    whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE, **how))
     assert datasets(output) == datasets(whole)

@@ -11,6 +11,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import detector
+from tests.detector.returns_for_tests import STATED
 from tests.optics.bench_for_tests import box, plate, sphere, write_stl
 
 FOLDER = Path(__file__).parent
@@ -75,7 +76,7 @@ def bench(folder):
         lidar=rl.Lidar(
             laser=rl.Laser(divergence_deg=1.5, footprint="gaussian"),
             receiver=rl.Receiver(fov_deg=1.5, aperture_mm=60.0, n_rows=32, n_cols=32),
-            detector=rl.Empirical(false_alarms_per_s=0.0),
+            detector=rl.Empirical(**STATED, false_alarms_per_s=0.0),
         ),
     )
 
@@ -113,7 +114,7 @@ def orbit(folder):
         lidar=rl.Lidar(
             laser=rl.Laser(divergence_deg=2.0, energy_mj=2.5),
             receiver=rl.Receiver(fov_deg=2.0, f_number=4.0, n_rows=32, n_cols=32, rays_per_pixel=9),
-            detector=rl.Empirical(false_alarms_per_s=0.0),
+            detector=rl.Empirical(**STATED, false_alarms_per_s=0.0),
         ),
     )
 
@@ -137,7 +138,7 @@ def noise(frame, part, draws, seed):
     sums = {name: np.zeros(shape) for name in ("found", "saturated", "range", "range2", "counts", "counts2")}
     reference = np.nan_to_num(frame.labels.first_range_m)
     for _ in range(draws):
-        reading = detector.detect(frame.kept["photons"], part, rng)
+        reading, _ = detector.detect(frame.kept["photons"], part, rng)
         valid = np.isfinite(reading.range_m)
         off = np.where(valid, reading.range_m.astype(float) - reference, 0.0)
         counts = reading.intensity_counts.astype(float)

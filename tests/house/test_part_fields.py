@@ -11,31 +11,53 @@ from rso_lidar.part import Part
 
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = """
-    m km s ns rad deg m_s deg_s deg_s2 hz mhz nm um mm mj kg kg_m2 n_m na per_sr per_s counts photons electrons fraction
+    m km s ns rad deg m_s deg_s deg_s2 hz mhz nm um mm mj kg kg_m2 n_m na nf ohm per_v per_sr per_s counts photons electrons
+    fraction
 """
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS.split())
 NO_SUFFIX = {  # name: why it needs none
     "adc_bits": "a number of bits",
     "axis": "a direction, of any length",
+    "camera_seed": "a number that only names a camera",
     "counts_per_photon": "a ratio whose name says both units",
     "damping": "share of critical damping",
     "diffuse": "share of the light",
     "eccentricity": "a ratio of lengths",
+    "electrons_per_count": "a ratio whose name says both units",
     "excess_noise_factor": "a ratio of variances",
     "exponent": "a power",
     "f_number": "a ratio of lengths, and everybody's word for it",
+    "false_alarm_probability": "a probability",
+    "fraction": "share of a pulse's peak",
+    "gain": "electrons for an electron",
+    "ionisation_ratio": "a ratio of rates",
+    "k1": "a coefficient of pure numbers",
+    "k2": "a coefficient of pure numbers",
+    "k3": "a coefficient of pure numbers",
+    "max_returns": "a number of returns",
     "min_rays_per_target": "a number of rays",
     "n_cols": "a number of pixels",
     "n_rows": "a number of pixels",
     "norad_id": "a catalogue number",
-    "reference_photons": "photons, as its first word says",
+    "p1": "a coefficient of pure numbers",
+    "p2": "a coefficient of pure numbers",
+    "pretrigger_samples": "a number of samples",
+    "pulse_order": "a power",
+    "pulses": "a number of pulses",
     "quantum_efficiency": "share of the photons",
     "quaternion_xyzw": "a unit quaternion, in the order that it ends in",
+    "range_excess_noise_factor": "a ratio of variances",
     "rays_per_pixel": "a number of rays",
+    "reference_photons": "photons, as its first word says",
     "reflectance": "share of the light",
+    "refractive_index": "a ratio of speeds",
+    "roughness": "a ratio of lengths",
+    "samples": "a number of samples",
     "scale": "a ratio of lengths",
     "seed": "a number that only names a stream of noise",
     "specular": "share of the light",
+    "steps_per_sample": "a number of steps",
+    "sun_direction": "a direction, of any length",
     "transmission": "share of the light",
     "up": "a direction, of any length",
 }

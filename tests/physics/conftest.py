@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parent
 ROWS = pytest.StashKey[list]()
 
 
@@ -77,11 +76,16 @@ def validation(request):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     report = yield
+    keep_rows(item, report, "tests/physics")
+    return report
+
+
+def keep_rows(item, report, folder):
+    """Keep the rows of a test that passed; `folder` is where the page says that its file lies."""
     if report.when == "call" and report.passed:
-        file = Path(item.path).relative_to(FOLDER).as_posix()
+        file = f"{folder}/{Path(item.path).name}"
         title = (inspect.getdoc(item.module) or "").partition("\n")[0]
         item.config.stash[ROWS] += [(file, title, row) for row in item.stash.get(ROWS, [])]
-    return report
 
 
 def pytest_sessionfinish(session):
@@ -97,10 +101,11 @@ def page(collected, package_version):
         "# Validation",
         "",
         f"What rso_lidar {package_version} was compared with, and how close it came. `make validate` writes this page",
-        "from the tests in `tests/physics`: a test that passed checked every row, and the tolerance is the test's own.",
+        "from the tests in `tests/physics` and `tests/peers`: a test that passed checked every row, and the tolerance is",
+        "the test's own.",
     ]
     for file, title in sorted({(file, title) for file, title, _ in collected}):
-        lines += ["", f"## {title.rstrip('.') or file}", "", f"`tests/physics/{file}`", ""]
+        lines += ["", f"## {title.rstrip('.') or file}", "", f"`{file}`", ""]
         lines += ["| case | source | expected | got | tolerance |", "| --- | --- | ---: | ---: | ---: |"]
         rows = sorted({row for other, _, row in collected if other == file})
         lines += [f"| {' | '.join(row.cells())} |" for row in rows]

@@ -11,16 +11,18 @@ from scipy import special, stats
 
 from rso_lidar import detector
 from rso_lidar.detector import Empirical
-from tests.detector.returns_for_tests import nothing, returns
+from tests.detector.returns_for_tests import STATED, nothing, returns
 
-QUIET = Empirical(false_alarms_per_s=0.0)
+QUIET = Empirical(**STATED, false_alarms_per_s=0.0)
 C = 299_792_458.0
 N = 100_000
 
 
 def drawn(range_m, photons, part=QUIET, seed=11, n=N, **settings):
     """Return the readings of n pixels that see the same."""
-    return detector.detect(returns(np.full(n, float(range_m)), photons, **settings), part, np.random.default_rng(seed))
+    return detector.detect(returns(np.full(n, float(range_m)), photons, **settings), part, np.random.default_rng(seed))[
+        0
+    ]
 
 
 def probability(photons, nep=127.0, qe=0.8, excess=3.52, reference=1000.0):
@@ -79,9 +81,9 @@ def test_other_detectors_too_have_95_percent_where_they_say(validation, nep, qe,
 )
 def test_false_alarms_of_a_dark_frame(validation, rate_per_s, from_m, to_m):
     """Each pixel waits for its first false trigger: 1 - exp(-rate x window) of them, window 2 (to - from)/c."""
-    part = Empirical(false_alarms_per_s=rate_per_s, armed_from_m=from_m, armed_to_m=to_m)
+    part = Empirical(**STATED, false_alarms_per_s=rate_per_s, armed_from_m=from_m, armed_to_m=to_m)
     pixels = 4_000_000 if rate_per_s < 1 else 400_000
-    reading = detector.detect(nothing((1000, pixels // 1000)), part, np.random.default_rng(5))
+    reading, _ = detector.detect(nothing((1000, pixels // 1000)), part, np.random.default_rng(5))
     alarms = reading.range_m[np.isfinite(reading.range_m)].astype(float)
     p = -math.expm1(-rate_per_s * 2 * (to_m - from_m) / C)
     validation(
@@ -105,7 +107,7 @@ def test_false_alarms_of_a_dark_frame(validation, rate_per_s, from_m, to_m):
 
 def test_false_alarms_come_before_the_true_return_and_take_its_place(validation):
     """A gate of 2 x 4000 m / c at 20,000/s: 41 % of bright pixels at 4 km latch on noise first."""
-    part = Empirical(false_alarms_per_s=20_000.0)
+    part = Empirical(**STATED, false_alarms_per_s=20_000.0)
     ranges = drawn(4000.0, 1e6, part).range_m.ravel().astype(float)
     p = -math.expm1(-20_000 * 2 * (4000.0 - 1.0) / C)
     early = ranges < 3999.0
@@ -121,7 +123,7 @@ def test_false_alarms_come_before_the_true_return_and_take_its_place(validation)
 
 
 def test_a_later_start_of_the_window_lets_fewer_pre_empt(validation):
-    part = Empirical(false_alarms_per_s=20_000.0, armed_from_m=3500.0, armed_to_m=4500.0)
+    part = Empirical(**STATED, false_alarms_per_s=20_000.0, armed_from_m=3500.0, armed_to_m=4500.0)
     ranges = drawn(4000.0, 1e6, part).range_m.ravel().astype(float)
     p = -math.expm1(-20_000 * 2 * 500.0 / C)
     validation(
@@ -184,7 +186,7 @@ def test_range_noise_has_the_seed_s_plateau(validation):
 @pytest.mark.parametrize(("photons", "shot_cm"), [(1000, 3.4), (300, 6.2), (100, 10.7), (30, 19.5)])
 def test_shot_noise_limit_of_range(validation, photons, shot_cm):
     """s sqrt(F/(QE N)) (Johnson and Cain, Appl. Opt. 47, 5147, 2008), 8 ns, F = 3.52, QE = 0.8."""
-    part = QUIET.replace(range_plateau_m=0.0, noise_equivalent_photons=1e-6)
+    part = QUIET.replace(range_plateau_m=0.0, noise_equivalent_photons=1e-6, range_noise_equivalent_photons=0.0)
     validation(
         case=f"range noise by shot noise alone, {photons} photons",
         source="Johnson and Cain 2008",
@@ -207,7 +209,9 @@ def test_white_noise_limit_of_range(validation, snr):
     bound_cm = 100 * C / 2 * 1e-9 / (snr * math.sqrt(fisher))
     assert bound_cm == pytest.approx(45.3 / snr, rel=2e-3)
     part = QUIET.replace(
-        range_plateau_m=0.0, noise_equivalent_photons=1e4, reference_photons=1e6, excess_noise_factor=1.0
+        range_plateau_m=0.0,
+        range_noise_equivalent_photons=1e4,
+        range_excess_noise_factor=1.0,
     )
     photons = snr * 1e4
     shot = C / 2 * 1e-9 * s / math.sqrt(0.8 * photons)

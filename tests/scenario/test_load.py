@@ -29,7 +29,7 @@ BAD = {
     "too many frames": ("duration_s    = 2", "duration_s = 1e12", ["split the run"]),
     "a version to come": ("version = 1", "version = 2", ["version", "known: 1"]),
     "broken TOML": ("version = 1", "version = = 1", ["not valid TOML", "line 2"]),
-    "a detector to come": ("[lidar.laser]", '[lidar.detector]\ntype = "gsfl"\n[lidar.laser]', ["'gsfl'", "empirical"]),
+    "an unknown detector": ("[lidar.laser]", '[lidar.detector]\ntype = "gsfi"\n[lidar.laser]', ["'gsfi'", "empirical"]),
     "unknown motion": ('"fixed", position_m = [1000', '"fixd", position_m = [1000', ["'fixd'", "'fixed'"]),
     "motion without type": (
         'type = "fixed", position_m = [0, 0, 0]',
@@ -176,8 +176,8 @@ class TestSettings:
         assert rl.Scenario.loads(text, settings=('target.0.model="sphere"',)).target[0].model == "sphere"
 
     def test_a_table_that_was_not_there(self, text):
-        scenario = rl.Scenario.loads(text, settings=("lidar.detector.false_alarms_per_s=0",))
-        assert scenario.lidar.detector.false_alarms_per_s == 0
+        scenario = rl.Scenario.loads(text, settings=("lidar.detector.armed_to_m=9000",))
+        assert scenario.lidar.detector.armed_to_m == 9000
 
     @pytest.mark.parametrize(
         ("setting", "words"),

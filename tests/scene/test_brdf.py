@@ -2,9 +2,15 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Lambertian, Phong
+from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
+from rso_lidar.scene.measured import TableBrdf
+from rso_lidar.scene.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.retro import RetroReflector
+
+CUBES = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
 
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.3, 1.0])
@@ -83,8 +89,102 @@ def test_more_light_than_comes_in_is_refused():
         lambda: Phong(diffuse=0.1, specular=0.1, exponent=-1.0),
         lambda: Phong(diffuse=-0.1, specular=0.1, exponent=1.0),
         lambda: Phong(diffuse=0.1, specular=0.1),
+        lambda: OrenNayar(reflectance=1.1, roughness_deg=10.0),
+        lambda: OrenNayar(reflectance=0.5, roughness_deg=-1.0),
+        lambda: Ggx(diffuse=0.0, specular=0.5, roughness=0.0),
+        lambda: Ggx(diffuse=0.0, specular=0.5, roughness=1.5),
+        lambda: RetroReflector(diameter_mm=0.0, reflectance=0.9, fill_fraction=0.5),
+        lambda: RetroReflector(diameter_mm=10.0, reflectance=0.9, fill_fraction=0.5, refractive_index=0.9),
+        lambda: TableBrdf(incidence_deg=(0.0, 91.0), measured_per_sr=(0.1, 0.1)),
+        lambda: TableBrdf(incidence_deg=(0.0, math.nan), measured_per_sr=(0.1, 0.1)),
+        lambda: TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(0.1, math.nan)),
+        lambda: TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(0.1, -0.1)),
+        lambda: ByWavelength(wavelength_nm=(-5.0,), materials=(Lambertian(),)),
     ],
 )
 def test_materials_that_cannot_be(bad):
     with pytest.raises(ScenarioError):
         bad()
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"),
+    [
+        (
+            lambda: Ggx(diffuse=0.6, specular=0.5, roughness=0.3),
+            "diffuse . specular is 1.1, more light than comes in; keep",
+        ),
+        (
+            lambda: OrenNayar(reflectance=1.0, roughness_deg=11.0),
+            "sends back more light than comes in at grazing incidence; keep reflectance at or below 0.98",
+        ),
+        (
+            lambda: RetroReflector(diameter_mm=10.0, reflectance=0.9, fill_fraction=0.5, diffuse=0.6),
+            "reflectance x fill_fraction . diffuse is 1.05, more light than comes in; keep it at or below 1",
+        ),
+        (
+            lambda: TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(1.0, 1.0)),
+            "the table sends back 3.14. of the light that comes in at .* deg; check its unit",
+        ),
+        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 3.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not rise .* sort"),
+        (lambda: TableBrdf(incidence_deg=(0.0, 9.0, 9.0), measured_per_sr=(0.1, 0.1, 0.1)), "does not rise .* sort"),
+        (lambda: TableBrdf(incidence_deg=(0.0, 9.0), measured_per_sr=(0.1,)), "2 angles and 1 values; give"),
+        (lambda: TableBrdf(incidence_deg=(), measured_per_sr=()), "at least two"),
+        (lambda: ByWavelength(wavelength_nm=(1064.0, 1570.0), materials=(Lambertian(),)), "2 wavelengths and 1 mat"),
+        (lambda: ByWavelength(wavelength_nm=(), materials=()), "at least one"),
+        (lambda: ByWavelength(wavelength_nm=(532.0, 532.0), materials=(Lambertian(), CUBES)), "stands twice"),
+        (
+            lambda: CUBES.brdf_per_sr(np.ones(1)),
+            "retro_reflector: its lobe depends on the wavelength; give it one by at",
+        ),
+        (
+            lambda: ByWavelength(wavelength_nm=(532.0,), materials=(CUBES,)).brdf_per_sr(np.ones(1)),
+            "by_wavelength: has no BRDF of its own; choose one",
+        ),
+    ],
+)
+def test_a_refusal_says_why_and_what_to_do(bad, says):
+    with pytest.raises(ScenarioError, match=says) as caught:
+        bad()
+    assert "\n" not in str(caught.value)
+
+
+def test_phong_toward_the_mirror_s_direction():
+    """Lafortune and Willems 1994: the lobe stands about the mirror's direction, wherever the viewer is."""
+    shiny = Phong(diffuse=0.1, specular=0.5, exponent=40.0)
+    tilt, off = 50 * math.pi / 180, np.array([0.0, 5.0, 20.0]) * math.pi / 180
+    in_plane = shiny.brdf_per_sr(np.full(3, math.cos(tilt)), np.cos(tilt + off), np.cos(2 * tilt + off))
+    assert in_plane == pytest.approx(0.1 / math.pi + 0.5 * 42 / (2 * math.pi) * np.cos(off) ** 40, rel=1e-9)
+
+
+def test_a_table_gives_back_what_was_measured():
+    """Monostatic, the table itself, linear between its angles; of two directions it is read at the half-way angle."""
+    table = TableBrdf(incidence_deg=(10.0, 20.0, 60.0), measured_per_sr=(0.3, 0.2, 0.1))
+    angle = np.array([0.0, 10.0, 15.0, 20.0, 30.0, 60.0, 80.0]) * math.pi / 180
+    assert table.brdf_per_sr(np.cos(angle)) == pytest.approx([0.3, 0.3, 0.25, 0.2, 0.175, 0.1, 0.1], rel=1e-9)
+    apart = 12 * math.pi / 180  # light at 15 + 12 degrees, viewer at 15 - 12
+    both = table.brdf_per_sr(np.cos(angle[2] + apart), np.cos(angle[2] - apart), np.array(math.cos(2 * apart)))
+    assert both == pytest.approx(0.25, rel=1e-9)
+
+
+def test_the_laser_s_wavelength_chooses():
+    chosen = ByWavelength(wavelength_nm=(1064.0, 1570.0), materials=(Lambertian(reflectance=0.2), CUBES))
+    assert chosen.at(1064e-9) == Lambertian(reflectance=0.2)
+    assert chosen.at(1030e-9) == Lambertian(reflectance=0.2)
+    assert chosen.at(1550e-9) == CUBES.replace(wavelength_nm=1550.0)
+    with pytest.raises(ScenarioError, match=r"no material within 5 % of 532 nm \(known: 1064, 1570\); add one for it"):
+        chosen.at(532e-9)
+    assert Lambertian().at(532e-9) == Lambertian()
+
+
+def test_every_material_is_written_and_read_as_a_table():
+    adapter = TypeAdapter(Material)
+    for material in (
+        OrenNayar(reflectance=0.5, roughness_deg=20.0),
+        Ggx(diffuse=0.1, specular=0.5, roughness=0.2),
+        CUBES,
+        TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(0.1, 0.2)),
+        ByWavelength(wavelength_nm=(1064.0,), materials=(CUBES,)),
+    ):
+        table = material.model_dump(exclude_none=True)
+        assert adapter.validate_python(table) == material

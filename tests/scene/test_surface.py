@@ -3,6 +3,8 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import Lambertian, Phong
+from rso_lidar.scene.brdf import ByWavelength
+from rso_lidar.scene.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 
 BOX = box(1.0, 2.0, 3.0)
@@ -72,3 +74,91 @@ def test_same_geometry_shares_its_acceleration_structure_and_other_does_not():
     one, same, other = surface("a", BOX), surface("b", BOX), surface("c", BOX * 1.001)
     assert one.embree is same.embree
     assert one.embree is not other.embree
+
+
+def test_materials_are_those_of_the_wavelength():
+    both = ByWavelength(wavelength_nm=(1064.0, 1570.0), materials=(Lambertian(reflectance=0.1), Lambertian()))
+    cubes = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
+    halves = {"part": np.repeat(np.array([0, 1], np.int16), 6), "part_names": ("bus", "cubes")}
+    sat = surface("sat", BOX, both, **halves, part_materials={"cubes": cubes}, wavelength_m=1064e-9)
+    assert sat.materials == (Lambertian(reflectance=0.1), cubes.replace(wavelength_nm=1064.0))
+    with pytest.raises(ScenarioError, match=r"^material: by_wavelength: no material within 5 % of 532 nm"):
+        surface("sat", BOX, both, wavelength_m=532e-9)
+    with pytest.raises(ScenarioError, match=r"^part_materials\.cubes: by_wavelength: no material within 5 % of 532 nm"):
+        surface("sat", BOX, **halves, part_materials={"cubes": both}, wavelength_m=532e-9)
+
+
+def on_facets(triangles, rng, n=4000):
+    """Return facet numbers and points on them, at random."""
+    facet = rng.integers(len(triangles), size=n)
+    share = rng.dirichlet([1, 1, 1], n)
+    return facet, np.einsum("hc,hci->hi", share, triangles[facet])
+
+
+def test_a_smooth_sphere_has_a_sphere_s_normals():
+    """Within 0.5 deg of the true ones, anywhere on 1280 facets whose own are up to 4 deg off; winding is mixed."""
+    rng = np.random.default_rng(7)
+    triangles = sphere(2.0, 3)
+    turned = rng.random(len(triangles)) < 0.5
+    triangles[turned] = triangles[turned][:, [0, 2, 1]]
+    facet, point = on_facets(triangles, rng)
+    radial = point / np.linalg.norm(point, axis=1, keepdims=True)
+    ball, flat = surface("ball", triangles, smooth_parts=("body",)), surface("ball", triangles)
+    cosine = np.einsum("hi,hi->h", ball.shading_normals(facet, point), radial)
+    own = np.einsum("hi,hi->h", flat.shading_normals(facet, point), radial)
+    assert np.array_equal(np.sign(cosine), np.where(turned[facet], -1, 1)), "of the facet's own side"
+    assert np.rad2deg(np.arccos(np.abs(cosine).clip(max=1))).max() < 0.5
+    assert np.rad2deg(np.arccos(np.abs(own).clip(max=1))).max() > 3.0
+
+
+def test_an_edge_stays_an_edge():
+    """Faces of a box meet at 90 degrees: smooth or not, its normals are the facets'."""
+    rng = np.random.default_rng(8)
+    facet, point = on_facets(BOX, rng)
+    sharp = surface("sat", BOX, smooth_parts=("body",))
+    assert np.allclose(sharp.shading_normals(facet, point), sharp.planes[:3, facet].T, rtol=0, atol=1e-12)
+
+
+def ridge(rise_m):
+    """Return two squares that meet along the y axis, each falling away from it by `rise_m` over 1 m."""
+    left, right = plate(1.0) - np.array([0.5, 0, 0]), plate(1.0) + np.array([0.5, 0, 0])
+    both = np.concatenate([left, right])
+    both[..., 2] = -rise_m * np.abs(both[..., 0])
+    return both
+
+
+@pytest.mark.parametrize(("between_deg", "tilt_deg"), [(50.0, 0.0), (58.0, 0.0), (62.0, 31.0), (100.0, 50.0)])
+def test_sixty_degrees_make_an_edge(between_deg, tilt_deg):
+    """On the ridge of two squares: upright where they meet at less than 60 degrees, else the square's own."""
+    roof = surface("roof", ridge(np.tan(np.deg2rad(0.5 * between_deg))), smooth_parts=("body",))
+    normal = roof.shading_normals(np.array([0]), np.array([[-1e-9, 0.0, 0.0]]))
+    assert np.rad2deg(np.arccos(np.abs(normal[0, 2]).clip(max=1.0))) == pytest.approx(tilt_deg, abs=1e-3)
+
+
+def test_parts_do_not_share_their_normals():
+    """Two squares at 30 degrees: of one part the ridge is rounded, of two it is sharp; a part not named stays flat."""
+    roof = ridge(np.tan(np.deg2rad(15)))
+    point, facet = np.array([[-1e-9, 0.0, 0.0]]), np.array([0])  # on the ridge, of the facet that holds it
+    two = {"part": np.array([0, 0, 1, 1], np.int16), "part_names": ("a", "b")}
+    tilt = lambda s: float(np.rad2deg(np.arccos(abs(s.shading_normals(facet, point)[0, 2]))))  # noqa: E731
+    assert tilt(surface("roof", roof, smooth_parts=("body",))) == pytest.approx(0.0, abs=1e-3)
+    assert tilt(surface("roof", roof, **two, smooth_parts=("a", "b"))) == pytest.approx(15.0, abs=1e-6)
+    assert tilt(surface("roof", roof, **two, smooth_parts=("b",))) == pytest.approx(15.0, abs=1e-6)
+    assert tilt(surface("roof", roof)) == pytest.approx(15.0, abs=1e-6)
+
+
+def test_corners_weigh_by_angle():
+    """Four faces of a flat pyramid, one of them cut in two: the tip's normal is +z, whatever the cut."""
+    rim = np.array([[1, 0, -0.3], [0, 1, -0.3], [-1, 0, -0.3], [0, -1, -0.3]], dtype=float)
+    tip = np.zeros(3)
+    faces = [np.array([tip, rim[k], rim[(k + 1) % 4]]) for k in range(4)]
+    middle = 0.5 * (rim[0] + rim[1])
+    cut = [np.array([tip, rim[0], middle]), np.array([tip, middle, rim[1]]), *faces[1:]]
+    pyramid = surface("pyramid", np.array(cut), smooth_parts=("body",))
+    normal = pyramid.shading_normals(np.arange(5), np.zeros((5, 3)))
+    assert np.allclose(normal, [0, 0, 1], rtol=0, atol=1e-12)
+
+
+def test_a_smooth_part_that_is_not_there():
+    with pytest.raises(ScenarioError, match=r"smooth_parts: no part 'bdy' in sat\.stl; did you mean 'body'"):
+        surface("sat", BOX, smooth_parts=("bdy",))

@@ -1,0 +1,384 @@
+"""Draw the curves of docs/instrument.md: ``python docs/figures.py`` writes docs/pictures/, a minute or two on one core.
+
+Every curve is what the detector's chain makes of a plate on the bench, with fixed seeds; nothing is drawn from a formula
+but what says so. A name or two on the command line draws these figures only.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rso_lidar as rl
+from rso_lidar import picture, units
+from rso_lidar.detector import chain
+from rso_lidar.detector.calibrate import REFERENCE_FWHM_S, reference_pulse
+from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
+from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector.ranging import locate
+from rso_lidar.detector.trial import Trial, plate, trial
+from rso_lidar.detector.waveform import rows_about
+from rso_lidar.picture.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.records import Photons, Waveforms
+
+FOLDER = Path(__file__).resolve().parent / "pictures"
+BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]
+STILL = rl.Timing(pixel_jitter_ns=0.0)
+ALGORITHMS = {
+    "matched_filter": BLUE,
+    "constant_fraction": ORANGE,
+    "centroid": GREEN,
+    "parabola": PINK,
+    "leading_edge": RED,
+}
+CM = units.RANGE_PER_DELAY_M_S / units.CM  # a delay in seconds as a range in cm
+
+
+def seen(detector: Any, photons: float, n: int, seed: int = 0, pulse_fwhm_ns: float = 8.0, range_m: float = 3000.0) -> Trial:
+    """Return what `n` pixels of a detector make of so many photons."""
+    laser = rl.Laser(pulse_fwhm_ns=pulse_fwhm_ns)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(20_240_917, spawn_key=(seed, round(photons)))))
+    return trial(detector, plate(photons, n, laser.pulse, laser.pulse_fwhm_s, range_m), rng)
+
+
+def binomial_bars(found: int, n: int) -> tuple[float, float, float]:
+    """Return share and the two lengths of its 95 % interval (Wilson 1927)."""
+    z2, share = 1.96**2, found / n
+    middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n)
+    half = 1.96 * math.sqrt(share * (1.0 - share) / n + 0.25 * z2 / n**2) / (1.0 + z2 / n)
+    return share, max(share - middle + half, 0.0), max(middle + half - share, 0.0)
+
+
+def key(axes: Any, where: str = "best", **more: Any) -> None:
+    """Put a legend in quiet ink."""
+    axes.legend(fontsize=8, frameon=False, loc=where, labelcolor=hexed(QUIET), **more)
+
+
+# --------------------------------------------------------------------------------------------------------- figures
+
+
+def counts() -> Any:
+    """Return photons to counts, and how they scatter (seed fig. 13)."""
+    figure = new_figure(
+        9.6, 4.4, "Photons to counts",
+        "default detector, 8 ns pulse on a facing plate; the seed's figure 13 has the same shape and no numbers",
+    )  # fmt: skip
+    mean_of, noise_of = figure.subplots(1, 2)
+    levels = np.geomspace(900, 1e6, 28)
+    kinds = {
+        "default: the converter clips": (rl.Gsfl(), BLUE),
+        "amplifier saturates first (saturation on)": (rl.Gsfl(saturation=rl.Saturation()), ORANGE),
+    }
+    for label, (detector, colour) in kinds.items():
+        trials = [seen(detector, level, 1500).intensity_counts for level in levels]
+        mean = np.array([one.mean() for one in trials])
+        spread = np.array([one.std() for one in trials])
+        mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=1.0)
+        noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=1.0)
+    fast = rl.Empirical()
+    mean_of.plot(levels, fast.counts(levels), "--", color=hexed(INK), lw=0.9, label="empirical, fitted to the blue curve")
+    mean_of.set(xscale="log", yscale="log")
+    noise_of.set(xscale="log", ylim=(0, None))
+    in_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
+    dress(mean_of, "Mean", x="Photons on the pixel", y="Intensity [counts]")
+    dress(noise_of, "Standard deviation", x="Photons on the pixel", y="[counts]")
+    key(mean_of)
+    key(noise_of)
+    return figure
+
+
+def detection() -> Any:
+    """Return the probability of detection over photons."""
+    figure = new_figure(
+        9.6, 4.4, "Probability of detection",
+        "share of 4000 pixels that report the plate, with 95 % intervals (Wilson); 1000 photons and 95 % are the seed's",
+    )  # fmt: skip
+    by_preset, by_pulse = figure.subplots(1, 2, sharey=True)
+    levels, n = np.arange(500, 1301, 50), 4000
+
+    def draw(axes: Any, detector: Any, colour: str, label: str, pulse_fwhm_ns: float = 8.0) -> None:
+        found = [int(seen(detector, level, n, 1, pulse_fwhm_ns).detected.sum()) for level in levels]
+        share, low, high = np.array([binomial_bars(count, n) for count in found]).T
+        axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
+
+    draw(by_preset, rl.Gsfl(), BLUE, "noise_limited")
+    draw(by_preset, rl.Gsfl(preset="offset_limited"), ORANGE, "offset_limited")
+    fast = rl.Empirical().detection_probability(levels.astype(float))
+    by_preset.plot(levels, fast, "--", color=hexed(INK), lw=0.9, label="empirical, fitted to noise_limited")
+    for fwhm_ns, colour in ((6.0, GREEN), (8.0, BLUE), (10.0, RED)):
+        draw(by_pulse, rl.Gsfl(), colour, f"{fwhm_ns:g} ns", fwhm_ns)
+    for axes in (by_preset, by_pulse):
+        axes.axhline(0.95, color=hexed(LINE), lw=0.8)
+        axes.axvline(1000, color=hexed(LINE), lw=0.8)
+    dress(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
+    dress(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
+    in_thousands(by_preset.xaxis, by_pulse.xaxis)
+    key(by_preset)
+    key(by_pulse)
+    return figure
+
+
+def false_alarms() -> Any:
+    """Return how often noise crosses the threshold, Gaussian and with avalanches."""
+    figure = new_figure(
+        7.6, 4.8, "False alarms of one pixel",
+        "formulas: Rice's for Gaussian noise, and with McIntyre's avalanches of 1 nA of dark current; dots: the presets' thresholds",
+    )  # fmt: skip
+    axes = figure.subplots()
+    over = np.linspace(3.0, 18.0, 121)
+    for preset, style in (("noise_limited", "-"), ("offset_limited", "--")):
+        for k, colour in ((0.02, GREEN), (0.2, BLUE), (0.4, RED)):
+            detector = rl.Gsfl(preset=preset, apd=rl.Apd(ionisation_ratio=k))
+            amplifier, apd = detector.amplifier, detector.apd
+            known = {"noise_electrons": amplifier.noise_electrons, "pole_s": amplifier.pole_s}
+            rate_per_s = np.array(apd.dark_electrons_per_s)
+            sigma = noise_rms(apd, rate_per_s, integration_s=amplifier.integration_s, **known)
+            rate = false_alarm_rate(
+                over * sigma, apd=apd, rate_per_s=rate_per_s, integration_s=amplifier.integration_s, **known
+            )
+            rate = np.maximum(rate, 1e-30)
+            axes.plot(over, rate, style, color=colour, lw=1.1, label=f"{preset}, k = {k:g}")
+            own = detector.threshold_over_noise
+            axes.plot(own, np.exp(np.interp(own, over, np.log(rate))), "o", color=colour, ms=5)
+    axes.plot(over, rice_rate(over, 1.0, rl.Amplifier().pole_s), color=hexed(INK), lw=1.4, label="Gaussian (Rice)")
+    axes.set(yscale="log", ylim=(1e-6, 1e7), xlim=(3, 18.5))
+    dress(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
+    key(axes)
+    return figure
+
+
+def precision() -> Any:
+    """Return range noise per algorithm: in amplifier noise with the bound, and through the whole chain."""
+    figure = new_figure(
+        9.6, 4.6, "Range precision",
+        "left: samples of a known pulse in the amplifier's noise alone; right: the whole chain, preset noise_limited",
+    )  # fmt: skip
+    bench, whole = figure.subplots(1, 2)
+    pulse, sample_s, pole_s, sigma = _pulse(), rl.Readout().sample_s, rl.Amplifier().pole_s, 5.0
+    covariance = noise_covariance(20, sample_s, pole_s, sigma)
+    root, rng, n = np.linalg.cholesky(covariance), np.random.Generator(np.random.Philox(46)), 4000
+    snrs = np.geomspace(5, 200, 12)
+    phase = (np.arange(n) + 0.5) / n - 0.5
+    time_s = (np.arange(20) - 10 - phase[:, None]) * sample_s + pulse.peak_s
+    clean, start = pulse.amplitude(time_s) / pulse.peak, np.full(n, 8)
+    noise = np.einsum("ij,nj->ni", root, rng.standard_normal((n, 20)))
+    truth = (10 + phase) * sample_s - pulse.peak_s
+    known = {"sample_s": sample_s, "sigma_counts": sigma, "pole_s": pole_s}
+    for name, colour in ALGORITHMS.items():
+        spread = []
+        for snr in snrs:
+            samples = (snr * sigma * clean + noise).astype(np.float32)
+            ranging = rl.Ranging(algorithm=name)
+            found, _ = locate(samples, start, pulse, ranging, threshold_counts=2.5 * sigma, **known)
+            spread.append(np.nanstd((found - truth) * CM))
+        bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
+    bound = [
+        math.sqrt(np.mean([crlb_s(pulse, snr * sigma, sample_s, covariance, p) ** 2 for p in np.linspace(-0.5, 0.5, 9)]))
+        for snr in snrs
+    ]
+    bench.plot(snrs, np.array(bound) * CM, color=hexed(INK), lw=1.4, label="Cramér–Rao bound")
+    levels = np.geomspace(700, 60_000, 12)
+    for name, colour in ALGORITHMS.items():
+        detector = rl.Gsfl(timing=STILL, ranging=rl.Ranging(algorithm=name, walk_correction=True))
+        spread = [seen(detector, level, 1500, 2).range_noise_m / units.CM for level in levels]
+        whole.plot(levels, spread, ".-", color=colour, ms=4, lw=1.0, label=f"{name}")
+    spread = [seen(rl.Gsfl(), level, 4000, 3).range_noise_m / units.CM for level in levels]
+    whole.plot(levels, spread, "--", color=BLUE, lw=1.3, label="matched_filter with the default jitter: 5 cm")
+    for axes in (bench, whole):
+        axes.set(xscale="log", yscale="log")
+        in_thousands(axes.xaxis, axes.yaxis)
+    dress(bench, "Amplifier noise alone", x="Amplitude over rms noise", y="Range, 1 sigma [cm]")
+    dress(whole, "Whole chain, jitter off, walk corrected", x="Photons on the pixel", y="Range, 1 sigma [cm]")
+    key(bench)
+    key(whole)
+    return figure
+
+
+def _pulse() -> Pulse:
+    step_s, power = reference_pulse()
+    amplifier = rl.Amplifier()
+    return Pulse.after(step_s, power, amplifier.pole_s, amplifier.integration_s)
+
+
+def walk() -> Any:
+    """Return the bias of range over photons, raw and corrected."""
+    figure = new_figure(
+        9.6, 4.6, "Range walk",
+        "mean error over 2000 pixels, jitter off, with 95 % intervals; linear within 5 cm; beyond 100,000 photons the converter clips",
+    )  # fmt: skip
+    from matplotlib.ticker import NullLocator
+
+    both = figure.subplots(1, 2, sharey=True)
+    levels = np.geomspace(800, 400_000, 16)
+    for axes, corrected in zip(both, (False, True), strict=True):
+        for name, colour in ALGORITHMS.items():
+            ranging = rl.Ranging(algorithm=name, walk_correction=corrected)
+            detector = rl.Gsfl(timing=STILL, ranging=ranging)
+            trials = [seen(detector, level, 2000, 4) for level in levels]
+            bias = np.array([one.range_bias_m for one in trials]) / units.CM
+            bar = [1.96 * one.range_error_m.std() / math.sqrt(len(one.range_error_m)) / units.CM for one in trials]
+            axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=1.0, label=name)
+        axes.axhline(0.0, color=hexed(INK), lw=0.6)
+        axes.set(xscale="log", ylim=(-160, 100))
+        axes.set_yscale("symlog", linthresh=5.0, linscale=1.2)
+        axes.set_yticks([-100, -50, -20, -10, -5, -2, 0, 2, 5, 10, 20, 50])
+        axes.yaxis.set_minor_locator(NullLocator())
+        in_thousands(axes.xaxis, axes.yaxis)
+    dress(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
+    dress(both[1], "walk_correction = true", x="Photons on the pixel")
+    key(both[0], "lower left")
+    return figure
+
+
+def pixel() -> Any:
+    """Return the life of one pixel at an edge, stage by stage."""
+    figure = new_figure(
+        9.6, 8.2, "One pixel at an edge, from light to two ranges",
+        "2500 photons from 100.0 m and 4000 from 102.6 m in one pixel; preset noise_limited, max_returns = 2",
+    )  # fmt: skip
+    detector = rl.Gsfl(max_returns=2)
+    photons = _edge((100.0, 102.6), (2500.0, 4000.0))
+    rng = np.random.Generator(np.random.Philox(9))
+    plan, camera = detector.plan(REFERENCE_FWHM_S), detector.camera(1)
+    rows, arming = chain.armed(detector, rows_about(photons, plan, 1), plan.step_s)
+    made = chain.analog(detector, photons, rows, plan, camera, rng)
+    threshold = np.array([detector.trigger.threshold_electrons * camera.threshold[0]], np.float32)
+    latch = int(chain.latched(detector, made, threshold[rows.pixel], arming, plan.step_s, rng)[0])
+    per = plan.steps_per_sample
+    sample = (rows.start[0] + latch) // per - detector.readout.pretrigger_samples
+    at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
+    samples = detector.readout.convert(made.amplitude[0, at])[None]
+    waveforms = Waveforms(
+        shape=(1, 1), sample_s=detector.readout.sample_s, baseline_counts=detector.readout.baseline_counts, pixel=np.zeros(1, int),
+        start_s=np.array([sample * detector.readout.sample_s]), latch_s=np.array([(rows.start[0] + latch) * plan.step_s]),
+        samples_counts=samples,
+    )  # fmt: skip
+    reading = rl_measure(detector, waveforms, photons)
+
+    light, current, voltage, stored = figure.subplots(4, 1, sharex=True)
+    range_m = (rows.start[0] + np.arange(rows.length)) * plan.step_s * units.RANGE_PER_DELAY_M_S
+    light.stem(range_m[made.light[0] > 1.0], made.light[0][made.light[0] > 1.0], basefmt=" ", linefmt=BLUE, markerfmt=".")
+    dress(light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps")
+    current.plot(range_m, detector.apd.gain * made.primaries[0], color=hexed(INK), lw=1.1, label="gain × expected photoelectrons")
+    current.step(range_m, made.electrons[0], where="mid", color=ORANGE, lw=1.0, label="drawn: Poisson, avalanche, dark current")
+    dress(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
+    key(current)
+    voltage.plot(range_m, made.mean()[0], color=hexed(INK), lw=0.9, label="without noise")
+    voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=1.2, label="amplitude")
+    voltage.axhline(threshold[0], color=RED, lw=0.9, ls="--", label="threshold of this pixel")
+    voltage.axvline(range_m[latch], color=RED, lw=0.9, label="latch")
+    dress(voltage, "Amplifier and trigger", y="Electrons")
+    key(voltage)
+    counts_at = samples[0] - detector.readout.baseline_counts
+    stored.plot(range_m[at], counts_at, "o", color=BLUE, ms=4, label="20 samples, less the baseline")
+    pulse = detector.pulse(photons)
+    fine = np.linspace(range_m[at[0]], range_m[at[-1]], 600)
+    found_m, height = reading.return_range_m[0, 0], reading.return_intensity_counts[0, 0]
+    fit = [
+        tall * pulse.amplitude((fine - where) / units.RANGE_PER_DELAY_M_S) / pulse.peak
+        for where, tall in zip(found_m.astype(float), height.astype(float), strict=True)
+        if np.isfinite(where)
+    ]
+    for k, one in enumerate(fit):
+        stored.plot(fine, one, color=PINK, lw=1.0, ls="--", label="" if k else "the pulses fitted, jitter included")
+    stored.plot(fine, np.sum(fit, axis=0), color=GREEN, lw=1.2, label="and their sum")
+    for where in found_m[np.isfinite(found_m)]:
+        stored.axvline(where, color=GREEN, lw=0.7)
+        stored.text(where, 1.02, f"{where:.2f} m", transform=stored.get_xaxis_transform(), fontsize=8, ha="center", color=GREEN)
+    dress(stored, "Samples and fit", x="Two-way delay as a range [m]; the amplifier's own delay shows, and is taken off", y="Counts")
+    key(stored)
+    in_thousands(light.yaxis, current.yaxis, voltage.yaxis)
+    stored.set_xlim(range_m[at[0]] - 0.3, range_m[at[-1]] + 0.3)
+    figure.align_ylabels([light, current, voltage, stored])
+    return figure
+
+
+def rl_measure(detector: rl.Gsfl, waveforms: Waveforms, photons: Photons) -> Any:
+    """Return the reading of stored samples."""
+    from rso_lidar.detector.measure import measure
+
+    return measure(detector, waveforms, detector.pulse(photons), np.random.Generator(np.random.Philox(10)))
+
+
+def _edge(ranges_m: Sequence[float], photons: Sequence[float]) -> Photons:
+    step_s, power = reference_pulse()
+    n = len(ranges_m)
+    return Photons(
+        shape=(1, 1), pulse_fwhm_s=REFERENCE_FWHM_S, pulse_step_s=step_s, late_s=0.0, pulse_power_per_s=power,
+        pixel=np.zeros(n, int), delay_s=np.array(ranges_m) / units.RANGE_PER_DELAY_M_S, photons=np.array(photons),
+        depth_spread_s=np.zeros(n), coherence_cells=np.full(n, 885.0), hit=np.arange(n), cluster=np.arange(n),
+        cluster_pixel=np.zeros(n, int),
+    )  # fmt: skip
+
+
+def gate() -> Any:
+    """Return detection under a range gate over photons, and at 30 photons over pulses averaged."""
+    figure = new_figure(
+        9.6, 5.0, "Range gate: what 30 photons take",
+        "gate of 47.6 ns, threshold for 0.1 % of false alarms in Gaussian noise; avalanches of dark current make them more (legend)",
+    )  # fmt: skip
+    single, averaged = figure.subplots(1, 2, sharey=True)
+    quiet = rl.Amplifier(noise_electrons=60.0)
+    fine = rl.Readout(electrons_per_count=10.0)
+    presets = {
+        "noise_limited": (rl.Gsfl(), BLUE),
+        "offset_limited": (rl.Gsfl(preset="offset_limited"), ORANGE),
+        "60 electrons of amplifier noise": (rl.Gsfl(amplifier=quiet, readout=fine), GREEN),
+        "the same with 0.01 nA of dark current": (
+            rl.Gsfl(amplifier=quiet, readout=fine, apd=rl.Apd(dark_current_na=0.01)),
+            PINK,
+        ),
+    }
+    n = 1000
+    middle_m = 3000.0
+    delay_ns = middle_m / units.RANGE_PER_DELAY_M_S / units.NS - 22.0
+    for name, (detector, colour) in presets.items():
+        dark = detector.replace(gate=rl.Gate(delay_ns=delay_ns))
+        false = seen(dark, 1e-9, 16_384, 5, range_m=middle_m).probability
+        label = f"{name}: false alarms {false:.1%}"
+        for axes, levels in ((single, np.geomspace(10, 1000, 13)), (averaged, np.array([1, 2, 4, 8, 16, 32, 64]))):
+            points = []
+            for level in levels:
+                pulses, photons = (1, float(level)) if axes is single else (int(level), 30.0)
+                gated = detector.replace(gate=rl.Gate(delay_ns=delay_ns, pulses=pulses))
+                points.append(binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n))
+            share, low, high = np.array(points).T
+            axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
+    for axes in (single, averaged):
+        axes.set(xscale="log", ylim=(-0.03, 1.03))
+        in_thousands(axes.xaxis)
+    single.axvline(30, color=hexed(LINE), lw=0.8)
+    dress(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
+    dress(averaged, "30 photons a pulse", x="Pulses averaged")
+    lines, labels = single.get_legend_handles_labels()
+    figure.legend(lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hexed(QUIET))
+    return figure
+
+
+FIGURES: dict[str, Callable[[], Any]] = {
+    "counts": counts,
+    "detection": detection,
+    "false_alarms": false_alarms,
+    "precision": precision,
+    "walk": walk,
+    "pixel": pixel,
+    "gate": gate,
+}
+
+
+def main(names: Sequence[str] = ()) -> None:
+    """Draw the figures of these names, or all."""
+    if unknown := set(names) - set(FIGURES):
+        raise SystemExit(f"figures: nothing is called {', '.join(sorted(unknown))} (known: {', '.join(FIGURES)})")
+    for name in names or FIGURES:
+        picture.save_figure(FIGURES[name](), FOLDER / f"{name}.png", dpi=120)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,168 @@
+"""Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.calibrate`.
+
+The reference state: 1000 mean photons on the pixel after the optics and before quantum efficiency, a Gaussian pulse of
+8 ns, a plate at normal incidence, dark current and threshold spread on, background off; 95 % of flashes are detected there
+(seed 3.3). ``noise_limited`` asks besides that threshold over noise be 6, ``offset_limited`` that the amplifier have 300
+electrons. The fast detector's curves are then fitted to the chain's. Nothing here runs when a user changes a setting.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.chain import analog, armed, noise_sigma
+from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.trial import Trial, plate, trial
+from rso_lidar.detector.trigger import watched_steps
+from rso_lidar.detector.waveform import rows_about
+
+REFERENCE_PHOTONS, REFERENCE_PROBABILITY, REFERENCE_FWHM_S = 1000.0, 0.95, 8e-9
+THRESHOLD_OVER_NOISE, OFFSET_NOISE_ELECTRONS = 6.0, 300.0
+_SEED = 20_240_917
+_PIXELS = 16_384
+_LEVELS = (400, 500, 600, 650, 700, 750, 800, 850, 900, 950, 1000, 1100, 1200, 1400, 2000, 4000, 10_000, 30_000)
+_COUNTS = (1000, 3000, 10_000, 30_000, 60_000, 80_000, 95_000, 110_000, 150_000, 300_000)
+
+
+def reference_pulse() -> tuple[float, np.ndarray]:
+    """Return step [s] and power (tap) [1/s] of the reference pulse."""
+    step_s = REFERENCE_FWHM_S / 48.0
+    time = np.arange(-177, 178) / 24.0
+    power = np.exp(-math.log(2.0) * time**2)
+    return step_s, power / (power.sum() * step_s)
+
+
+def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
+    """Return the greatest amplitude that comparators see of the reference pulse, over their pixel's factor of threshold."""
+    rng = np.random.Generator(np.random.Philox(_SEED))
+    photons = plate(REFERENCE_PHOTONS, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
+    plan, camera = gsfl.plan(REFERENCE_FWHM_S), gsfl.camera(_PIXELS)
+    rows, _ = armed(gsfl, rows_about(photons, plan, _PIXELS), plan.step_s)
+    watched = watched_steps(rows.length, rows.first, rows.last)
+    bridge = gsfl.bridge(plan.step_s)
+    found = []
+    for _ in range(repeats):
+        made = analog(gsfl, photons, rows, plan, camera, rng)
+        amplitude = np.where(watched, made.amplitude, -np.inf)
+        height = amplitude.max(axis=1)
+        sigma = noise_sigma(gsfl, made.primaries, plan.step_s)
+        pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
+        near = pair > (height - bridge.reach * bridge.sigma * sigma.max(axis=1))[:, None]
+        row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
+        np.maximum.at(height, row, bridge.heights(made.amplitude, made.mean(), row, step, sigma[row, step], rng))
+        found.append(height / camera.threshold)
+    return np.concatenate(found)
+
+
+def solve(noise_electrons: float | None, repeats: int = 24) -> tuple[float, float]:
+    """Return amplifier noise and threshold [electrons] for the reference state; noise None: of threshold / noise = 6."""
+    noise = noise_electrons or 1000.0
+    threshold = 6.0 * noise
+    for _ in range(1 if noise_electrons else 6):
+        gsfl = Gsfl()
+        gsfl = gsfl.replace(amplifier=gsfl.amplifier.replace(noise_electrons=noise))
+        threshold = float(np.quantile(peaks(gsfl, repeats), 1.0 - REFERENCE_PROBABILITY))
+        if noise_electrons is None:
+            shot2 = gsfl.noise_electrons**2 - noise**2
+            noise = math.sqrt((threshold / THRESHOLD_OVER_NOISE) ** 2 - shot2)
+    return noise, threshold
+
+
+def measured(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
+    """Return a trial of so many photons at the reference state, over several flashes of a camera."""
+    rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
+    seen = plate(photons, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
+    trials = [trial(gsfl, seen, rng) for _ in range(repeats)]
+    return Trial(*(np.concatenate([getattr(one, name) for one in trials]) for name in Trial.__dataclass_fields__))
+
+
+def fit(gsfl: Gsfl) -> dict[str, float]:
+    """Return the coefficients of the empirical detector that follow this detector's curves, by least squares."""
+    from scipy.optimize import least_squares
+    from scipy.special import ndtr
+
+    levels = np.array(_LEVELS, dtype=float)
+    trials = [measured(gsfl, level) for level in _LEVELS]
+    probability = np.array([one.probability for one in trials])
+    still = gsfl.replace(timing=gsfl.timing.replace(pixel_jitter_ns=0.0))
+    quantum, s = gsfl.quantum_efficiency, REFERENCE_FWHM_S / units.FWHM_PER_SIGMA
+
+    def detection(x: np.ndarray) -> np.ndarray:
+        def noise(n: np.ndarray | float) -> np.ndarray:
+            return np.asarray(np.sqrt(x[0] ** 2 + x[1] * n / quantum))
+
+        threshold = REFERENCE_PHOTONS - 1.644_853_626_951_472_6 * noise(REFERENCE_PHOTONS)
+        return ndtr((levels - threshold) / noise(levels))  # type: ignore[no-any-return]
+
+    found = least_squares(lambda x: detection(x) - probability, [130.0, 3.5], bounds=([0.0, 1.0], [900.0, 60.0]))
+    n = levels[probability > 0.5]  # of fewer photons only the lucky ones are seen
+    noise_m = np.array([measured(still, level).range_noise_m for level in n])
+    sample_s = gsfl.readout.sample_s
+
+    def spread(x: np.ndarray) -> np.ndarray:
+        white = 2.0 * s * sample_s / math.sqrt(math.pi) * (x[0] / n) ** 2
+        shot = s**2 * x[1] / (quantum * n)
+        return np.asarray(units.RANGE_PER_DELAY_M_S * np.sqrt(shot + white))
+
+    ranging = least_squares(lambda x: np.log(spread(x) / noise_m), [130.0, 3.5], bounds=([0.0, 0.1], [900.0, 60.0]))
+    counts_at = np.array(_COUNTS, dtype=float)
+    counts = np.array([float(measured(gsfl, level, 1).intensity_counts.mean()) for level in _COUNTS])
+
+    def bent(x: np.ndarray) -> np.ndarray:
+        linear = x[0] * counts_at
+        return np.asarray(np.minimum(linear / (1.0 + (linear / x[1]) ** 4) ** 0.25, gsfl.full_scale_counts))
+
+    bend = least_squares(lambda x: np.log(bent(x) / counts), [0.04, 5000.0], bounds=([1e-3, 1e3], [1.0, 1e5]))
+    told = np.array([2000.0, 4000.0, 8000.0, 16_000.0, 32_000.0])
+    noise_photons = np.array([float(measured(gsfl, level).intensity_counts.std()) for level in told]) / bend.x[0]
+
+    def scatter(x: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sqrt(x[0] ** 2 + x[1] * told / quantum + 1.0 / (12.0 * bend.x[0] ** 2)))
+
+    intensity = least_squares(lambda x: np.log(scatter(x) / noise_photons), [130.0, 3.5], bounds=([0.0, 0.1], [900, 60]))
+    return {
+        "noise_equivalent_photons": float(found.x[0]),
+        "excess_noise_factor": float(found.x[1]),
+        "intensity_noise_equivalent_photons": float(intensity.x[0]),
+        "intensity_excess_noise_factor": float(intensity.x[1]),
+        "range_noise_equivalent_photons": float(ranging.x[0]),
+        "range_excess_noise_factor": float(ranging.x[1]),
+        "range_plateau_m": gsfl.timing.pixel_jitter_ns * units.NS * units.RANGE_PER_DELAY_M_S,
+        "counts_per_photon": float(bend.x[0]),
+        "compression_counts": float(bend.x[1]),
+        "false_alarms_per_s": gsfl.mean_false_alarms_per_s,
+    }
+
+
+def _table(name: str, values: dict[str, float]) -> str:
+    return "\n".join([f"[{name}]", *(f"{key} = {float(f'{value:.5g}')}" for key, value in values.items()), ""])
+
+
+def write(path: Path) -> None:
+    """Solve both presets, fit the empirical detector to the first, and write all to a file."""
+    tables = []
+    for name, noise_electrons in (("noise_limited", None), ("offset_limited", OFFSET_NOISE_ELECTRONS)):
+        noise, threshold = solve(noise_electrons)
+        values = {"noise_electrons": noise, "threshold_electrons": threshold}
+        tables.append((name, values))
+        gsfl = Gsfl()
+        gsfl = gsfl.replace(
+            amplifier=gsfl.amplifier.replace(noise_electrons=noise),
+            trigger=gsfl.trigger.replace(threshold_electrons=threshold),
+        )
+        reached = measured(gsfl, REFERENCE_PHOTONS, 8).probability
+        sys.stdout.write(f"{name}: {values}, detects {reached:.4f} of {REFERENCE_PHOTONS:g} photons\n")
+        if noise_electrons is None:
+            fitted = fit(gsfl)
+            sys.stdout.write(f"empirical: {fitted}\n")
+    remark = "# Written by `make calibrate` (python -m rso_lidar.detector.calibrate); edit that, not this.\n"
+    path.write_text(
+        "\n".join([remark, *(_table(*table) for table in [*tables, ("empirical", fitted)])]), encoding="utf-8"
+    )
+
+
+if __name__ == "__main__":
+    write(Path(__file__).with_name("presets.toml"))

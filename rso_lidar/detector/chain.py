@@ -1,0 +1,254 @@
+"""The signal chain, stage by stage: photons become primaries, electrons, volts, a latch, samples and counts.
+
+Each stage is a function of arrays and of its own part's settings, in the order of the photon's life; `traces` walks them for
+pixels that trigger themselves, `gated` for pixels that all store one stretch of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.amplifier import Filters
+from rso_lidar.detector.apd import multiply
+from rso_lidar.detector.false_triggers import false_traces, first_false_s
+from rso_lidar.detector.focal_plane import Camera
+from rso_lidar.detector.noise import noise_rms
+from rso_lidar.detector.trigger import crossed_between, first_crossing, watched_steps
+from rso_lidar.detector.waveform import Plan, Rows, expected, pulse_transfer, rows_about
+from rso_lidar.records import Photons, Waveforms
+
+if TYPE_CHECKING:
+    from rso_lidar.detector.gsfl import Gsfl
+
+
+# Fewer expected photoelectrons in a step are the rounding of the transform, or a tail that no one sees.
+_LEAST_PRIMARIES = np.float32(1e-4)
+
+_ROWS_AT_ONCE = 512  # what is worked on stays in the cache
+
+
+@dataclass(frozen=True, eq=False)
+class Analog:
+    """The amplifier's output about the returns, with what led to it; arrays (row, step), rates per step."""
+
+    rows: Rows
+    light: np.ndarray  # expected photons, each return a flash of no length
+    primaries: np.ndarray  # expected photoelectrons of the signal
+    electrons: np.ndarray  # drawn, after the APD; dark current and background included
+    amplitude: np.ndarray  # electrons above the baseline, after the amplifier
+    transfer: np.ndarray  # what light is multiplied by, transformed along time, to be the mean of amplitude
+
+    def mean(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return the amplitude (row, step) [electrons] of some rows without noise."""
+        from scipy.fft import irfft, rfft
+
+        mean: np.ndarray = irfft(rfft(self.light[rows], axis=1) * self.transfer, self.rows.length, axis=1)
+        return mean
+
+
+def base_rate_per_s(gsfl: Gsfl, camera: Camera, photons: Photons) -> np.ndarray:
+    """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight."""
+    rate = np.full(len(camera.gain), gsfl.apd.dark_electrons_per_s)
+    if gsfl.defects is not None and camera.hot.any():
+        rate[camera.hot] = gsfl.defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
+    if photons.background_photons_per_s is not None:
+        rate += gsfl.quantum_efficiency * photons.background_photons_per_s.ravel()
+    return rate
+
+
+def speckled(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> np.ndarray | None:
+    """Return the factors (return) that speckle puts on the photons, one draw for each cluster; None without speckle."""
+    if gsfl.speckle is None or not len(photons.pixel):
+        return None
+    cells = np.bincount(photons.cluster, photons.coherence_cells, len(photons.cluster_pixel))
+    factors: np.ndarray = gsfl.speckle.factors(cells, rng)[photons.cluster]
+    return factors
+
+
+def analog(
+    gsfl: Gsfl, photons: Photons, rows: Rows, plan: Plan, camera: Camera, rng: np.random.Generator | None
+) -> Analog:
+    """Return the amplifier's output over the rows; without a generator the mean of it, free of noise."""
+    from scipy.fft import irfft, rfft
+
+    n, gain = rows.length, np.float32(gsfl.apd.gain)
+    filters = Filters(gsfl.amplifier, n, plan.step_s)
+    light = expected(photons, rows, plan.step_s, speckled(gsfl, photons, rng) if rng else None)
+    pulse = (gsfl.quantum_efficiency * pulse_transfer(photons, n, plan.step_s)).astype(np.complex64)
+    transfer = gain * pulse * filters.mean
+    primaries, excess, amplitude = (np.empty(light.shape, np.float32) for _ in range(3))
+    electrons = primaries if rng is None else np.empty(light.shape, np.float32)
+    base = (base_rate_per_s(gsfl, camera, photons) * plan.step_s).astype(np.float32)[rows.pixel]
+    common = float(base.min(initial=np.inf)) if len(base) else 0.0
+    blocks = [slice(first, first + _ROWS_AT_ONCE) for first in range(0, len(light), _ROWS_AT_ONCE)]
+    for block in blocks:
+        signal = irfft(rfft(light[block], axis=1) * pulse, n, axis=1)
+        signal[signal < _LEAST_PRIMARIES] = 0.0
+        primaries[block] = signal
+        if rng is not None:
+            total = signal + base[block, None]
+            electrons[block] = multiply(total, gsfl.apd, rng, base=common)
+            np.subtract(electrons[block], gain * total, out=excess[block])
+    if rng is not None and gsfl.droop is not None:
+        excess += electrons * (_droop(gsfl, rows, electrons, plan.step_s) - np.float32(1.0))
+    for block in blocks:
+        spectrum = rfft(light[block], axis=1) * transfer
+        if rng is not None:
+            spectrum += rfft(excess[block], axis=1) * filters.shot
+        if gsfl.maps is not None:
+            spectrum *= camera.gain[rows.pixel[block], None].astype(np.float32)
+        if rng is not None:
+            noise = rng.standard_normal((len(spectrum), n // 2 + 1, 2), dtype=np.float32)
+            noise *= filters.noise[:, None]
+            spectrum += noise.view(np.complex64)[..., 0]
+        amplitude[block] = irfft(spectrum, n, axis=1)
+    if rng is None:
+        electrons = gain * primaries
+    if gsfl.saturation is not None:
+        amplitude = gsfl.saturation.limited(amplitude, plan.step_s)
+    return Analog(rows, light, primaries, electrons, amplitude, transfer)
+
+
+def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, step_s: float) -> np.ndarray:
+    """Return the gain (row, step) relative to rest while the whole array draws on the bias supply."""
+    assert gsfl.droop is not None
+    if not len(rows.pixel):
+        return electrons
+    begin = int(rows.start.min())
+    step = (rows.start - begin)[:, None] + np.arange(rows.length)
+    span = int(step.max()) + 1
+    if span > 2**24:
+        begins, step = np.unique(step, return_inverse=True)  # far-apart returns: the supply recovers between them
+        step, span = step.reshape(electrons.shape), len(begins)
+    drawn = np.bincount(step.ravel(), electrons.ravel(), span)
+    gain: np.ndarray = gsfl.droop.gain(drawn, step_s).astype(np.float32)[step]
+    return gain
+
+
+def armed(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
+    """Return the rows watched only inside the armed window, and which of them begin to be watched as it opens."""
+    opens, closes = (np.ceil(m / units.RANGE_PER_DELAY_M_S / step_s) for m in (gsfl.armed_from_m, gsfl.armed_to_m))
+    first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
+    last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
+    return Rows(rows.pixel, rows.start, first, last, rows.length, rows.room), first > rows.first
+
+
+def latched(
+    gsfl: Gsfl,
+    made: Analog,
+    threshold: np.ndarray,
+    arming: np.ndarray,
+    step_s: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the step (row) at which each row's comparator latches, or -1; `threshold` (row) [electrons]."""
+    rows, amplitude = made.rows, made.amplitude
+    hysteresis = gsfl.trigger.hysteresis_electrons
+    latch = first_crossing(amplitude, threshold, rows.first, rows.last, hysteresis=hysteresis, arming=arming)
+    missed = np.flatnonzero((latch < 0) & ~arming)
+    watched = watched_steps(rows.length, rows.first[missed], rows.last[missed])
+    bridge = gsfl.bridge(step_s)
+    sigma = noise_sigma(gsfl, made.primaries[missed], step_s)
+    latch[missed] = crossed_between(
+        amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
+    )
+    return latch
+
+
+def noise_sigma(gsfl: Gsfl, primaries: np.ndarray, step_s: float) -> np.ndarray:
+    """Return the rms [electrons] of the noise where so many primaries come in a step, dark current included."""
+    rate_per_s = primaries / step_s + gsfl.apd.dark_electrons_per_s
+    amplifier = gsfl.amplifier
+    return noise_rms(gsfl.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
+
+
+def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+    """Return what pixels store that trigger themselves, on light or on noise: the first crossing latches."""
+    n_pixels = photons.shape[0] * photons.shape[1]
+    camera = gsfl.camera(n_pixels)
+    plan = gsfl.plan(photons.pulse_fwhm_s)
+    per_sample = plan.steps_per_sample
+    rows, arming = armed(gsfl, rows_about(photons, plan, n_pixels), plan.step_s)
+    made = analog(gsfl, photons, rows, plan, camera, rng)
+    threshold = gsfl.trigger.threshold_electrons * camera.threshold
+    latch = latched(gsfl, made, threshold[rows.pixel].astype(np.float32), arming, plan.step_s, rng)
+    fired = np.flatnonzero((latch >= 0) & ~camera.dead[rows.pixel])
+    pixel, first = np.unique(rows.pixel[fired], return_index=True)
+    row = fired[first]
+    latch_step = rows.start[row] + latch[row]
+
+    false_s = first_false_s(gsfl, threshold, base_rate_per_s(gsfl, camera, photons), rng)
+    latched_s = np.full(n_pixels, np.inf)
+    latched_s[pixel] = latch_step * plan.step_s
+    watched_from, watched_to = (np.full(n_pixels, np.inf), np.full(n_pixels, -np.inf))
+    np.minimum.at(watched_from, rows.pixel, (rows.start + rows.first) * plan.step_s)
+    np.maximum.at(watched_to, rows.pixel, (rows.start + rows.last) * plan.step_s)
+    closes_s = gsfl.armed_to_m / units.RANGE_PER_DELAY_M_S
+    unwatched = (false_s < watched_from) | (false_s > watched_to)  # there the rows say what noise does
+    false = np.flatnonzero((false_s < np.minimum(latched_s, closes_s)) & unwatched & ~camera.dead)
+
+    real = np.flatnonzero(~np.isin(pixel, false))
+    sample = latch_step[real] // per_sample - gsfl.readout.pretrigger_samples
+    at = (sample * per_sample - rows.start[row[real]])[:, None] + per_sample * np.arange(gsfl.readout.samples)
+    amplitude = np.take_along_axis(made.amplitude[row[real]], at, axis=1)
+    rate = base_rate_per_s(gsfl, camera, photons)[false]
+    noise, noise_sample = false_traces(gsfl, false_s[false], threshold[false], rate, rng)
+
+    pixel = np.concatenate([pixel[real], false])
+    order = np.argsort(pixel, kind="stable")
+    pixel = pixel[order]
+    amplitude = np.concatenate([amplitude, noise])[order]
+    start_s = np.concatenate([sample, noise_sample])[order] * gsfl.readout.sample_s
+    return Waveforms(
+        shape=photons.shape,
+        sample_s=gsfl.readout.sample_s,
+        baseline_counts=gsfl.readout.baseline_counts,
+        pixel=pixel,
+        start_s=start_s,
+        latch_s=np.concatenate([latch_step[real] * plan.step_s, false_s[false]])[order],
+        samples_counts=gsfl.readout.convert(amplitude, camera.offset_counts[pixel, None]),
+    )
+
+
+def gated(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+    """Return what all pixels store of the gate, the average over its pulses; nothing triggers."""
+    assert gsfl.gate is not None
+    n_pixels = photons.shape[0] * photons.shape[1]
+    camera = gsfl.camera(n_pixels)
+    plan = gsfl.plan(photons.pulse_fwhm_s)
+    n_samples = gsfl.gate.n_samples(gsfl.readout.sample_s)
+    rows, sample = gate_rows(gsfl, plan, n_pixels)
+    total = np.zeros((n_pixels, n_samples), np.float32)
+    for _ in range(gsfl.gate.pulses):
+        amplitude = analog(gsfl, photons, rows, plan, camera, rng).amplitude
+        stored = amplitude[:, plan.before :: plan.steps_per_sample][:, :n_samples]
+        total += gsfl.readout.convert(stored, camera.offset_counts[:, None])
+    alive = np.flatnonzero(~camera.dead)
+    return Waveforms(
+        shape=photons.shape,
+        sample_s=gsfl.readout.sample_s,
+        baseline_counts=gsfl.readout.baseline_counts,
+        pixel=alive,
+        start_s=np.full(len(alive), sample * gsfl.readout.sample_s),
+        latch_s=np.full(len(alive), np.nan),
+        samples_counts=total[alive] / np.float32(gsfl.gate.pulses),
+    )
+
+
+def gate_rows(gsfl: Gsfl, plan: Plan, n_pixels: int) -> tuple[Rows, int]:
+    """Return one row for each pixel over the gate, and the number of the gate's first sample since emission."""
+    from scipy.fft import next_fast_len
+
+    assert gsfl.gate is not None
+    sample = int(np.ceil(gsfl.gate.delay_ns * units.NS / gsfl.readout.sample_s - 1e-6))
+    stored = gsfl.gate.n_samples(gsfl.readout.sample_s) * plan.steps_per_sample
+    # The transform wraps around: as much room after the gate as the filter remembers, and half a pulse on both sides.
+    length = int(next_fast_len(plan.before + stored + plan.rise, real=True))
+    pixel = np.arange(n_pixels)
+    start = np.full(n_pixels, sample * plan.steps_per_sample - plan.before)
+    nothing = np.zeros(n_pixels, np.int64)
+    return Rows(pixel, start, nothing, nothing, length), sample

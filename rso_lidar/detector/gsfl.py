@@ -1,0 +1,243 @@
+"""The full detector: a focal plane of APDs that trigger, sample and convert, or store a range gate (seed 3.2, 3.3, 6)."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property, lru_cache
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.detector import chain
+from rso_lidar.detector.amplifier import Amplifier
+from rso_lidar.detector.apd import Apd
+from rso_lidar.detector.false_triggers import rates_per_s
+from rso_lidar.detector.focal_plane import (
+    Camera,
+    Crosstalk,
+    Defects,
+    Droop,
+    Maps,
+    Saturation,
+    Speckle,
+    Timing,
+    camera,
+)
+from rso_lidar.detector.gate import Gate
+from rso_lidar.detector.measure import measure
+from rso_lidar.detector.noise import noise_rms, rice_rate
+from rso_lidar.detector.presets import PRESETS
+from rso_lidar.detector.pulse import Pulse
+from rso_lidar.detector.ranging import Ranging
+from rso_lidar.detector.readout import Readout
+from rso_lidar.detector.trigger import Bridge, Trigger
+from rso_lidar.detector.waveform import Plan
+from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
+from rso_lidar.records import Photons, Reading, Waveforms
+
+_PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
+
+
+class Gsfl(Part):
+    """A global shutter flash lidar's focal plane, from photons to counts through every stage (seed 3.2 and 3.3).
+
+    Noise comes from the stages: detection, range precision, range walk and dropouts are results. `preset` chooses the
+    amplifier's noise and the threshold, both solved once so that 1000 photons are detected in 95 % of flashes (seed):
+    ``noise_limited`` has threshold / noise = 6, ``offset_limited`` a quiet amplifier under a high threshold. Settings given
+    beside it change the result; nothing is solved again.
+
+    A pixel triggers on the first crossing between `armed_from_m` and `armed_to_m` and stores a few samples about it;
+    under a `gate` all pixels store the same samples and none triggers. Of the returns in what is stored, `returns` says
+    which is reported as range and intensity; up to `max_returns` are listed beside it. `camera_seed` draws what is fixed in
+    a camera: thresholds, maps, defects. The last five parts are off unless given.
+    """
+
+    type: Literal["gsfl"] = "gsfl"
+    preset: Literal["noise_limited", "offset_limited"] = "noise_limited"
+    quantum_efficiency: Annotated[Fraction, Field(gt=0)] = 0.8
+    armed_from_m: NotNegative = 1.0
+    armed_to_m: Positive = 5000.0
+    returns: Literal["first", "strongest", "last"] = "first"
+    max_returns: Annotated[Whole, Field(ge=1, le=8)] = 1
+    camera_seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    steps_per_sample: Annotated[Whole, Field(ge=2, le=64)] = 2
+    apd: Apd = Apd()
+    amplifier: Amplifier = Amplifier()
+    trigger: Trigger = Trigger()
+    readout: Readout = Readout()
+    ranging: Ranging = Ranging()
+    timing: Timing = Timing()
+    gate: Gate | None = None
+    maps: Maps | None = None
+    defects: Defects | None = None
+    saturation: Saturation | None = None
+    droop: Droop | None = None
+    crosstalk: Crosstalk | None = None
+    speckle: Speckle | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get("preset", "noise_limited") not in ("offset_limited",):
+            return given
+        filled = dict(given)
+        for part, key in _PRESET:
+            table = filled.get(part, {})
+            if isinstance(table, dict):
+                filled[part] = {key: PRESETS[filled["preset"]][key], **table}
+            elif isinstance(table, Part) and key not in table.model_fields_set:
+                filled[part] = table.replace(**{key: PRESETS[filled["preset"]][key]})
+        return filled
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if self.armed_to_m <= self.armed_from_m:
+            raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must lie beyond armed_from_m ({self.armed_from_m:g})")
+        false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
+        if self.gate is None and false > 1.0:
+            raise ValueError(
+                f"trigger.threshold_electrons ({self.trigger.threshold_electrons:g}) is {self.threshold_over_noise:.2g} times "
+                f"the noise ({self.noise_electrons:.0f} electrons): noise alone would trigger each pixel "
+                f"{self.false_alarms_per_s:.3g} times a second, {false:.3g} times while it is armed; raise the threshold, "
+                "lower the noise, or arm a shorter window"
+            )
+        return self
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed; another preset brings its own constants, unless they were set."""
+        other = changes.get("preset", self.preset)
+        if other != self.preset:
+            for name, key in _PRESET:
+                part = getattr(self, name)
+                if name not in changes and getattr(part, key) == PRESETS[self.preset][key]:
+                    kept = part.model_fields_set - {key}
+                    changes[name] = type(part)(**{field: getattr(part, field) for field in kept})
+        return super().replace(**changes)
+
+    # ------------------------------------------------------------------------------------------- derived quantities
+
+    @cached_property
+    def noise_electrons(self) -> float:
+        """Return the rms of the noise that the comparator sees in the dark [electrons]: amplifier and dark current."""
+        amplifier = self.amplifier
+        noise = noise_rms(
+            self.apd,
+            np.array(self.apd.dark_electrons_per_s),
+            amplifier.noise_electrons,
+            amplifier.pole_s,
+            amplifier.integration_s,
+        )
+        return float(noise)
+
+    @property
+    def threshold_over_noise(self) -> float:
+        """Return the threshold over the rms noise in the dark."""
+        return self.trigger.threshold_electrons / self.noise_electrons if self.noise_electrons > 0.0 else math.inf
+
+    @cached_property
+    def false_alarms_per_s(self) -> float:
+        """Return how often noise triggers an armed pixel of nominal threshold, by Rice's formula [1/s]."""
+        if self.noise_electrons == 0.0:
+            return 0.0
+        threshold = np.array(self.trigger.threshold_electrons)
+        return float(rice_rate(threshold, self.noise_electrons, self.amplifier.pole_s))
+
+    @cached_property
+    def mean_false_alarms_per_s(self) -> float:
+        """Return how often noise triggers an armed pixel, over a camera's spread of thresholds and true noise [1/s]."""
+        camera = self.camera(16_384)
+        threshold = self.trigger.threshold_electrons * camera.threshold
+        base = np.full(len(threshold), self.apd.dark_electrons_per_s)
+        return float(rates_per_s(self, threshold, base).mean())
+
+    @property
+    def electrons_per_photon(self) -> float:
+        """Return the electrons after the APD that a photon makes on the average."""
+        return self.quantum_efficiency * self.apd.gain
+
+    @property
+    def threshold_photons(self) -> float:
+        """Return the threshold in photons of a pulse as long as the amplifier's integration time."""
+        return self.trigger.threshold_electrons / self.electrons_per_photon
+
+    @property
+    def full_scale_counts(self) -> int:
+        """Return the greatest amplitude that the converter can report above its baseline [counts]."""
+        return int(self.readout.full_scale_counts - self.readout.baseline_counts)
+
+    @property
+    def window_m(self) -> float:
+        """Return the depth [m] in which one flash can see several returns of a pixel."""
+        return self.gate.to_m - self.gate.from_m if self.gate else self.readout.window_m
+
+    @property
+    def sees_from_m(self) -> float:
+        """Return the least range [m] at which anything is detected."""
+        return self.gate.from_m if self.gate else self.armed_from_m
+
+    @property
+    def sees_to_m(self) -> float:
+        """Return the greatest range [m] at which anything is detected."""
+        return self.gate.to_m if self.gate else self.armed_to_m
+
+    def plan(self, pulse_fwhm_s: float) -> Plan:
+        """Return how the axis of time is laid out for pulses of this length."""
+        sample_s, pole_s = self.readout.sample_s, self.amplifier.pole_s
+        per_sample = max(self.steps_per_sample, math.ceil(6.5 * sample_s / pulse_fwhm_s))
+        step_s = sample_s / per_sample
+        memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s)
+        return Plan(
+            step_s=step_s,
+            steps_per_sample=per_sample,
+            rise=math.ceil(1.3 * pulse_fwhm_s / step_s),  # 110 times the threshold latches so early; more, at once
+            fall=math.ceil((0.5 * pulse_fwhm_s + 2.0 * pole_s) / step_s),
+            before=self.readout.pretrigger_samples * per_sample + math.ceil(memory_s / sample_s) * per_sample,
+            after=(self.readout.samples - self.readout.pretrigger_samples) * per_sample,
+            room=math.ceil(0.65 * pulse_fwhm_s / step_s),
+        )
+
+    def bridge(self, step_s: float) -> Bridge:
+        """Return what the amplifier's noise does between steps."""
+        return _bridge(self.amplifier.pole_s, step_s)
+
+    def camera(self, n_pixels: int) -> Camera:
+        """Return the pixels of this camera."""
+        spread = self.trigger.threshold_spread_fraction
+        return _camera(n_pixels, self.camera_seed, spread, self.maps, self.defects)
+
+    def pulse(self, photons: Photons) -> Pulse:
+        """Return the shape of one return after the amplifier."""
+        return _pulse(
+            photons.pulse_step_s,
+            photons.pulse_power_per_s.tobytes(),
+            self.amplifier.pole_s,
+            self.amplifier.integration_s,
+        )
+
+    def counts(self, photons: np.ndarray) -> np.ndarray:
+        """Return the amplitude [counts] of so many photons in a pulse as long as the amplifier's integration time."""
+        linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
+        clipped: np.ndarray = np.minimum(linear, self.full_scale_counts)
+        return clipped
+
+    # ----------------------------------------------------------------------------------------------------- stages
+
+    def waveforms(self, photons: Photons, rng: np.random.Generator) -> Waveforms:
+        """Return what the pixels store of one flash."""
+        return chain.gated(self, photons, rng) if self.gate else chain.traces(self, photons, rng)
+
+    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms]:
+        """Return what the sensor says of one flash, and the samples it says so from."""
+        waveforms = self.waveforms(photons, rng)
+        return measure(self, waveforms, self.pulse(photons), rng), waveforms
+
+
+_bridge = lru_cache(maxsize=8)(Bridge)
+_camera = lru_cache(maxsize=8)(camera)
+
+
+@lru_cache(maxsize=8)
+def _pulse(step_s: float, power_per_s: bytes, pole_s: float, integration_s: float) -> Pulse:
+    return Pulse.after(step_s, np.frombuffer(power_per_s), pole_s, integration_s)

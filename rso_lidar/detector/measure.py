@@ -1,0 +1,154 @@
+"""From stored samples to range and intensity: the digital end of the chain."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.focal_plane import Camera
+from rso_lidar.detector.gate import noise_scale
+from rso_lidar.detector.pulse import Pulse
+from rso_lidar.detector.ranging import correct_walk, locate, locate_all, matched_statistic, walk_table
+from rso_lidar.records import Reading, Waveforms
+
+if TYPE_CHECKING:
+    from rso_lidar.detector.gsfl import Gsfl
+
+_LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
+
+
+def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Generator) -> Reading:
+    """Return what the sensor reports of its stored samples; `pulse` is what it knows of its own pulse."""
+    n_pixels = waveforms.shape[0] * waveforms.shape[1]
+    camera = gsfl.camera(n_pixels)
+    jitter_s = rng.standard_normal(n_pixels)[waveforms.pixel] * gsfl.timing.pixel_jitter_ns * units.NS
+    jitter_s += rng.standard_normal() * gsfl.timing.frame_jitter_ns * units.NS
+    samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)
+    clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
+    if gsfl.maps is not None and gsfl.maps.calibrated:
+        known = 1.0 - gsfl.maps.residual_fraction
+        samples = samples - (known * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
+    found_s, amplitude = _located(gsfl, waveforms, pulse, samples, clipped)
+    if gsfl.ranging.walk_correction:
+        found_s = correct_walk(found_s, amplitude, _walk(gsfl, pulse))
+    delay_s = waveforms.start_s[:, None] + found_s + (jitter_s + _t0_s(gsfl, camera)[waveforms.pixel])[:, None]
+    if gsfl.maps is not None and gsfl.maps.calibrated:
+        gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - gsfl.maps.residual_fraction)
+        amplitude = amplitude / gain[:, None]
+    range_m = delay_s * units.RANGE_PER_DELAY_M_S
+    if gsfl.crosstalk is not None and not gsfl.gate:
+        shift_m = gsfl.crosstalk.shift_m(waveforms.latch_s, waveforms.sample_s, n_pixels, rng)
+        range_m = range_m + shift_m[:, None]
+    return _reading(gsfl, waveforms, range_m, amplitude, clipped)
+
+
+def _t0_s(gsfl: Gsfl, camera: Camera) -> np.ndarray:
+    """Return by how much each pixel's clock is off [s], as far as calibration does not know it."""
+    left = gsfl.maps.residual_fraction if gsfl.maps is not None and gsfl.maps.calibrated else 1.0
+    return left * camera.t0_s
+
+
+def _located(
+    gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, samples: np.ndarray, clipped: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return delays since the first sample [s] and amplitudes [counts] of the returns (trace, return), near to far."""
+    per_count = gsfl.readout.electrons_per_count
+    threshold = gsfl.trigger.threshold_electrons / per_count
+    known = {
+        "sample_s": waveforms.sample_s,
+        "sigma_counts": max(gsfl.noise_electrons / per_count, 1e-3),
+        "pole_s": gsfl.amplifier.pole_s,
+    }
+    if gsfl.gate is None and gsfl.max_returns == 1 and gsfl.returns == "first":
+        start = np.full(len(samples), gsfl.readout.pretrigger_samples)
+        found = locate(samples, start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=_some(clipped))
+        return found[0][:, None], found[1][:, None]
+    if gsfl.gate is not None:
+        return locate_all(
+            samples,
+            pulse,
+            gsfl.ranging,
+            **known,
+            threshold_counts=_gate_threshold(gsfl, samples, pulse, waveforms.sample_s),
+            most=_LOOKED_FOR,
+            clipped=_some(clipped),
+        )
+    delay_s, amplitude = locate_all(
+        samples, pulse, gsfl.ranging, **known, threshold_counts=threshold, most=_LOOKED_FOR, clipped=_some(clipped)
+    )
+    # What latched is reported, even where its fitted amplitude is below the threshold that noise helped it over.
+    none = np.flatnonzero(~np.isfinite(delay_s).any(axis=1))
+    start = np.full(len(none), gsfl.readout.pretrigger_samples)
+    mask = _some(clipped[none])
+    latched = locate(samples[none], start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask)
+    delay_s[none, 0], amplitude[none, 0] = latched
+    return delay_s, amplitude
+
+
+def _some(clipped: np.ndarray) -> np.ndarray | None:
+    return clipped if clipped.any() else None
+
+
+def _gate_threshold(gsfl: Gsfl, samples: np.ndarray, pulse: Pulse, sample_s: float) -> float:
+    """Return the amplitude [counts] above which a return under a gate is reported, at constant false-alarm rate.
+
+    The noise after the matched filter is measured in the frame itself, from what lies below the baseline.
+    """
+    assert gsfl.gate is not None
+    statistic, crossings_per_s = matched_statistic(samples, pulse, sample_s=sample_s, pole_s=gsfl.amplifier.pole_s)
+    return gsfl.gate.threshold_sigma(sample_s, crossings_per_s) * noise_scale(statistic)
+
+
+@lru_cache(maxsize=8)
+def _walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
+    """Return the walk of this detector's algorithm: amplitudes [counts] and the bias of delay [s] there."""
+    per_count = gsfl.readout.electrons_per_count
+    return walk_table(
+        pulse,
+        gsfl.ranging,
+        sample_s=gsfl.readout.sample_s,
+        sigma_counts=max(gsfl.noise_electrons / per_count, 1e-3),
+        pole_s=gsfl.amplifier.pole_s,
+        threshold_counts=gsfl.trigger.threshold_electrons / per_count,
+        full_scale_counts=gsfl.full_scale_counts,
+    )
+
+
+def _reading(
+    gsfl: Gsfl, waveforms: Waveforms, range_m: np.ndarray, amplitude: np.ndarray, clipped: np.ndarray
+) -> Reading:
+    """Return the returns (trace, return) laid out over the focal plane; one of them is the pixel's range and intensity."""
+    shape = waveforms.shape
+    n_pixels = shape[0] * shape[1]
+    seen = np.isfinite(range_m)
+    reported = np.flatnonzero(seen.any(axis=1))
+    range_m, amplitude, seen = range_m[reported], amplitude[reported], seen[reported]
+    pixel = waveforms.pixel[reported]
+    counts = np.clip(np.rint(np.where(seen, amplitude, 0.0)), 1, gsfl.full_scale_counts)
+    row = np.arange(len(reported))
+    if gsfl.returns == "strongest":
+        chosen = np.where(seen, amplitude, -math.inf).argmax(axis=1)
+    elif gsfl.returns == "last":
+        chosen = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
+    else:
+        chosen = seen.argmax(axis=1)
+    one_m, one_counts, saturated = np.full(n_pixels, np.nan), np.zeros(n_pixels), np.zeros(n_pixels)
+    one_m[pixel] = range_m[row, chosen]
+    one_counts[pixel] = counts[row, chosen]
+    saturated[pixel] = clipped[reported].any(axis=1)
+    several: dict[str, np.ndarray | None] = {"return_range_m": None, "return_intensity_counts": None}
+    if gsfl.max_returns > 1:
+        most = gsfl.max_returns
+        all_m, all_counts = np.full((n_pixels, most), np.nan), np.zeros((n_pixels, most))
+        kept = min(most, seen.shape[1])
+        all_m[pixel, :kept] = range_m[:, :kept]
+        all_counts[pixel, :kept] = np.where(seen, counts, 0.0)[:, :kept]
+        several = {
+            "return_range_m": all_m.reshape(*shape, most),
+            "return_intensity_counts": all_counts.reshape(*shape, most),
+        }
+    return Reading(one_m.reshape(shape), one_counts.reshape(shape), saturated.reshape(shape), **several)

@@ -1,0 +1,68 @@
+"""What is stored of a pulse: a few analog cells about the latch, and the converter behind them."""
+
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
+
+
+class Readout(Part):
+    """`samples` analog cells of `sample_ns`, of which `pretrigger_samples` lie before the latch, and a converter.
+
+    One count is `electrons_per_count`; the baseline stands at `baseline_counts`, so that noise below it is not lost; the
+    converter clips at 2^`adc_bits` − 1. `quantised` = false leaves the counts unrounded. The seed gives 20 samples; clock,
+    depth and scale of the converter are assumed.
+    """
+
+    sample_ns: Positive = 2.38
+    samples: Annotated[Whole, Field(ge=8, le=256)] = 20
+    pretrigger_samples: Annotated[Whole, Field(ge=1)] = 8
+    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = 12
+    electrons_per_count: Positive = 200.0
+    baseline_counts: NotNegative = 64.0
+    quantised: Flag = True
+
+    @model_validator(mode="after")
+    def _room_after_the_latch(self) -> Self:
+        if self.pretrigger_samples > self.samples - 4:
+            raise ValueError(
+                f"pretrigger_samples ({self.pretrigger_samples}) leaves fewer than 4 of {self.samples} samples for the pulse; "
+                "take fewer"
+            )
+        if self.baseline_counts > 0.5 * self.full_scale_counts:
+            raise ValueError(
+                f"baseline_counts ({self.baseline_counts:g}) takes more than half of the {self.full_scale_counts} counts; "
+                "lower it"
+            )
+        return self
+
+    @property
+    def sample_s(self) -> float:
+        """Return the time between samples [s]."""
+        return self.sample_ns * units.NS
+
+    @property
+    def full_scale_counts(self) -> int:
+        """Return the greatest count that the converter gives."""
+        return int(2**self.adc_bits) - 1
+
+    @property
+    def window_m(self) -> float:
+        """Return the depth [m] that the stored samples span."""
+        return self.samples * self.sample_s * units.RANGE_PER_DELAY_M_S
+
+    def convert(self, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the converter's output [counts], baseline included, of amplitudes [electrons]; float32.
+
+        `offset_counts` is what a pixel adds of its own.
+        """
+        counts = amplitude * np.float32(1.0 / self.electrons_per_count) + np.float32(self.baseline_counts)
+        counts += np.asarray(offset_counts, np.float32)
+        if self.quantised:
+            np.rint(counts, out=counts)
+        np.clip(counts, 0.0, float(self.full_scale_counts), out=counts)
+        result: np.ndarray = counts.astype(np.float32, copy=False)
+        return result

@@ -1,0 +1,85 @@
+"""A detector on the bench: the same return in many pixels, and what becomes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.records import Photons
+
+if TYPE_CHECKING:
+    from rso_lidar.detector.empirical import Empirical
+    from rso_lidar.detector.gsfl import Gsfl
+
+_NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is a false trigger
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What `n` pixels made of a return: which reported it, and of those the error of range [m] and the counts."""
+
+    detected: np.ndarray
+    range_error_m: np.ndarray
+    intensity_counts: np.ndarray
+
+    @property
+    def probability(self) -> float:
+        """Return the share of pixels that reported the return."""
+        return float(self.detected.mean())
+
+    @property
+    def range_bias_m(self) -> float:
+        """Return the mean error of range [m], NaN where nothing was reported."""
+        return float(self.range_error_m.mean()) if len(self.range_error_m) else float("nan")
+
+    @property
+    def range_noise_m(self) -> float:
+        """Return the standard deviation of range [m] by the quartiles, so that a stray report does not decide it."""
+        if len(self.range_error_m) < 2:
+            return float("nan")
+        low, high = np.quantile(self.range_error_m, [0.25, 0.75])
+        return float(high - low) / 1.348_979_500_392_163_6
+
+
+def plate(
+    photons: float | np.ndarray,
+    n: int,
+    pulse: tuple[float, np.ndarray],
+    pulse_fwhm_s: float,
+    range_m: float | np.ndarray = 3000.0,
+) -> Photons:
+    """Return the photons of `n` pixels that a plate facing the lidar fills: one return each, of no depth.
+
+    `photons` (scalar or (n)) is the mean on the pixel after the optics, `pulse` the laser's step [s] and power (tap) [1/s].
+    Ranges differ by parts of a sample from pixel to pixel about `range_m`, so that no phase of the clock is favoured.
+    """
+    golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
+    delay_s = (range_m + golden) / units.RANGE_PER_DELAY_M_S
+    pixel = np.arange(n)
+    return Photons(
+        shape=(1, n),
+        pulse_fwhm_s=pulse_fwhm_s,
+        pulse_step_s=pulse[0],
+        late_s=0.0,
+        pulse_power_per_s=pulse[1],
+        pixel=pixel,
+        delay_s=delay_s,
+        photons=np.broadcast_to(np.asarray(photons, dtype=float), (n,)),
+        depth_spread_s=np.zeros(n),
+        coherence_cells=np.full(n, 885.0),
+        hit=pixel,
+        cluster=pixel,
+        cluster_pixel=pixel,
+    )
+
+
+def trial(detector: Gsfl | Empirical, photons: Photons, rng: np.random.Generator) -> Trial:
+    """Return what a detector makes of one return in each pixel, such as `plate` makes."""
+    reading, _ = detector.detect(photons, rng)
+    error = reading.range_m.ravel().astype(float) - photons.delay_s * units.RANGE_PER_DELAY_M_S
+    with np.errstate(invalid="ignore"):
+        detected = np.abs(error) < _NEAR_M
+    return Trial(detected, error[detected], reading.intensity_counts.ravel()[detected])

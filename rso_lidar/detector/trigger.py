@@ -1,0 +1,133 @@
+"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar.detector.presets import DEFAULT
+from rso_lidar.part import NotNegative, Part, Positive
+
+NEVER = -1
+
+
+class Trigger(Part):
+    """A Schmitt trigger: it fires where the amplifier passes `threshold_electrons` from below.
+
+    Having been above, it is ready again only below threshold − `hysteresis_electrons`. Thresholds differ from pixel to
+    pixel by `threshold_spread_fraction` (1 sigma, fixed in a camera). The threshold is a constant of the preset; hysteresis
+    and spread are assumed.
+    """
+
+    threshold_electrons: Positive = DEFAULT["threshold_electrons"]
+    hysteresis_electrons: NotNegative = 1000.0
+    threshold_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
+
+
+class Bridge:
+    """What filtered noise does between two steps, given the steps: so that no result depends on how long a step is.
+
+    Between steps the noise is its best estimate from the four steps around (kriging with the autocorrelation of the two-pole
+    amplifier) and a Gaussian rest that these say nothing about, drawn at seven points; the mean, which is smooth, is
+    interpolated by a cubic.
+    """
+
+    reach = 5.0  # sigmas of the rest that are worth looking at
+
+    def __init__(self, pole_s: float, step_s: float, points: int = 7) -> None:
+        known = np.arange(-1.0, 3.0) * step_s / pole_s
+        between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
+
+        def correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+            x = np.abs(np.subtract.outer(a, b))
+            return (1.0 + x) * np.exp(-x)  # type: ignore[no-any-return]
+
+        across = correlation(between, known)
+        self.weights: np.ndarray = np.linalg.solve(correlation(known, known), across.T).T
+        rest = correlation(between, between) - self.weights @ across.T
+        nodes, at = np.arange(-1.0, 3.0), np.arange(1, points + 1) / (points + 1.0)
+        cubic = np.linalg.solve(nodes ** np.arange(4)[:, None], at ** np.arange(4)[:, None]).T
+        self.mean_weights: np.ndarray = cubic - self.weights
+        self.root: np.ndarray = np.linalg.cholesky(rest + 1e-12 * np.eye(points))
+        self.sigma = float(np.sqrt(rest.diagonal().max()))
+
+    def heights(
+        self,
+        amplitude: np.ndarray,
+        mean: np.ndarray,
+        row: np.ndarray,
+        step: np.ndarray,
+        sigma: np.ndarray,
+        rng: np.random.Generator,
+    ) -> np.ndarray:
+        """Return the greatest amplitude between `step` and the next of each `row`, where the noise has an rms `sigma`.
+
+        `mean` (row, step) is the amplitude without noise.
+        """
+        near = np.clip(step[:, None] + np.arange(-1, 3), 0, amplitude.shape[1] - 1)
+        white = rng.standard_normal((len(row), len(self.root)))
+        path = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
+        path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], near])
+        path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
+        highest: np.ndarray = path.max(axis=1)
+        return highest
+
+
+def first_crossing(
+    amplitude: np.ndarray,
+    threshold: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    *,
+    hysteresis: float = 0.0,
+    arming: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the step (row) at which each row latches, or -1.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons] above the baseline.
+    threshold : (row) [electrons].
+    first, last : (row) the steps from which, and before which, the comparator is watched.
+    hysteresis : [electrons].
+    arming : (row) where `first` is the moment of arming: such a comparator must be below threshold - hysteresis before it
+        can fire. Elsewhere it was ready before, and a signal that is above at `first` latches there.
+    """
+    watched = watched_steps(amplitude.shape[1], first, last)
+    above = (amplitude >= threshold[:, None]) & watched
+    if arming is not None and arming.any():
+        rows = np.flatnonzero(arming)
+        ready = np.maximum.accumulate((amplitude[rows] < threshold[rows, None] - hysteresis) & watched[rows], axis=1)
+        above[rows] &= ready
+    latched: np.ndarray = above.argmax(axis=1)
+    latched[~above[np.arange(len(above)), latched]] = NEVER
+    return latched
+
+
+def watched_steps(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return which steps (row, step) the comparator watches."""
+    step = np.arange(n_steps)
+    watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
+    return watched
+
+
+def crossed_between(
+    amplitude: np.ndarray,
+    mean: np.ndarray,
+    threshold: np.ndarray,
+    watched: np.ndarray,
+    sigma: np.ndarray,
+    bridge: Bridge,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the step (row) after which rows that stay below at every step yet cross between two, or -1.
+
+    `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
+    """
+    pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
+    near = pair > threshold[:, None] - bridge.reach * bridge.sigma * sigma[:, :-1]
+    row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
+    crossed = bridge.heights(amplitude, mean, row, step, sigma[row, step], rng) >= threshold[row]
+    result = np.full(len(amplitude), NEVER)
+    result[row[crossed][::-1]] = step[crossed][::-1]  # the first of a row is written last
+    return result

@@ -1,0 +1,57 @@
+"""HDF5 files opened for reading, with one line that says why where they cannot be."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from pathlib import Path
+from typing import Any
+
+from rso_lidar.errors import RecordingError
+
+TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
+
+SUPERBLOCK_BYTES = 48
+
+
+def opened(path: Path, *, swmr: bool) -> Any:
+    """Return the h5py file, or say in one line why it is none."""
+    import h5py
+
+    try:
+        if path.is_dir():
+            raise RecordingError(f"{path}: is a folder; name a recording in it")
+        if not path.exists():
+            raise RecordingError(f"{path}: there is no such file{_near(path)}")
+        if not path.is_file():
+            raise RecordingError(f"{path}: is not a regular file; give a recording made by `run`")
+        with path.open("rb") as stream:
+            head = stream.read(SUPERBLOCK_BYTES)
+        if not h5py.is_hdf5(path):
+            raise RecordingError(f"{path}: is not an HDF5 file, or is cut short; give a recording made by `run`")
+        # The superblock (version 2 and 3) says after every flush where the file ends. HDF5 does not look there while a
+        # file is marked as being written, and then reads zeros behind its end, or tries for ever.
+        size = path.stat().st_size
+        if size < SUPERBLOCK_BYTES or (head[8] >= 2 and size < int.from_bytes(head[28:36], "little")):
+            raise RecordingError(f"{path}: is cut short; copy or record it again")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
+    try:
+        return h5py.File(path, "r", swmr=swmr, locking="best-effort", rdcc_nbytes=2**20)
+    except (OSError, RuntimeError) as error:
+        if "h5clear" in str(error) or "already open" in str(error):
+            raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error
+        what = " ".join(str(error).split())[:120]
+        raise RecordingError(f"{path}: is damaged ({what}); copy or record it again") from error
+
+
+def _near(path: Path) -> str:
+    """Return a hint at an unfinished recording of that name, or at the nearest name in the folder."""
+    if not path.parent.is_dir():
+        return f"; there is no folder {path.parent} either"
+    names = sorted(entry.name for entry in path.parent.iterdir())
+    unfinished = [name for name in names if name.startswith(f"{path.name}.tmp-") and not name.endswith(".starting")]
+    if unfinished:
+        return f", only the unfinished {unfinished[0]}: open that, or go on with --resume"
+    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
+    return f"; did you mean '{near[0]}'?" if near else "; record it first"

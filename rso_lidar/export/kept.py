@@ -1,0 +1,121 @@
+"""Records of the walk that a recording keeps where asked for: waveforms, photon images and oversampled images.
+
+A recording has arrays of one shape for all frames, so traces are laid over the focal plane, NaN where a pixel has none,
+and of photons only their sum in each pixel is kept. Rays and hits have no such shape and cannot be recorded.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.records import ArraySpec, Oversampled, Photons, Record, Waveforms, array, specs
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PhotonImage(Record):
+    """What a recording keeps of `Photons`: their sum in each pixel."""
+
+    photons: np.ndarray = array(
+        "row col", "f4", "1", "expected photons on each pixel, after the optics, before the APD"
+    )
+    background_photons_per_s: np.ndarray | None = array(
+        "row col", "f4", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
+    )
+
+
+RECORDS: dict[str, type[Record]] = {"waveforms": Waveforms, "photons": PhotonImage, "oversampled": Oversampled}
+
+FIELDS = {  # by group of the file: name in the file, and in the record
+    "waveforms": {"samples": "samples_counts", "start": "start_s", "latch": "latch_s"},
+    "photons": {"image": "photons", "background": "background_photons_per_s"},
+    "oversampled": {"range": "range_m", "photons": "photons"},
+}
+CONSTANTS = {"waveforms": ("sample_s", "baseline_counts")}  # attributes of a group: the same in all frames
+_DIMS = {"trace": ("row", "col")}  # where a trace stands in the file
+
+
+def check_kept(names: Iterable[str]) -> None:
+    """Refuse names of records that a recording cannot keep."""
+    for name in names:
+        if name not in RECORDS:
+            guess = did_you_mean(name, RECORDS)
+            raise RecordingError(f"keep: a recording cannot keep '{name}'{guess or ';'} (known: {', '.join(RECORDS)})")
+
+
+def statements(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
+    """Return what each array is that a recording makes of kept records, by path."""
+    found = {}
+    for group, record in _recordable(kept).items():
+        for path, name in FIELDS[group].items():
+            if getattr(record, name) is not None:
+                spec = specs(type(record))[name]
+                dims = [placed for dim in spec.dims for placed in _DIMS.get(dim, (dim,))]
+                found[f"{group}/{path}"] = dataclasses.replace(spec, dims=tuple(dims))
+    return found
+
+
+def values(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Return the arrays that a recording makes of the kept records of a frame of `shape` (row, col), by path."""
+    found: dict[str, np.ndarray] = {}
+    for group, record in _recordable(kept).items():
+        if isinstance(record, Waveforms):
+            if tuple(record.shape) != tuple(shape):
+                raise RecordingError(f"kept waveforms: are of {record.shape} pixels, the frame of {shape}; match them")
+            if not np.all(np.isfinite(record.start_s)):
+                raise RecordingError("kept waveforms: start_s is not finite; leave out pixels without a trace")
+        for path, name in FIELDS[group].items():
+            value = getattr(record, name)
+            if value is not None:
+                found[f"{group}/{path}"] = _spread(record, value) if isinstance(record, Waveforms) else value
+    return found
+
+
+def constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
+    """Return the numbers that hold for all frames of a recording, by group and name."""
+    return {
+        group: {name: float(getattr(record, name)) for name in CONSTANTS[group]}
+        for group, record in kept.items()
+        if group in CONSTANTS
+    }
+
+
+def restored(group: str, entries: Mapping[str, np.ndarray], constants: Mapping[str, float]) -> Record:
+    """Return a kept record made of its arrays in a recording, by name."""
+    if group != "waveforms":
+        return RECORDS[group](**entries)
+    start_s = entries["start_s"]
+    traced = np.isfinite(start_s)
+    rows, cols = start_s.shape
+    traces = {name: entry[traced] for name, entry in entries.items()}
+    sample_s, baseline_counts = (constants[name] for name in CONSTANTS[group])
+    return Waveforms((rows, cols), sample_s, baseline_counts, np.flatnonzero(traced), **traces)
+
+
+def _spread(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
+    """Return what each trace has, laid over the focal plane: (row, col, …), NaN where a pixel has no trace."""
+    rows, cols = waveforms.shape
+    laid = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
+    laid[waveforms.pixel] = values
+    return laid.reshape(rows, cols, *values.shape[1:])
+
+
+def _recordable(kept: Mapping[str, Record]) -> dict[str, Record]:
+    """Return the kept records as a recording takes them, or say which it takes."""
+    found = {}
+    for group, record in kept.items():
+        taken = _image(record) if isinstance(record, Photons) else record
+        if not isinstance(taken, RECORDS.get(group, ())):
+            raise RecordingError(f"kept {group}: cannot be recorded; keep {', '.join(RECORDS)}, or leave it out")
+        found[group] = taken
+    return found
+
+
+def _image(photons: Photons) -> PhotonImage:
+    rows, cols = photons.shape
+    total = np.bincount(photons.pixel, photons.photons, minlength=rows * cols)
+    return PhotonImage(total.reshape(rows, cols), photons.background_photons_per_s)

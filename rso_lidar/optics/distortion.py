@@ -1,0 +1,227 @@
+"""Distortion: where on the focal plane a direction lands, and which direction a place on it looks along.
+
+Undistorted (x, y) and distorted (xd, yd) places are both tangents in lidar axes: x to the right, y down, in units of the
+focal length. A pixel at (xd, yd) looks along `undistort(xd, yd)`.
+"""
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import zemax
+from rso_lidar.part import Number, Part, Text
+
+WORST_FIT = 0.005  # rms residual of a fit over the field's radius beyond which five coefficients do not describe a lens
+_LEAST_SLOPE = 0.05  # a lens that shrinks an area more than this, or turns it over, is a mistake in a coefficient
+Coefficients = tuple[float, float, float, float, float]
+
+
+class DistortionPart(Part):
+    """What every distortion can do, from its five Brown-Conrady coefficients."""
+
+    @property
+    @abstractmethod
+    def coefficients(self) -> Coefficients:
+        """Return k1, k2, k3, p1, p2 in powers of the tangent of the field angle."""
+
+    def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places (xd, yd) where light from (x, y) lands.
+
+        x_d = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), y_d alike (Brown 1966, Conrady 1919; the order of
+        p1 and p2 is the one of camera calibration, p1 going with y).
+        """
+        k1, k2, k3, p1, p2 = self.coefficients
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return (
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + 2.0 * p2 * x * y + p1 * (r2 + 2.0 * y * y),
+        )
+
+    def undistort(self, xd: np.ndarray, yd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the tangents (x, y) of the directions that land at (xd, yd), by Newton's method to below 1e-12."""
+        xd, yd = np.broadcast_arrays(np.asarray(xd, dtype=float), np.asarray(yd, dtype=float))
+        return self._solved(xd, yd, xd, yd)
+
+    def area(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
+        """Return d(x, y) / d(xd, yd): how much of the undistorted plane a unit of area at (xd, yd) looks at."""
+        return self.area_seen(*self.undistort(xd, yd))
+
+    def area_seen(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return the same as `area` at the place where light from (x, y) lands."""
+        xx, xy, yy = self._slopes(x, y)
+        seen: np.ndarray = 1.0 / (xx * yy - xy * xy)
+        return seen
+
+    def check(self, half_x: float, half_y: float) -> None:
+        """Refuse a mapping that folds within the focal plane |xd| <= half_x, |yd| <= half_y."""
+        edge = np.linspace(-1.0, 1.0, 33)
+        one = np.ones_like(edge)
+        to_x = half_x * np.concatenate([edge, edge, -one, one])
+        to_y = half_y * np.concatenate([-one, one, edge, edge])
+        x, y = np.zeros_like(to_x), np.zeros_like(to_y)
+        # Outwards from the axis, each solution starting the next, so that none jumps over a fold.
+        for part in np.linspace(0.0, 1.0, 33)[1:]:
+            x, y = self._solved(part * to_x, part * to_y, x, y)
+            xx, xy, yy = self._slopes(x, y)
+            if np.min(xx * yy - xy * xy) < _LEAST_SLOPE or np.min(xx + yy) < 0.0:
+                radius = float(np.min(np.hypot(part * to_x, part * to_y)))
+                raise ScenarioError(
+                    f"distortion: folds the image over within the focal plane, near {radius:.3g} focal lengths from "
+                    "its middle: check the signs and sizes of k1, k2, k3, p1, p2 (they go with powers of tan(field))"
+                )
+
+    def _slopes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return dxd/dx, dxd/dy (which is dyd/dx) and dyd/dy at (x, y)."""
+        k1, k2, k3, p1, p2 = self.coefficients
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))  # d radial / d(r²) times two
+        return (
+            radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
+            x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y,
+            radial + y * y * slope + 2.0 * p2 * x + 6.0 * p1 * y,
+        )
+
+    def _solved(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (x, y) with distort(x, y) = (xd, yd), from a first guess."""
+        if not any(self.coefficients):
+            return xd.copy(), yd.copy()
+        within = 1e-13 * (1.0 + np.hypot(xd, yd))
+        with np.errstate(all="ignore"):  # a guess may run away, which is told below
+            for _ in range(25):
+                at_x, at_y = self.distort(x, y)
+                miss_x, miss_y = at_x - xd, at_y - yd
+                if np.all(np.hypot(miss_x, miss_y) <= within):
+                    return x, y
+                xx, xy, yy = self._slopes(x, y)
+                scale = 1.0 / (xx * yy - xy * xy)
+                x = x - scale * (yy * miss_x - xy * miss_y)
+                y = y - scale * (xx * miss_y - xy * miss_x)
+        raise ScenarioError(
+            "distortion: there are places on the focal plane that no direction reaches: check the signs and sizes of "
+            "k1, k2, k3, p1, p2 (they go with powers of tan(field))"
+        )
+
+
+class BrownConrady(DistortionPart):
+    """Radial (k1, k2, k3) and tangential (p1, p2) distortion in powers of the tangent of the field angle.
+
+    A fraction D of distortion at the field angle θ is k1 = D / tan²θ: barrel for k1 < 0, pincushion for k1 > 0. All five
+    are pure numbers.
+
+    >>> lens = BrownConrady(k1=5.2)
+    >>> xd, yd = lens.distort(np.array([0.0218]), np.array([0.0218]))
+    >>> round(100 * float(xd[0] / 0.0218 - 1), 2)
+    0.49
+    """
+
+    type: Literal["brown_conrady"] = "brown_conrady"
+    k1: Number = 0.0
+    k2: Number = 0.0
+    k3: Number = 0.0
+    p1: Number = 0.0
+    p2: Number = 0.0
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """Return k1, k2, k3, p1, p2."""
+        return self.k1, self.k2, self.k3, self.p1, self.p2
+
+
+class ZemaxDistortion(DistortionPart):
+    """The distortion of a Zemax Grid Distortion listing, as the Brown-Conrady coefficients that fit it best.
+
+    The listing's x runs to the right and its y up, as its window draws them; for a lens that is symmetric about its axis
+    that makes no difference.
+    """
+
+    type: Literal["zemax_grid"] = "zemax_grid"
+    file: Text
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """Return k1, k2, k3, p1, p2 of the fit."""
+        return self.fit.coefficients
+
+    @property
+    def fit(self) -> "Fit":
+        """Return the fit, made once for each state of the file."""
+        return _fit(*zemax.stamp(self.file))
+
+    def residual_pixels(self, pixel_tangent: float) -> float:
+        """Return the rms distance between the listing and the fit, in pixels of pitch / focal length."""
+        return self.fit.rms_tangent / pixel_tangent
+
+    def check(self, half_x: float, half_y: float) -> None:
+        """Refuse a listing that does not reach the focal plane's corner, or whose fit folds within it."""
+        corner = math.hypot(half_x, half_y)
+        if corner > 1.05 * self.fit.reach_tangent:
+            raise ScenarioError(
+                f"{self.file}: reaches {self.fit.reach_tangent:.4g} focal lengths from the axis, the focal plane's "
+                f"corner {corner:.4g}: list the distortion over a wider field"
+            )
+        super().check(half_x, half_y)
+
+
+Distortion = Annotated[BrownConrady | ZemaxDistortion, Field(discriminator="type")]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Brown-Conrady coefficients fitted to a listing, and how well they fit.
+
+    `rms_tangent` is the rms distance of real from fitted image points, `reach_tangent` the farthest real point from the
+    axis, both over the paraxial focal length `focal_length_m`.
+    """
+
+    coefficients: Coefficients
+    rms_tangent: float
+    reach_tangent: float
+    focal_length_m: float
+
+
+@lru_cache(maxsize=16)
+def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
+    grid = zemax.read_grid_distortion(path)
+    x, y = grid.field_tangent.T
+    # Predicted = (A B; C D) tan(field) + offset: the paraxial lens, whatever its axes are called and wherever its origin is.
+    linear = np.stack([x, y, np.ones_like(x)], axis=1)
+    if np.linalg.matrix_rank(linear, tol=1e-9 * max(float(np.abs(linear[:, :2]).max()), 1e-300)) < 3:
+        raise ScenarioError(f"{path}: its points lie on one line: list a grid of fields in x and y")
+    paraxial = np.linalg.lstsq(linear, grid.predicted_m, rcond=None)[0]
+    size_m = float(np.ptp(grid.predicted_m, axis=0).max())
+    missed_m = float(np.abs(np.einsum("ij,jk->ik", linear, paraxial) - grid.predicted_m).max())
+    determinant = float(paraxial[0, 0] * paraxial[1, 1] - paraxial[0, 1] * paraxial[1, 0])
+    if missed_m > 1e-3 * size_m or abs(determinant) < 1e-6 * float(np.abs(paraxial[:2]).max()) ** 2:
+        raise ScenarioError(
+            f"{path}: its predicted points are not f tan(field): list the distortion against F-Tan(theta), not F-Theta"
+        )
+    inverse = np.linalg.inv(paraxial[:2])
+    xd, yd = np.einsum("ij,jk->ik", grid.real_m - paraxial[2], inverse).T
+    y, yd = -y, -yd  # down, in lidar axes
+    radius = float(np.hypot(x, y).max())
+    u, v = x / radius, y / radius
+    w = u * u + v * v
+    nil, one = np.zeros_like(u), np.ones_like(u)
+    # Beside the five, a shift of the whole image, which is pointing and not distortion.
+    in_x = np.stack([u * w, u * w**2, u * w**3, 2 * u * v, w + 2 * u * u, one, nil], axis=1)
+    in_y = np.stack([v * w, v * w**2, v * w**3, w + 2 * v * v, 2 * u * v, nil, one], axis=1)
+    terms, wanted = np.concatenate([in_x, in_y]), np.concatenate([xd - x, yd - y]) / radius
+    found = np.linalg.lstsq(terms, wanted, rcond=None)[0]
+    left = wanted - np.einsum("ij,j->i", terms, found)
+    rms = radius * math.sqrt(2.0 * float(np.mean(left**2)))  # of the two axes together
+    if rms > WORST_FIT * radius:
+        raise ScenarioError(
+            f"{path}: Brown-Conrady coefficients fit its grid only to {100 * rms / radius:.2g} % of the field (rms, "
+            f"{100 * WORST_FIT:g} % is allowed): list a smaller field, or one lens at a time"
+        )
+    powers = radius ** -np.array([2.0, 4.0, 6.0, 1.0, 1.0])
+    k1, k2, k3, p1, p2 = (float(value) for value in found[:5] * powers)
+    return Fit((k1, k2, k3, p1, p2), rms, float(np.hypot(xd, yd).max()), math.sqrt(abs(determinant)))

@@ -1,0 +1,26 @@
+"""The scene on the grid of rays, before it is binned to pixels: the seed's figures 9 and 11."""
+
+import numpy as np
+
+from rso_lidar.optics.receiver import Receiver
+from rso_lidar.records import Hits, Oversampled, Photons
+
+
+def oversampled(hits: Hits, photons: Photons, receiver: Receiver) -> Oversampled:
+    """Return range and photon image (fine_row, fine_col), k x k cells to a pixel, before any PSF.
+
+    Where rays are finer than cells their photons add, and the nearest gives the range.
+    """
+    k = receiver.rays_per_side
+    n_rows, n_cols = receiver.n_rows * k, receiver.n_cols * k
+    direction = hits.rays.direction[hits.ray]
+    col, row = receiver.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
+    fine_row = np.clip((row * k).astype(np.int64), 0, n_rows - 1)
+    fine_col = np.clip((col * k).astype(np.int64), 0, n_cols - 1)
+    cell = fine_row * n_cols + fine_col
+    sent = np.bincount(photons.hit, photons.photons, len(hits.ray))
+    image = np.bincount(cell, sent, n_rows * n_cols)
+    range_m = np.full(n_rows * n_cols, np.inf)
+    np.minimum.at(range_m, cell, hits.range_m)
+    range_m[np.isinf(range_m)] = np.nan
+    return Oversampled(range_m.reshape(n_rows, n_cols), image.reshape(n_rows, n_cols))

@@ -1,0 +1,367 @@
+"""The point spread function: how the light of a point spreads over the pixels about the one it is aimed at.
+
+A ray stands for a cell, one of sub x sub of a pixel. Its light lands on the focal plane as the cell's box smeared by the
+kernel, and `pixel_shares` says how much of that each pixel about it gets; `blur` hands it out.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from abc import abstractmethod
+from functools import lru_cache
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import zemax
+from rso_lidar.optics.hats import At, airy_hats, gaussian_hats, grid_hats, halo_hats
+from rso_lidar.part import Fraction, NotNegative, Part, Positive, Text
+
+MOST_REACH = 16  # pixels to each side
+_LEAST_CAUGHT = 0.5  # a kernel that puts less than this within reach is a mistake in its size
+
+
+class _Kernel(Part):
+    """What every kernel may have: a share `halo_fraction` of the light in a wide halo of scattered light.
+
+    The halo falls as (1 + (r / `halo_radius_um`)²)^(-3/2), the shape of scatter from polished surfaces whose slope is 3
+    (ABC model; Harvey & Shack). 29 % of it lie within the radius, and the rest reaches far.
+    """
+
+    halo_fraction: Fraction = 0.0
+    halo_radius_um: Positive | None = None
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if self.halo_fraction > 0.0 and self.halo_radius_um is None:
+            raise ValueError("halo_fraction needs a halo_radius_um; give the radius of the halo")
+        if self.halo_radius_um is not None and self.halo_fraction == 0.0:
+            raise ValueError("halo_radius_um without a halo_fraction does nothing; give the halo's share of the light")
+        return self
+
+    def read(self) -> None:
+        """Read the kernel's file, if it has one, so that what is wrong with it is told."""
+
+    @abstractmethod
+    def core(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col) of the kernel without its halo."""
+
+    def hats(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col) of the kernel."""
+        if self.halo_radius_um is None:
+            return self.core(at)
+        halo = halo_hats(self.halo_radius_um * units.UM, at)
+        return (1.0 - self.halo_fraction) * self.core(at) + self.halo_fraction * halo
+
+
+class GaussianPsf(_Kernel):
+    """A Gaussian blur of standard deviation `sigma_um` on the focal plane, in each axis."""
+
+    type: Literal["gaussian"] = "gaussian"
+    sigma_um: Positive
+
+    def core(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col): exact, by the error function."""
+        return gaussian_hats(self.sigma_um * units.UM, at)
+
+
+class AiryPsf(_Kernel):
+    """The diffraction of a round aperture at the laser's wavelength and the receiver's f-number."""
+
+    type: Literal["airy"] = "airy"
+
+    def core(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col), from rings of exactly known energy."""
+        return airy_hats(at)
+
+
+class GridPsf(_Kernel):
+    """A measured kernel: a table of intensities (rows from the top down) about the middle of its points.
+
+    `file` holds rows of numbers, set apart by commas, semicolons, tabs or spaces; `spacing_um` is the distance of its
+    points on the focal plane. Each point stands for the square about it.
+    """
+
+    type: Literal["grid"] = "grid"
+    file: Text
+    spacing_um: Positive
+
+    def read(self) -> None:
+        """Read the table."""
+        _table(*zemax.stamp(self.file))
+
+    def core(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col) of the table."""
+        values = _table(*zemax.stamp(self.file))
+        middle = (0.5 * (values.shape[0] - 1), 0.5 * (values.shape[1] - 1))
+        return grid_hats(values, middle, self.spacing_um * units.UM, at)
+
+
+class ZemaxPsf(_Kernel):
+    """The kernel of a Zemax Huygens PSF listing, about the listing's center point."""
+
+    type: Literal["zemax_huygens"] = "zemax_huygens"
+    file: Text
+
+    def read(self) -> None:
+        """Read the listing."""
+        zemax.read_huygens_psf(self.file)
+
+    def core(self, at: At) -> np.ndarray:
+        """Return the hat weights (row, col) of the listing."""
+        listing = zemax.read_huygens_psf(self.file)
+        return grid_hats(listing.values, listing.center, listing.spacing_m, at)
+
+
+Kernel = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf, Field(discriminator="type")]
+
+
+class FieldPsf(Part):
+    """A kernel at the angle `field_deg` from the axis, taken with its field point towards the top row (Zemax: +y)."""
+
+    field_deg: NotNegative
+    psf: Kernel
+
+
+class FieldDependentPsf(Part):
+    """Kernels at several field angles, mixed linearly between neighbours and kept beyond the first and the last.
+
+    Each is turned so that its top row points away from the axis, as a lens that is symmetric about its axis does.
+    """
+
+    type: Literal["field_dependent"] = "field_dependent"
+    fields: Annotated[tuple[FieldPsf, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _outwards(self) -> Self:
+        angles = [entry.field_deg for entry in self.fields]
+        if any(b <= a for a, b in itertools.pairwise(angles)):
+            raise ValueError("the field_deg of fields do not grow; sort them, one kernel for each angle")
+        return self
+
+
+Psf = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf | FieldDependentPsf, Field(discriminator="type")]
+AnyPsf = GaussianPsf | AiryPsf | GridPsf | ZemaxPsf | FieldDependentPsf
+
+
+def pixel_shares(
+    psf: AnyPsf,
+    *,
+    pitch_m: float,
+    sub: int,
+    wavelength_m: float,
+    f_number: float,
+    field_rad: float = 0.0,
+    azimuth_rad: float = 0.0,
+    reach: int,
+) -> np.ndarray:
+    """Return which share of the light of cell (i, j) of a pixel lands dr rows down and dc columns right of that pixel.
+
+    The array is (sub, sub, 2 reach + 1, 2 reach + 1), read-only, and sums to 1 over the last two axes: the light beyond
+    `reach` is shared out over all of it, so that no energy is lost (`reach_of` says how far to go). `field_rad` is the
+    angle from the axis and `azimuth_rad` = atan2(y, x) in lidar axes (x right, y down) the side; they matter to a
+    `FieldDependentPsf` alone.
+    """
+    return _shares(psf, _stamps(psf), pitch_m, sub, wavelength_m, f_number, float(field_rad), float(azimuth_rad), reach)
+
+
+def reach_of(
+    psf: AnyPsf,
+    *,
+    pitch_m: float,
+    wavelength_m: float,
+    f_number: float,
+    field_rad: float = 0.0,
+    azimuth_rad: float = 0.0,
+    missed: float = 1e-4,
+) -> int:
+    """Return how many pixels to each side hold all but `missed` of the light of an evenly lit pixel; at most 16."""
+    within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
+    enough = np.flatnonzero(within >= 1.0 - missed)
+    return int(enough[0]) if len(enough) else MOST_REACH
+
+
+def blur(
+    pixel: np.ndarray,
+    sub_row: np.ndarray,
+    sub_col: np.ndarray,
+    photons: np.ndarray,
+    shape: tuple[int, int],
+    shares: np.ndarray,
+    least_photons: float = 1e-3,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (source, pixel, share): which return gives which share of its light to which pixel.
+
+    A return of `photons` from cell (`sub_row`, `sub_col`) of `pixel` (row * n_cols + col) is split by `shares`. Parts of
+    less than `least_photons` are left with the largest part, so that a return keeps all of its light that stays on the
+    focal plane `shape` (row, col); what leaves its edge is lost. Sorted by pixel, then source.
+    """
+    n_rows, n_cols = shape
+    sub, width = shares.shape[0], shares.shape[2]
+    reach, wide = width // 2, width > 5
+    table = np.ascontiguousarray(shares.reshape(sub * sub, width * width).T)  # (offset, cell)
+    pixel = np.asarray(pixel, dtype=np.int32)
+    cell = np.asarray(sub_row, dtype=np.intp) * sub + sub_col
+    row = pixel // n_cols
+    col = pixel - row * n_cols
+    edge = np.flatnonzero((row < reach) | (row >= n_rows - reach) | (col < reach) | (col >= n_cols - reach))
+    largest, left = table.argmax(axis=0)[cell], table.sum(axis=0)[cell]
+    largest[edge], left[edge] = _at_edge(row[edge], col[edge], cell[edge], shape, shares)
+    tops = np.bincount(largest, minlength=len(table)) > 0
+    everyone = np.arange(len(pixel))
+    # Far from the middle only bright returns count, and few are.
+    by_brightness = np.argsort(-photons, kind="stable") if wide else everyone
+    dimness = -photons[by_brightness] if wide else np.zeros(0)
+    sources, pixels, parts, at_top = [everyone[:0]], [pixel[:0]], [np.zeros(0)], [np.zeros(0, dtype=bool)]
+    # From the last offset to the first, returns that are sorted by pixel reach each pixel in the order of their index.
+    for offset in range(width * width - 1, -1, -1):
+        down, right = offset // width - reach, offset % width - reach
+        some, greatest = everyone, float(table[offset].max())
+        if not tops[offset]:
+            if greatest == 0.0:
+                continue
+            if wide:
+                some = np.sort(by_brightness[: np.searchsorted(dimness, -least_photons / greatest, side="right")])
+        share = table[offset].take(cell if some is everyone else cell[some])
+        going = (photons if some is everyone else photons[some]) * share >= least_photons
+        top = largest == offset if tops[offset] else None
+        some = np.flatnonzero(going if top is None else going | top) if some is everyone else some[going]
+        if len(edge):
+            r, c = row[some] + np.int32(down), col[some] + np.int32(right)
+            some = some[(np.minimum(r, c) >= 0) & (r < n_rows) & (c < n_cols)]
+        share = table[offset].take(cell[some])
+        is_top = np.zeros(len(some), dtype=bool) if top is None else top[some]
+        left[some] -= np.where(is_top, 0.0, share)
+        sources.append(some)
+        pixels.append(pixel[some] + np.int32(down * n_cols + right))
+        parts.append(share)
+        at_top.append(is_top)
+    source, to, part, is_top = (np.concatenate(pieces) for pieces in (sources, pixels, parts, at_top))
+    part[is_top] = left[source[is_top]]
+    if np.all(pixel[1:] >= pixel[:-1]):
+        order = np.argsort(to.astype(np.uint16) if n_rows * n_cols <= 2**16 else to, kind="stable")
+    else:
+        order = np.lexsort((source, to))
+    return source[order], to[order], part[order]
+
+
+def _at_edge(
+    row: np.ndarray, col: np.ndarray, cell: np.ndarray, shape: tuple[int, int], shares: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the offset of the largest part that stays on the focal plane, and how much stays there in all."""
+    n_cells, width = shares.shape[0] ** 2, shares.shape[2]
+    reach = width // 2
+    flat = shares.reshape(n_cells, width, width)
+    total = np.zeros((n_cells, width + 1, width + 1))
+    total[:, 1:, 1:] = flat.cumsum(axis=1).cumsum(axis=2)
+    top, left = np.maximum(reach - row, 0), np.maximum(reach - col, 0)
+    bottom = np.minimum(shape[0] - row + reach, width)
+    right = np.minimum(shape[1] - col + reach, width)
+    stays = total[cell, bottom, right] - total[cell, top, right] - total[cell, bottom, left] + total[cell, top, left]
+    largest = flat.reshape(n_cells, -1).argmax(axis=1)[cell]
+    r, c = largest // width, largest % width
+    for k in np.flatnonzero((r < top) | (r >= bottom) | (c < left) | (c >= right)):
+        window = flat[cell[k], top[k] : bottom[k], left[k] : right[k]]
+        at = divmod(int(window.argmax()), window.shape[1])
+        largest[k] = (top[k] + at[0]) * width + left[k] + at[1]
+    return largest, stays
+
+
+def files_of(psf: AnyPsf) -> tuple[str, ...]:
+    """Return the files that a point spread function is read from."""
+    return tuple(kernel.file for kernel in _kernels(psf) if isinstance(kernel, GridPsf | ZemaxPsf))
+
+
+def _kernels(psf: AnyPsf) -> list[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf]:
+    return [entry.psf for entry in psf.fields] if isinstance(psf, FieldDependentPsf) else [psf]
+
+
+def _stamps(psf: AnyPsf) -> tuple[tuple[str, int, int], ...]:
+    return tuple(zemax.stamp(file) for file in files_of(psf))
+
+
+@lru_cache(maxsize=512)
+def _shares(
+    psf: AnyPsf,
+    _stamped: tuple[tuple[str, int, int], ...],
+    pitch_m: float,
+    sub: int,
+    wavelength_m: float,
+    f_number: float,
+    field_rad: float,
+    azimuth_rad: float,
+    reach: int,
+) -> np.ndarray:
+    for kernel in _kernels(psf):
+        kernel.read()  # each, so that a bad file is told before light falls where it counts
+    at = At(pitch_m / sub, (reach + 1) * sub, wavelength_m * f_number)
+    hats = _hats(psf, at, field_rad, azimuth_rad)
+    offsets = 2 * reach + 1
+    # A cell at i moved by m steps lies in the pixel (i + m) // sub: sum the steps that lead to each pixel.
+    low = sub * np.arange(1, offsets + 1) - np.arange(sub)[:, None]  # (cell, offset), the first step's place in hats
+    high = low + sub
+    total = np.zeros((hats.shape[0] + 1, hats.shape[1] + 1))
+    total[1:, 1:] = hats.cumsum(axis=0).cumsum(axis=1)
+    row_low, row_high = low[:, None, :, None], high[:, None, :, None]
+    col_low, col_high = low[None, :, None, :], high[None, :, None, :]
+    shares = total[row_high, col_high] - total[row_low, col_high] - total[row_high, col_low] + total[row_low, col_low]
+    shares = shares.clip(0.0)
+    caught = shares.sum(axis=(2, 3), keepdims=True)
+    if caught.min() < _LEAST_CAUGHT:
+        raise ScenarioError(
+            f"psf: only {100 * float(caught.min()):.2g} % of its light lands within {reach} pixels of "
+            f"{pitch_m / units.UM:g} um: check its width, spacing and centre"
+        )
+    found: np.ndarray = shares / caught
+    found.flags.writeable = False
+    return found
+
+
+@lru_cache(maxsize=256)
+def _within(
+    psf: AnyPsf,
+    _stamped: tuple[tuple[str, int, int], ...],
+    pitch_m: float,
+    wavelength_m: float,
+    f_number: float,
+    field_rad: float,
+    azimuth_rad: float,
+) -> np.ndarray:
+    """Return the share of an evenly lit pixel's light (reach) that lands within 0, 1 ... 15 pixels to each side."""
+    at = At(pitch_m, MOST_REACH, wavelength_m * f_number)
+    hats = _hats(psf, at, field_rad, azimuth_rad)
+    m = MOST_REACH
+    within = np.array([hats[m - n : m + n + 1, m - n : m + n + 1].sum() for n in range(MOST_REACH)])
+    within.flags.writeable = False
+    return within
+
+
+def _hats(psf: AnyPsf, at: At, field_rad: float, azimuth_rad: float) -> np.ndarray:
+    """Return the hat weights (row, col) at a field angle and azimuth."""
+    if not isinstance(psf, FieldDependentPsf):
+        return psf.hats(at)
+    # Towards the top is azimuth -90°, y being down.
+    at = at._replace(turn_rad=azimuth_rad + 0.5 * math.pi)
+    angles = [entry.field_deg * units.DEG for entry in psf.fields]
+    upper = int(np.searchsorted(angles, field_rad))
+    if upper == 0 or upper == len(angles):
+        return psf.fields[min(upper, len(angles) - 1)].psf.hats(at)
+    share = (field_rad - angles[upper - 1]) / (angles[upper] - angles[upper - 1])
+    return (1.0 - share) * psf.fields[upper - 1].psf.hats(at) + share * psf.fields[upper].psf.hats(at)
+
+
+@lru_cache(maxsize=32)
+def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
+    """Return the intensities (row, col) of a text file of numbers."""
+    text = zemax.points_for_commas(zemax.read_text(path))
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    lines = [(number, line.replace(",", " ").replace(";", " ")) for number, line in lines if line.strip()[0] != "#"]
+    values = zemax.matrix(path, lines)
+    if min(values.shape) < 2:
+        raise ScenarioError(f"{path}: has {values.shape[0]} rows of {values.shape[1]}: a kernel needs rows and columns")
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,299 @@
+"""Readers of two listings that Zemax OpticStudio saves as text: a Huygens PSF and a grid distortion.
+
+Nothing here knows what a lens model is; `psf` and `distortion` do. Both listings come as UTF-16 with a byte-order mark,
+UTF-8 or Latin-1, with decimal points or decimal commas, and with header lines that differ between versions. What is
+not understood in a header is passed over; what is wrong in the numbers is a `ScenarioError` of one line.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+
+_NUMBER = r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
+_UNIT = r"([a-zA-Zµμ�?]+)"
+_METRES = {
+    **dict.fromkeys(("m", "meters"), 1.0),
+    **dict.fromkeys(("cm", "centimeters"), units.CM),
+    **dict.fromkeys(("mm", "millimeters"), units.MM),
+    "nm": units.NM,
+    "inches": 25.4 * units.MM,  # the international inch, exact
+}
+_NOT_A_NUMBER = re.compile(r"[-+]?\d*[.,]?\d*#(?:IND|INF|QNAN|SNAN)\w*", re.IGNORECASE)  # as Windows prints them
+_LARGEST = 2**28  # bytes: a grid of 2048 x 2048 in UTF-16 is half of this
+
+
+@dataclass(frozen=True)
+class HuygensPsf:
+    """A point spread function on a grid: `values` (row, col) sum to 1, rows from the top of the image (+y) down.
+
+    `center` is the point (row, col), counted from 0, where the listing's reference ray lands.
+    """
+
+    values: np.ndarray
+    spacing_m: float
+    center: tuple[float, float]
+    field_deg: float | None = None
+    wavelength_m: tuple[float, float] | None = None
+    strehl: float | None = None
+
+
+@dataclass(frozen=True)
+class GridDistortion:
+    """Where a lens images a grid of directions: tangents of the field, paraxial and real image points (point, xy)."""
+
+    field_tangent: np.ndarray
+    predicted_m: np.ndarray
+    real_m: np.ndarray
+    wavelength_m: float | None = None
+
+
+def read_huygens_psf(path: str | Path) -> HuygensPsf:
+    """Return the point spread function of a Huygens PSF listing, normalised to a sum of 1.
+
+    Rows are taken as listed from the top of the image down, as the text window shows them. (The grid that the ZOS-API
+    hands out starts at the bottom left instead; a listing made from it has to be turned over first.) Without a `Center
+    point` line the middle is point n/2 + 1 of each axis, where the program puts it.
+    """
+    return _huygens(*stamp(path))
+
+
+def read_grid_distortion(path: str | Path) -> GridDistortion:
+    """Return the points of a Grid Distortion listing, less those whose chief ray failed."""
+    return _grid(*stamp(path))
+
+
+def stamp(path: str | Path) -> tuple[str, int, int]:
+    """Return path, time of change [ns] and size [bytes] of a file: what a cache of its content goes by."""
+    try:
+        status = Path(path).stat()
+        if not Path(path).is_file():
+            raise ScenarioError(f"{path}: is a folder or a device: name a text file")
+        if status.st_size > _LARGEST:
+            raise ScenarioError(f"{path}: has over {_LARGEST >> 20} MiB: save a listing of fewer points")
+    except FileNotFoundError:
+        raise ScenarioError(f"{path}: no such file: check the path") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read ({getattr(error, 'strerror', error)}): check the path") from None
+    return str(path), status.st_mtime_ns, status.st_size
+
+
+def read_text(path: str) -> str:
+    """Return the text of a file in UTF-16 (with a mark or without), UTF-8 or Latin-1."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read ({error.strerror}): check its permissions") from None
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif content[:64].count(b"\0") > len(content[:64]) // 4:  # Latin letters, and every other byte of them zero
+        encoding = "utf-16-le" if content[1:2] == b"\0" else "utf-16-be"
+    else:
+        encoding = "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        if encoding != "utf-8-sig":
+            raise ScenarioError(f"{path}: is UTF-16 text that breaks off or is damaged: save it again") from None
+        text = content.decode("latin-1")
+    if not text.strip():
+        raise ScenarioError(f"{path}: is empty: name a file with numbers in it")
+    if re.search(r"[\0-\x08\x0e-\x19\x1b-\x1f]", text):
+        raise ScenarioError(f"{path}: is not text: name a listing saved as text")
+    return text
+
+
+def points_for_commas(text: str) -> str:
+    """Return a text with decimal commas made points, if that is what its commas are.
+
+    They are where a comma stands between digits only, numbers are set apart by something else, and no number has a
+    point already.
+    """
+    rows = "\n".join(line for line in text.splitlines() if not re.search(r"[A-DF-Za-df-z]{2}", line))
+    apart = re.search(r"\d[ \t;]+[-+]?\d", rows)
+    if apart and re.search(r"\d,\d", rows) and not re.search(r",(?!\d)", rows) and not re.search(r"\d\.\d", rows):
+        return re.sub(r"(?<=\d),(?=\d)", ".", text)
+    return text
+
+
+def matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
+    """Return the numbers of (line number, text) as an array (row, col): all finite, none negative, not all zero."""
+    if not lines:
+        raise ScenarioError(f"{path}: holds no rows of numbers: name a listing with its data, not the header alone")
+    rows: list[list[float]] = []
+    for number, line in lines:
+        row = _numbers(line)
+        if row is None:
+            raise ScenarioError(f"{path}: line {number}: is not a row of numbers ({line.strip()[:30]!r}): mend it")
+        if rows and len(row) != len(rows[0]):
+            raise ScenarioError(
+                f"{path}: line {number}: has {len(row)} numbers where the first row has {len(rows[0])}: "
+                "the file is cut off or damaged, save it again"
+            )
+        rows.append(row)
+    values = np.array(rows)
+    if not np.all(np.isfinite(values)):
+        number = lines[int(np.argwhere(~np.isfinite(values))[0, 0])][0]
+        raise ScenarioError(f"{path}: line {number}: holds a value that is not finite: save the listing again")
+    below = -1e-9 * values.max()  # less is the rounding of a transform
+    if values.min() < below:
+        number = lines[int(np.argwhere(values < below)[0, 0])][0]
+        raise ScenarioError(
+            f"{path}: line {number}: holds a negative intensity: save the linear intensity, not a field, phase or log"
+        )
+    if values.max() == 0.0:
+        raise ScenarioError(f"{path}: all its values are zero: save a listing with light in it")
+    intensity: np.ndarray = values.clip(0.0)
+    return intensity
+
+
+@lru_cache(maxsize=32)
+def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
+    lines = list(enumerate(points_for_commas(read_text(path)).splitlines(), start=1))
+    lines = [(number, line) for number, line in lines if line.strip()]
+    first = next((k for k, (_, line) in enumerate(lines) if len(_numbers(line) or ()) > 1), len(lines))
+    header = "\n".join(line for _, line in lines[:first])
+    kind = re.search(r"Listing of ([^\r\n]*?)(?: Data)?\s*$", header, re.MULTILINE)
+    if kind and ("psf" not in kind[1].lower() or "cross section" in kind[1].lower()):
+        raise ScenarioError(f"{path}: is a listing of {kind[1]}, not of a Huygens PSF: save that analysis as text")
+    pair = re.search(r"Image grid size\s*:?\s*(\d+)\s*(?:by|x)\s*(\d+)", header, re.IGNORECASE)
+    if first == len(lines) and not pair and not re.search(r"spacing|psf", header, re.IGNORECASE):
+        raise ScenarioError(f"{path}: is not a Huygens PSF listing: save that analysis as text")
+    values = matrix(path, lines[first:])
+    n_rows, n_cols = values.shape
+    stated = sorted(map(int, pair.groups())) if pair else [n_cols, n_cols]
+    if sorted(values.shape) != stated:
+        told = f"its header says {pair[1]} by {pair[2]}" if pair else "a Huygens PSF is square"
+        raise ScenarioError(f"{path}: has {n_rows} rows of {n_cols}, but {told}: the file is cut off, save it again")
+    center = re.search(r"Center point is\s*:?\D*(\d+)\D+(\d+)", header, re.IGNORECASE)
+    at = (float(center[1]) - 1.0, float(center[2]) - 1.0) if center else (float(n_rows // 2), float(n_cols // 2))
+    if not (0 <= at[0] < n_rows and 0 <= at[1] < n_cols):
+        raise ScenarioError(f"{path}: its center point lies outside its {n_rows} by {n_cols} grid: save it again")
+    strehl = re.search(rf"Strehl ratio\s*:?\s*({_NUMBER})", header, re.IGNORECASE)
+    values = values / values.sum()
+    values.flags.writeable = False
+    return HuygensPsf(
+        values=values,
+        spacing_m=_spacing_m(path, header, n_cols),
+        center=at,
+        field_deg=_field_deg(header),
+        wavelength_m=_wavelength_m(header),
+        strehl=_float(strehl[1]) if strehl else None,
+    )
+
+
+def _spacing_m(path: str, header: str, n_cols: int) -> float:
+    """Return the distance between points [m], from its own line or from the area and the number of points."""
+    spacing = re.search(rf"Data spacing(?:\s+is)?\s*:?\s*({_NUMBER})\s*{_UNIT}", header, re.IGNORECASE)
+    area = re.search(
+        rf"Data area(?:\s+is)?\s*:?\s*({_NUMBER})(?:\s*(?:by|x)\s*{_NUMBER})?\s*{_UNIT}", header, re.IGNORECASE
+    )
+    if spacing:
+        metres = _float(spacing[1]) * _metres(spacing[2])
+    elif area:
+        metres = _float(area[1]) * _metres(area[2]) / n_cols
+    else:
+        raise ScenarioError(
+            f"{path}: has no line 'Data spacing is ... um': save the Huygens PSF as text with its header"
+        )
+    if not 1e-12 < metres < 1.0:
+        raise ScenarioError(f"{path}: its data spacing is {metres:g} m: check the header's number and unit")
+    return metres
+
+
+def _field_deg(header: str) -> float | None:
+    """Return the radial field angle [deg] of ``... at 0.0000, 10.0000 (deg).``; None for other fields than angles."""
+    at = re.search(rf"\bat\s+({_NUMBER})(?:\s*[,;]\s+|\s+)?({_NUMBER})?\s*\(?(?:deg|°)", header, re.IGNORECASE)
+    return math.hypot(_float(at[1]), _float(at[2] or "0")) if at else None
+
+
+def _wavelength_m(header: str) -> tuple[float, float] | None:
+    """Return the shortest and longest wavelength [m] of ``0.4861 to 0.6563 um at`` or ``1.0640 um at``."""
+    waves = re.search(rf"({_NUMBER})(?:\s*to\s*({_NUMBER}))?\s*{_UNIT}\s+at\b", header)
+    if not waves:
+        return None
+    scale = _metres(waves[3])
+    return _float(waves[1]) * scale, _float(waves[2] or waves[1]) * scale
+
+
+@lru_cache(maxsize=16)
+def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
+    text = points_for_commas(read_text(path))
+    if not re.search(r"Grid Distortion|Predicted\s*X", text, re.IGNORECASE):
+        raise ScenarioError(f"{path}: is not a Grid Distortion listing: save that analysis as text")
+    if re.search(r"Field units are (?!deg)", text, re.IGNORECASE):
+        raise ScenarioError(f"{path}: its fields are not angles in degrees: list it with fields of type Angle")
+    length = re.search(r"^\s*Units are\s+(\w+)", text, re.IGNORECASE | re.MULTILINE)
+    scale = _metres(length[1] if length else "mm")
+    indices, rows = [], []
+    for number, line in enumerate(text.splitlines(), start=1):
+        tokens = line.replace("%", " ").split()
+        if len(tokens) < 3 or not all(re.fullmatch(r"[-+]?\d+", token) for token in tokens[:2]):
+            continue  # a line of header or footer
+        indices.append((int(tokens[0]), int(tokens[1])))
+        values = _numbers(" ".join(tokens[2:]))
+        if values is None:
+            continue  # words in place of numbers: this chief ray failed
+        if len(values) not in (7, 8):
+            raise ScenarioError(
+                f"{path}: line {number}: has {len(values) + 2} columns, not i j X-Field Y-Field R-Field, predicted "
+                "and real X and Y and distortion: the file is cut off or damaged, save it again"
+            )
+        if not np.all(np.isfinite(values)):
+            raise ScenarioError(f"{path}: line {number}: holds a value that is not finite: save the listing again")
+        rows.append(values[:7])
+    _whole_grid(path, indices)
+    if len(rows) < 9:
+        raise ScenarioError(f"{path}: has {len(rows)} points that the lens images: list a grid of 3 by 3 or more")
+    table = np.array(rows)
+    if np.any(np.abs(table[:, :2]) >= 89.0):
+        raise ScenarioError(f"{path}: has fields of 89 degrees and more: list those within the camera's field")
+    wave = re.search(rf"Wavelength\s*:?\s*({_NUMBER})\s*{_UNIT}", text, re.IGNORECASE)
+    return GridDistortion(
+        field_tangent=np.tan(table[:, :2] * units.DEG),
+        predicted_m=table[:, 3:5] * scale,
+        real_m=table[:, 5:7] * scale,
+        wavelength_m=_float(wave[1]) * _metres(wave[2]) if wave else None,
+    )
+
+
+def _whole_grid(path: str, indices: list[tuple[int, int]]) -> None:
+    """Check that the listing has all points of its grid, whose indices run from -n to n."""
+    if not indices:
+        raise ScenarioError(f"{path}: holds no points: name a listing with its data, not the header alone")
+    side = {i for pair in indices for i in pair}
+    expected = (max(side) - min(side) + 1) ** 2
+    if min(side) < 0:
+        expected = (2 * -min(side) + 1) ** 2
+    if len(indices) != expected or len(set(indices)) != expected:
+        raise ScenarioError(
+            f"{path}: has {len(indices)} points where its grid has {expected}: the file is cut off, save it again"
+        )
+
+
+def _numbers(line: str) -> list[float] | None:
+    """Return the numbers of a line, or None if anything else stands in it."""
+    if "#" in line:
+        line = _NOT_A_NUMBER.sub("nan", line)
+    try:
+        return [float(token) for token in line.split()]
+    except ValueError:
+        return None
+
+
+def _float(number: str) -> float:
+    return float(number.replace(",", "."))
+
+
+def _metres(unit: str) -> float:
+    """Return a unit's length [m]; a unit that no encoding preserved is a micrometre."""
+    return _METRES.get(unit.lower(), units.UM)

@@ -1,0 +1,69 @@
+"""Record: the frozen base of what the stages of the walk hand on, and the statement of what each array in it is."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """What one array of a record is: dimension names, dtype, unit and meaning."""
+
+    dims: tuple[str, ...]
+    dtype: np.dtype[Any]
+    unit: str
+    meaning: str
+
+
+def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = False) -> Any:
+    """Return a dataclass field that holds an array, e.g. ``array("row col", "f4", "m", "slant range")``."""
+    spec = ArraySpec(tuple(dims.split()), np.dtype(dtype), unit, meaning)
+    metadata = {"array": spec}
+    return dataclasses.field(default=None, metadata=metadata) if optional else dataclasses.field(metadata=metadata)
+
+
+def specs(record: type) -> dict[str, ArraySpec]:
+    """Return what each array field of a record class is, by name, in order."""
+    return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
+
+
+def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
+    """Return a view of values that cannot be written to."""
+    view = np.asarray(values).astype(dtype, copy=False).view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """The base of records: checks its arrays against their statements, and locks them."""
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
+        for name, spec in specs(type(self)).items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            values = locked(value, spec.dtype)
+            dims, shape = spec.dims, values.shape
+            if dims[0] == "…":  # single, or batched over epochs
+                dims, shape = dims[1:], shape[1 - len(dims) :]
+            if len(shape) != len(dims):
+                raise TypeError(
+                    f"{type(self).__name__}.{name}: needs dims ({', '.join(spec.dims)}), got {values.shape}"
+                )
+            for dim, size in zip(dims, shape, strict=True):
+                if sizes.setdefault(dim, size) != size:
+                    raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
+            object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        """Return the class with the sizes of its arrays, not their contents."""
+        sizes = ", ".join(
+            f"{name}{list(value.shape)}" for name in specs(type(self)) if (value := getattr(self, name)) is not None
+        )
+        return f"<{type(self).__name__}: {sizes}>"

@@ -1,0 +1,77 @@
+"""Normals of what is curved in truth and flat in the mesh: averaged at the corners, interpolated over the facet."""
+
+import numpy as np
+
+_CREASE_COSINE = 0.5  # facets that meet at more than 60 degrees make an edge, not a curve
+_SAME_PLACE = 1e-6  # of the surface's size: files write one vertex many times, and round it
+
+
+def corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return the unit normal (facet, corner, xyz) at each corner: the mean over the facets of its part that meet there.
+
+    Each counts by its angle at the corner (Thürmer and Wüthrich 1998), turned to the side of the facet that asks, since
+    winding is mixed; those more than 60 degrees off do not count.
+
+    Parameters
+    ----------
+    corners, normals
+        The facets' corners (facet, corner, xyz) and unit normals (facet, xyz), of either side.
+    part
+        Number of each facet's part.
+    """
+    if not len(corners):
+        return np.zeros((0, 3, 3))
+    vertex = _vertices(corners, part)
+    weighted = _angles(corners).reshape(-1, 1) * np.repeat(normals, 3, axis=0)
+    own = np.repeat(normals, 3, axis=0)
+    order = np.argsort(vertex, kind="stable")
+    first = np.flatnonzero(np.diff(vertex[order], prepend=-1))
+    size = np.diff(first, append=len(order))
+    start, ring = np.repeat(first, size), np.repeat(size, size)
+    place = np.arange(len(order)) - start
+    total = weighted.copy()
+    for step in range(1, int(size.max())):  # each corner meets the next of its vertex, then the next but one, ...
+        here = np.flatnonzero(ring > step)
+        mine = order[here]
+        other = order[start[here] + (place[here] + step) % ring[here]]
+        agree = np.einsum("ci,ci->c", own[mine], own[other])
+        counts = np.where(np.abs(agree) >= _CREASE_COSINE, np.sign(agree), 0.0)
+        total[mine] += counts[:, None] * weighted[other]
+    unit: np.ndarray = total / np.linalg.norm(total, axis=1, keepdims=True)
+    return unit.reshape(-1, 3, 3)
+
+
+def interpolated(corners: np.ndarray, normals: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return the unit normals (hit, xyz) at points (hit, xyz) of facets with corners and normals (hit, corner, xyz)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p = point - corners[:, 0]
+    aa, ab, bb = (np.einsum("hi,hi->h", *pair) for pair in ((a, a), (a, b), (b, b)))
+    pa, pb = np.einsum("hi,hi->h", p, a), np.einsum("hi,hi->h", p, b)
+    area2 = np.maximum(aa * bb - ab * ab, 1e-300)
+    second = np.clip((bb * pa - ab * pb) / area2, 0.0, 1.0)
+    third = np.clip((aa * pb - ab * pa) / area2, 0.0, 1.0 - second)
+    share = np.stack([1.0 - second - third, second, third], axis=1)
+    normal: np.ndarray = np.einsum("hc,hci->hi", share, normals)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return normal
+
+
+def _vertices(corners: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Return a number for each corner (facet * 3 + corner), the same for corners of one part in one place."""
+    size = max(float(np.ptp(corners.reshape(-1, 3), axis=0).max()), 1e-300)
+    cell = np.rint(corners.reshape(-1, 3) / (_SAME_PLACE * size)).astype(np.int64)
+    keyed = np.column_stack([np.repeat(part, 3), cell])
+    order = np.lexsort(keyed.T)
+    new = np.any(np.diff(keyed[order], axis=0, prepend=keyed[order[:1]] - 1) != 0, axis=1)
+    vertex = np.empty(len(order), dtype=np.int64)
+    vertex[order] = np.cumsum(new) - 1
+    return vertex
+
+
+def _angles(corners: np.ndarray) -> np.ndarray:
+    """Return the angle [rad] of each facet at each of its corners."""
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    cross = np.linalg.norm(np.cross(ahead, behind), axis=2)
+    angle: np.ndarray = np.arctan2(cross, np.einsum("fci,fci->fc", ahead, behind))
+    return angle
