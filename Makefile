@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test lint validate docs models bench clean
+.PHONY: help venv demo test lint validate docs figures calibrate models bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -53,6 +53,12 @@ validate: $(VENV)/.installed-test ## compare with the outside world, and write d
 
 docs: $(VENV)/.installed ## write the generated parts of docs/ anew
 	$(BIN)/python docs/generate.py
+
+figures: $(VENV)/.installed ## draw the curves of docs/instrument.md anew
+	$(BIN)/python docs/figures.py
+
+calibrate: $(VENV)/.installed ## solve the constants of the shipped detectors through the whole chain, anew
+	$(BIN)/python -m rso_lidar.detector.calibrate
 
 models: $(VENV)/.installed ## build the models in models/ anew
 	$(BIN)/python -m rso_lidar.shapes.write

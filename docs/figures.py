@@ -18,6 +18,7 @@ import rso_lidar as rl
 from rso_lidar import picture, units
 from rso_lidar.detector import chain
 from rso_lidar.detector.calibrate import REFERENCE_FWHM_S, reference_pulse
+from rso_lidar.detector.measure import measure
 from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.ranging import locate
@@ -40,7 +41,9 @@ ALGORITHMS = {
 CM = units.RANGE_PER_DELAY_M_S / units.CM  # a delay in seconds as a range in cm
 
 
-def seen(detector: Any, photons: float, n: int, seed: int = 0, pulse_fwhm_ns: float = 8.0, range_m: float = 3000.0) -> Trial:
+def seen(
+    detector: Any, photons: float, n: int, seed: int = 0, pulse_fwhm_ns: float = 8.0, range_m: float = 3000.0
+) -> Trial:
     """Return what `n` pixels of a detector make of so many photons."""
     laser = rl.Laser(pulse_fwhm_ns=pulse_fwhm_ns)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(20_240_917, spawn_key=(seed, round(photons)))))
@@ -67,7 +70,7 @@ def counts() -> Any:
     """Return photons to counts, and how they scatter (seed fig. 13)."""
     figure = new_figure(
         9.6, 4.4, "Photons to counts",
-        "default detector, 8 ns pulse on a facing plate; the seed's figure 13 has the same shape and no numbers",
+        "default detector, 8 ns pulse on a facing plate; compare the seed's figure 13",
     )  # fmt: skip
     mean_of, noise_of = figure.subplots(1, 2)
     levels = np.geomspace(900, 1e6, 28)
@@ -82,7 +85,9 @@ def counts() -> Any:
         mean_of.plot(levels, mean, ".-", color=colour, label=label, ms=4, lw=1.0)
         noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=1.0)
     fast = rl.Empirical()
-    mean_of.plot(levels, fast.counts(levels), "--", color=hexed(INK), lw=0.9, label="empirical, fitted to the blue curve")
+    mean_of.plot(
+        levels, fast.counts(levels), "--", color=hexed(INK), lw=0.9, label="empirical, fitted to the blue curve"
+    )
     mean_of.set(xscale="log", yscale="log")
     noise_of.set(xscale="log", ylim=(0, None))
     in_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
@@ -127,8 +132,9 @@ def detection() -> Any:
 def false_alarms() -> Any:
     """Return how often noise crosses the threshold, Gaussian and with avalanches."""
     figure = new_figure(
-        7.6, 4.8, "False alarms of one pixel",
-        "formulas: Rice's for Gaussian noise, and with McIntyre's avalanches of 1 nA of dark current; dots: the presets' thresholds",
+        9.6, 4.8, "False alarms of one pixel",
+        "Rice's formula for Gaussian noise, and with McIntyre's avalanches of 1 nA of dark current; "
+        "dots: the presets' thresholds",
     )  # fmt: skip
     axes = figure.subplots()
     over = np.linspace(3.0, 18.0, 121)
@@ -179,7 +185,9 @@ def precision() -> Any:
             spread.append(np.nanstd((found - truth) * CM))
         bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
     bound = [
-        math.sqrt(np.mean([crlb_s(pulse, snr * sigma, sample_s, covariance, p) ** 2 for p in np.linspace(-0.5, 0.5, 9)]))
+        math.sqrt(
+            np.mean([crlb_s(pulse, snr * sigma, sample_s, covariance, p) ** 2 for p in np.linspace(-0.5, 0.5, 9)])
+        )
         for snr in snrs
     ]
     bench.plot(snrs, np.array(bound) * CM, color=hexed(INK), lw=1.4, label="Cramér–Rao bound")
@@ -210,7 +218,8 @@ def walk() -> Any:
     """Return the bias of range over photons, raw and corrected."""
     figure = new_figure(
         9.6, 4.6, "Range walk",
-        "mean error over 2000 pixels, jitter off, with 95 % intervals; linear within 5 cm; beyond 100,000 photons the converter clips",
+        "mean error over 2000 pixels, jitter off, with 95 % intervals; linear within 5 cm; "
+        "beyond 100,000 photons the converter clips",
     )  # fmt: skip
     from matplotlib.ticker import NullLocator
 
@@ -232,7 +241,7 @@ def walk() -> Any:
         in_thousands(axes.xaxis, axes.yaxis)
     dress(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
     dress(both[1], "walk_correction = true", x="Photons on the pixel")
-    key(both[0], "lower left")
+    key(both[1], "lower left")
     return figure
 
 
@@ -240,9 +249,9 @@ def pixel() -> Any:
     """Return the life of one pixel at an edge, stage by stage."""
     figure = new_figure(
         9.6, 8.2, "One pixel at an edge, from light to two ranges",
-        "2500 photons from 100.0 m and 4000 from 102.6 m in one pixel; preset noise_limited, max_returns = 2",
+        "2500 photons from 100.0 m and 4000 from 102.6 m in one pixel; preset noise_limited, max_returns = 2, jitter off",
     )  # fmt: skip
-    detector = rl.Gsfl(max_returns=2)
+    detector = rl.Gsfl(max_returns=2, timing=STILL)
     photons = _edge((100.0, 102.6), (2500.0, 4000.0))
     rng = np.random.Generator(np.random.Philox(9))
     plan, camera = detector.plan(REFERENCE_FWHM_S), detector.camera(1)
@@ -255,18 +264,28 @@ def pixel() -> Any:
     at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
     samples = detector.readout.convert(made.amplitude[0, at])[None]
     waveforms = Waveforms(
-        shape=(1, 1), sample_s=detector.readout.sample_s, baseline_counts=detector.readout.baseline_counts, pixel=np.zeros(1, int),
-        start_s=np.array([sample * detector.readout.sample_s]), latch_s=np.array([(rows.start[0] + latch) * plan.step_s]),
+        shape=(1, 1),
+        sample_s=detector.readout.sample_s,
+        baseline_counts=detector.readout.baseline_counts,
+        pixel=np.zeros(1, int),
+        start_s=np.array([sample * detector.readout.sample_s]),
+        latch_s=np.array([(rows.start[0] + latch) * plan.step_s]),
         samples_counts=samples,
-    )  # fmt: skip
-    reading = rl_measure(detector, waveforms, photons)
+    )
+    reading = measure(detector, waveforms, detector.pulse(photons), rng)
 
     light, current, voltage, stored = figure.subplots(4, 1, sharex=True)
     range_m = (rows.start[0] + np.arange(rows.length)) * plan.step_s * units.RANGE_PER_DELAY_M_S
-    light.stem(range_m[made.light[0] > 1.0], made.light[0][made.light[0] > 1.0], basefmt=" ", linefmt=BLUE, markerfmt=".")
+    light.stem(
+        range_m[made.light[0] > 1.0], made.light[0][made.light[0] > 1.0], basefmt=" ", linefmt=BLUE, markerfmt="."
+    )
     dress(light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps")
-    current.plot(range_m, detector.apd.gain * made.primaries[0], color=hexed(INK), lw=1.1, label="gain × expected photoelectrons")
-    current.step(range_m, made.electrons[0], where="mid", color=ORANGE, lw=1.0, label="drawn: Poisson, avalanche, dark current")
+    current.plot(
+        range_m, detector.apd.gain * made.primaries[0], color=hexed(INK), lw=1.1, label="gain × expected photoelectrons"
+    )
+    current.step(
+        range_m, made.electrons[0], where="mid", color=ORANGE, lw=1.0, label="drawn: Poisson, avalanche, dark current"
+    )
     dress(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
     key(current)
     voltage.plot(range_m, made.mean()[0], color=hexed(INK), lw=0.9, label="without noise")
@@ -286,24 +305,24 @@ def pixel() -> Any:
         if np.isfinite(where)
     ]
     for k, one in enumerate(fit):
-        stored.plot(fine, one, color=PINK, lw=1.0, ls="--", label="" if k else "the pulses fitted, jitter included")
+        stored.plot(fine, one, color=PINK, lw=1.0, ls="--", label="" if k else "the pulses fitted")
     stored.plot(fine, np.sum(fit, axis=0), color=GREEN, lw=1.2, label="and their sum")
     for where in found_m[np.isfinite(found_m)]:
         stored.axvline(where, color=GREEN, lw=0.7)
-        stored.text(where, 1.02, f"{where:.2f} m", transform=stored.get_xaxis_transform(), fontsize=8, ha="center", color=GREEN)
-    dress(stored, "Samples and fit", x="Two-way delay as a range [m]; the amplifier's own delay shows, and is taken off", y="Counts")
+        stored.text(
+            where, 1.02, f"{where:.2f} m", transform=stored.get_xaxis_transform(), fontsize=8, ha="center", color=GREEN
+        )
+    dress(
+        stored,
+        "Samples and fit",
+        x="Two-way delay as a range [m]; the amplifier's own delay shows, and is taken off",
+        y="Counts",
+    )
     key(stored)
     in_thousands(light.yaxis, current.yaxis, voltage.yaxis)
     stored.set_xlim(range_m[at[0]] - 0.3, range_m[at[-1]] + 0.3)
     figure.align_ylabels([light, current, voltage, stored])
     return figure
-
-
-def rl_measure(detector: rl.Gsfl, waveforms: Waveforms, photons: Photons) -> Any:
-    """Return the reading of stored samples."""
-    from rso_lidar.detector.measure import measure
-
-    return measure(detector, waveforms, detector.pulse(photons), np.random.Generator(np.random.Philox(10)))
 
 
 def _edge(ranges_m: Sequence[float], photons: Sequence[float]) -> Photons:
@@ -321,7 +340,8 @@ def gate() -> Any:
     """Return detection under a range gate over photons, and at 30 photons over pulses averaged."""
     figure = new_figure(
         9.6, 5.0, "Range gate: what 30 photons take",
-        "gate of 47.6 ns, threshold for 0.1 % of false alarms in Gaussian noise; avalanches of dark current make them more (legend)",
+        "gate of 47.6 ns, threshold for 0.1 % of false alarms in Gaussian noise; "
+        "avalanches of dark current make them more (legend)",
     )  # fmt: skip
     single, averaged = figure.subplots(1, 2, sharey=True)
     quiet = rl.Amplifier(noise_electrons=60.0)
@@ -341,13 +361,15 @@ def gate() -> Any:
     for name, (detector, colour) in presets.items():
         dark = detector.replace(gate=rl.Gate(delay_ns=delay_ns))
         false = seen(dark, 1e-9, 16_384, 5, range_m=middle_m).probability
-        label = f"{name}: false alarms {false:.1%}"
+        label = f"{name}: false alarms {100.0 * false:.1f} %"
         for axes, levels in ((single, np.geomspace(10, 1000, 13)), (averaged, np.array([1, 2, 4, 8, 16, 32, 64]))):
             points = []
             for level in levels:
                 pulses, photons = (1, float(level)) if axes is single else (int(level), 30.0)
                 gated = detector.replace(gate=rl.Gate(delay_ns=delay_ns, pulses=pulses))
-                points.append(binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n))
+                points.append(
+                    binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n)
+                )
             share, low, high = np.array(points).T
             axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
     for axes in (single, averaged):
@@ -357,7 +379,9 @@ def gate() -> Any:
     dress(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
     dress(averaged, "30 photons a pulse", x="Pulses averaged")
     lines, labels = single.get_legend_handles_labels()
-    figure.legend(lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hexed(QUIET))
+    figure.legend(
+        lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hexed(QUIET)
+    )
     return figure
 
 

@@ -43,6 +43,7 @@ def pages() -> dict[Path, str]:
         "scenario.md": {"keys": scenario_keys()},
         "records.md": {"records": record_tables(), "layout": file_layout()},
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
+        "instrument.md": {"constants": constants(), "presets": presets()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -374,7 +375,7 @@ def budget() -> str:
 
 
 def detection() -> str:
-    """Return detection, range noise and counts of the default detector over photons."""
+    """Return detection, range noise and counts of the empirical detector over photons."""
     detector, fwhm_s = rl.Empirical(), rl.Laser().pulse_fwhm_s
     rows = []
     for photons in (300, 500, 700, 800, 900, 1000, 1200, 3000, 10_000, 100_000):
@@ -394,6 +395,51 @@ def defaults() -> str:
             raise SystemExit(f"meanings.toml: [sources.{name}] must say {', '.join(sorted(given))}")
         rows += [(f"`{name}.{key}`", f"`{_toml(fields[key].default)}`", said) for key, said in sources.items()]
     return _table(("default", "value", "where it comes from"), rows)
+
+
+# ------------------------------------------------------------------------------------------------ instrument.md
+
+
+def constants() -> str:
+    """Return the solved constants of the detector's presets, and what follows from them."""
+    rows = []
+    for preset in ("noise_limited", "offset_limited"):
+        detector = rl.Gsfl(preset=preset)
+        rows.append(
+            (
+                f"`{preset}`",
+                f"{detector.amplifier.noise_electrons:,.0f}",
+                f"{detector.noise_electrons:,.0f}",
+                f"{detector.trigger.threshold_electrons:,.0f}",
+                f"{detector.threshold_photons:,.0f}",
+                f"{detector.threshold_over_noise:.1f}",
+                _rate(detector.false_alarms_per_s),
+                _rate(detector.mean_false_alarms_per_s),
+            )
+        )
+    header = (
+        "preset",
+        "amplifier noise [electrons]",
+        "with dark current [electrons]",
+        "threshold [electrons]",
+        "threshold [photons]",
+        "threshold / noise",
+        "false alarms by Rice [1/s]",
+        "with avalanches and spread [1/s]",
+    )
+    return _table(header, rows)
+
+
+def _rate(per_s: float) -> str:
+    return f"{per_s:.1f}" if per_s > 0.05 else "below 0.05" if per_s > 0.0 else "none"
+
+
+def presets() -> str:
+    """Return the shipped cameras by name, with what in them is sourced and what assumed."""
+    from rso_lidar.scenario.lidar import presets as shipped
+
+    rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
+    return _table(("`[lidar] preset`", "what it is"), rows)
 
 
 def _is_a_value(field: Any) -> bool:

@@ -39,7 +39,7 @@ scenario = rl.Scenario(
     lidar=rl.Lidar(
         laser=rl.Laser(wavelength_nm=1064, energy_mj=15, pulse_fwhm_ns=8, divergence_deg=8.0),
         receiver=rl.Receiver(fov_deg=8.0, f_number=2.8, transmission=0.67, rays_per_pixel=9),
-        detector=rl.Empirical(armed_to_m=500),
+        detector=rl.Gsfl(armed_to_m=500),
     ),
 )
 

@@ -148,6 +148,10 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
             continue
         if _tag(raw) == step and (here is None or step not in here.model_fields):
             continue  # pydantic names the branch of a union; the reader's file does not
+        untold = _named(annotation, step) if here is None and _tag(raw) is None else None
+        if untold is not None:
+            here = untold  # a table that leaves its type to the default
+            continue
         owner = here
         words.append(step if not words else f".{step}")
         if here is None and get_origin(annotation) is dict:
@@ -158,6 +162,12 @@ def _place(loc: tuple[int | str, ...], part: type[BaseModel], raw: Any) -> tuple
         raw = raw.get(step) if isinstance(raw, Mapping) else getattr(raw, step, None)
         here = _choose(annotation, raw)
     return "".join(words), owner
+
+
+def _named(annotation: Any, tag: str) -> type[BaseModel] | None:
+    """Return the part class of that type among those an annotation allows."""
+    found = (cls for cls in _part_classes(annotation) if "type" in cls.model_fields)
+    return next((cls for cls in found if cls.model_fields["type"].default == tag), None)
 
 
 def _tag(raw: Any) -> Any:
@@ -203,6 +213,8 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         noun = "type" if problem["loc"][-1] == "type" else "value"
         guess = did_you_mean(value, known) if isinstance(value, str) and value not in known else ""
         return f"unknown {noun} {_show(value)}{guess} (known: {', '.join(known)})"
+    if kind == "too_short":
+        return f"needs at least {context['min_length']} entries, not {context['actual_length']}; add some"
     if kind == "too_long":
         return f"needs {context['max_length']} entries, not {context.get('actual_length') or 'more'}; leave some out"
     if kind in ("dict_type", "model_type", "model_attributes_type"):

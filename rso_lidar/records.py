@@ -80,8 +80,9 @@ class Truth:
     """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
 
     `time_s` is a float, or an array (time) [s since start_utc]; `poses` the tree of axes; `states` the inertial states of
-    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world without a Sun; `pointing`
-    the PTU's angles (None without a PTU); `sunlit` by body the share (…) of the Sun's disc that the Earth leaves free.
+    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world without a Sun;
+    `pointing` the PTU's angles (None without a PTU); `sunlit` by body the share (…) of the Sun's disc that the Earth
+    leaves free.
     """
 
     time_s: Any
@@ -198,6 +199,13 @@ class Photons(Record):
     hit: np.ndarray = array("return", "i4", "1", "index of the hit that sends it")
     cluster: np.ndarray = array("return", "i4", "1", "cluster of the return, counted through the frame")
     cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
+    filled_fraction: np.ndarray | None = array(
+        "row col",
+        "f8",
+        "1",
+        "share of each pixel's area that is on a target and lit; None: all that was hit",
+        optional=True,
+    )
     background_photons_per_s: np.ndarray | None = array(
         "row col", "f8", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
     )

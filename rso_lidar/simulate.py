@@ -124,7 +124,7 @@ def flash(
     observation = Observation(truth.time_s, reading, lidar.settings, receiver.line_of_sight, measured)
     made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons, "waveforms": waveforms}
     if "oversampled" in keep:
-        made["oversampled"] = optics.oversampled(hits, photons, receiver)
+        made["oversampled"] = optics.oversampled(hits, laser, receiver)
     kept = {name: record for name in keep if (record := made[name]) is not None}
     return Frame(index, observation, labels, truth, scenario.source, kept)
 

@@ -41,15 +41,19 @@ def at_edge(frame):
 
 
 def test_every_example_has_a_test():
-    assert set(NAMES) == {"tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop"}
+    assert set(NAMES) == {
+        "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570"
+    }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "closed_loop"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("closed_loop", "proximity_1570")])
 def test_there_is_nothing_to_warn_of(name):
     assert load(name).advice() == []
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "closed_loop"])
+@pytest.mark.parametrize(
+    "name", [name for name in NAMES if name not in ("closed_loop", "gated_search", "proximity_1570")]
+)
 def test_first_middle_and_last_frame_find_their_target(name):
     scenario = load(name)
     last = scenario.time.n_frames - 1
@@ -58,7 +62,9 @@ def test_first_middle_and_last_frame_find_their_target(name):
         assert found.sum() >= 10
         # Noise is greatest at the threshold. Half of normal errors lie within 0.67 of it; 2 allows for as few as ten.
         detector, laser = scenario.lidar.detector, scenario.lidar.laser
-        worst_m = detector.range_noise_m(np.array(detector.threshold_photons), laser.pulse_fwhm_s)
+        worst_m = rl.Empirical().range_noise_m(
+            np.array(detector.threshold_photons), laser.pulse_fwhm_s
+        )  # gsfl's, fitted
         assert np.median(np.abs(frame.range_m - frame.labels.range_m)[found]) < 2.0 * worst_m
 
 
@@ -268,6 +274,95 @@ def test_closed_loop_holds_the_stage_for_300_s(closed_loop):
     assert count == 600
     assert frame.time_s == 299.5
     assert false > 30 * count  # the false triggers are on
+
+
+# --------------------------------------------------------------------------------------------------- gated_search
+
+
+def test_gated_search_keeps_the_stage_in_the_gate():
+    scenario = load("gated_search")
+    frames = fly(scenario, 0, 17, 35)
+    for frame in frames:
+        opens_m = frame.observation.settings["gate_delay_s"] * 0.5 * SPEED_OF_LIGHT_M_S
+        closes_m = opens_m + frame.observation.settings["gate_width_s"] * 0.5 * SPEED_OF_LIGHT_M_S
+        seen_m = frame.labels.range_m[on_target(frame)]
+        assert opens_m + 5.0 < seen_m.min()
+        assert seen_m.max() < closes_m - 5.0
+    moved_m = [
+        frame.observation.settings["gate_delay_s"] * 0.5 * SPEED_OF_LIGHT_M_S for frame in (frames[0], frames[-1])
+    ]
+    # from 300 m below and 6000 m behind, 0.49266 m/s of drift along-track: 4286.1 m away in frame 35, at 3500 s
+    apart_m = [float(np.hypot(300.0, 6000.0 - 0.49266 * time_s)) for time_s in (0.0, 3500.0)]
+    assert moved_m[0] - moved_m[1] == pytest.approx(apart_m[0] - apart_m[1], abs=1.0)
+
+
+def test_gated_search_finds_what_no_trigger_would():
+    scenario = load("gated_search")
+    lidar = scenario.lidar
+    gated, there, false, dim = 0, 0, 0, 0
+    for frame in fly(scenario, *range(0, 36, 7)):
+        seen = on_target(frame)
+        there, gated = there + int(seen.sum()), gated + int((frame.valid & seen).sum())
+        false += int((frame.valid & ~seen).sum())
+        dim += int((frame.labels.photons[seen] < 100.0).sum())
+        judged = frame.valid & seen & (frame.labels.cluster_count == 1)
+        # 30 photons in 32 pulses are 770 photoelectrons, s sqrt(F / 770) is 4 cm, and a pulse's noise puts three times more
+        assert np.median(np.abs(frame.range_m - frame.labels.range_m)[judged]) < 0.25
+    assert dim > 0.5 * there  # tens of photons
+    assert gated > 0.5 * there
+    assert false < 6 * 6  # a pixel of 1024 in Gaussian noise, some more with avalanches
+    alone = lidar.replace(detector=lidar.detector.replace(gate=None, armed_to_m=7000.0), schedule=None)
+    frames = list(rl.simulate(scenario.replace(lidar=alone), frames=range(0, 36, 7)))
+    triggered = sum(int((frame.valid & on_target(frame)).sum()) for frame in frames)
+    assert triggered < 0.1 * gated
+
+
+# ------------------------------------------------------------------------------------------------- proximity_1570
+
+
+@pytest.fixture(scope="module")
+def proximity():
+    scenario = load("proximity_1570")
+    return scenario, list(rl.simulate(scenario, frames=[0, 20, 39], keep=["photons"]))
+
+
+def test_proximity_1570_is_warned_of_its_window_alone():
+    (line,) = load("proximity_1570").advice()
+    assert "7.1 m about the first crossing" in line
+
+
+def test_proximity_1570_ranges_what_it_sees(proximity):
+    scenario, frames = proximity
+    for frame in frames:
+        found = frame.valid & on_target(frame)
+        assert found.sum() > 2000
+        judged = found & (frame.labels.cluster_count == 1)
+        # half of normal errors lie within 0.67 sigma, and sigma is 5 cm with much light; dim pixels add to that
+        assert np.median(np.abs(frame.range_m - frame.labels.range_m)[judged]) < 0.06
+        assert frame.saturated.mean() < 0.001
+        assert (frame.valid & ~on_target(frame)).sum() < 20
+    edge = frames[0].line_of_sight[64, -1]
+    # barrel distortion: the outermost column looks farther out than a perfect lens's 10 degrees less half a pixel
+    assert np.arctan2(edge[0], edge[2]) > scenario.lidar.receiver.fov_rad / 2
+
+
+def test_proximity_1570_lists_two_returns_where_two_depths_meet(proximity):
+    _, frames = proximity
+    reading, labels = frames[-1].observation.reading, frames[-1].labels
+    two = np.isfinite(reading.return_range_m[..., 1])
+    assert two.sum() >= 10
+    assert (labels.cluster_count[two] >= 2).mean() > 0.8
+    error_m = (reading.return_range_m - labels.return_range_m)[two & (labels.cluster_count == 2)][:, :2]
+    # 5 cm of jitter, and some 10 cm of noise for a return of about a thousand photons: 1 m is a mistaken return
+    assert (np.abs(error_m) < 1.0).mean() > 0.9
+
+
+def test_proximity_1570_stands_in_sunlight(proximity):
+    _, frames = proximity
+    background = frames[0].kept["photons"].background_photons_per_s
+    assert background.max() > 1e8
+    assert frames[0].truth.sunlit["tdrs"] == 1.0
+    assert background[~on_target(frames[0])].max() == 0.0
 
 
 # ------------------------------------------------------------------------------------------------------------- tle

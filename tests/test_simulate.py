@@ -183,3 +183,172 @@ def test_an_epoch_has_the_same_bits_alone_and_among_many(motion, attitude):
             np.testing.assert_array_equal(one.angular_velocity_rad_s, many.angular_velocity_rad_s, err_msg=name)
         np.testing.assert_array_equal(alone.sun_direction, among.sun_direction)
         np.testing.assert_array_equal(alone.states["body"].velocity_m_s, among.states["body"].velocity_m_s)
+
+
+# ----------------------------------------------------------------- an instrument that changes, and kept records
+
+PLAN = (
+    "lidar.schedule={time_s=[0, 1.8], focal_length_mm=[70, 110], divergence_deg=[2.5, 2.0], energy_mj=[50, 5], "
+    "gate_delay_ns=[6640, 6649]}"
+)
+CHANGING = ("lidar.detector.gate={delay_ns=6640, width_ns=60}", "lidar.laser.energy_jitter_fraction=0.05", PLAN)
+
+
+@pytest.fixture
+def changing(text):
+    return rl.Scenario.loads(text, settings=CHANGING)
+
+
+class TestPlan:
+    def test_every_frame_records_what_was_in_force(self, changing):
+        for frame in rl.simulate(changing, frames=[0, 3, 9]):
+            done = frame.time_s / 1.8
+            settings = frame.observation.settings
+            assert settings["focal_length_m"] == pytest.approx(0.070 + 0.040 * done, rel=1e-12)
+            assert settings["laser_divergence_rad"] == pytest.approx(np.radians(2.5 - 0.5 * done), rel=1e-12)
+            # As set: by how much a single pulse differs the spacecraft does not know.
+            assert settings["laser_energy_j"] == pytest.approx(0.050 - 0.045 * done, rel=1e-12)
+            assert settings["gate_delay_s"] == pytest.approx(6640e-9 + 9e-9 * done, rel=1e-12)
+            assert settings["gate_width_s"] == pytest.approx(60e-9, rel=1e-12)
+            edge = frame.line_of_sight[0, 0]
+            assert edge[0] / edge[2] == pytest.approx(-15.5 * 100e-6 / settings["focal_length_m"], rel=1e-12)
+
+    def test_a_frame_is_the_same_alone_and_with_any_threads(self, changing):
+        keep = ("waveforms", "photons")
+        whole = list(rl.simulate(changing, threads=2, keep=keep))
+        for numbers, threads in (([7], 1), ([2, 7], 3), (slice(6, None), 5)):
+            for frame in rl.simulate(changing, frames=numbers, threads=threads, keep=keep):
+                among = whole[frame.index]
+                assert frame.observation.settings == among.observation.settings
+                np.testing.assert_array_equal(frame.range_m, among.range_m)
+                np.testing.assert_array_equal(frame.intensity_counts, among.intensity_counts)
+                np.testing.assert_array_equal(frame.line_of_sight, among.line_of_sight)
+                np.testing.assert_array_equal(frame.labels.photons, among.labels.photons)
+                one, many = frame.kept["waveforms"], among.kept["waveforms"]
+                np.testing.assert_array_equal(one.samples_counts, many.samples_counts)
+
+    def test_zoom_makes_the_target_larger(self, text):
+        """A plate of 16 m² covers (f / pitch / range)² x 16 pixels: 7.84 at 70 mm, 23.04 at 120 mm."""
+        zoom = ('lidar.schedule={time_s=[0, 1], focal_length_mm=[70, 120], interpolation="step"}',)
+        near, far = rl.simulate(rl.Scenario.loads(text, settings=zoom), frames=[0, 5])
+        covered = [frame.labels.filled_fraction.sum() for frame in (near, far)]
+        # Spin turns the plate by 10 degrees in that second; a grid of 2 x 2 rays, made finer, knows an edge to some percent.
+        assert covered[0] == pytest.approx(7.84, rel=0.05)
+        assert covered[1] == pytest.approx(23.04 * np.cos(np.radians(10)), rel=0.05)
+
+    def test_a_gate_sees_what_is_in_it(self, text):
+        """The gate opens behind the plate for frames from 1 s on."""
+        gate = (
+            "lidar.detector.gate={delay_ns=6640, width_ns=60, false_alarm_probability=1e-6}",
+            'lidar.schedule={time_s=[0, 1], gate_delay_ns=[6640, 7000], interpolation="step"}',
+        )
+        for frame in rl.simulate(rl.Scenario.loads(text, settings=gate)):
+            on_target = frame.labels.filled_fraction > 0.99
+            assert on_target.any()
+            assert frame.valid[on_target].all() == (frame.time_s < 1.0)
+            assert not (frame.valid[on_target].any() and frame.time_s >= 1.0)
+
+
+class TestCommands:
+    """What a controller asks of the instrument acts from the next flash on, and is recorded there."""
+
+    @pytest.mark.parametrize(
+        ("command", "name"),
+        [
+            (rl.Command(focal_length_m=0.1), "focal_length_m"),
+            (rl.Command(divergence_rad=0.02), "laser_divergence_rad"),
+            (rl.Command(energy_j=0.01), "laser_energy_j"),
+            (rl.Command(gate_delay_s=6.645e-6), "gate_delay_s"),
+        ],
+    )
+    def test_each(self, text, command, name):
+        gated = rl.Scenario.loads(text, settings=("lidar.detector.gate={delay_ns=6640}", "time.duration_s=0.8"))
+        bare = gated.replace(ptu=None)  # without a PTU they are allowed too
+        for scenario in (gated, bare):
+            value = next(value for value in vars(command).values() if value is not None)
+            seen = []
+
+            def controller(observation, seen=seen):
+                seen.append(observation.settings[name])
+                return command if len(seen) == 2 else None
+
+            frames = list(rl.simulate(scenario, controller))
+            planned = scenario.lidar.settings[name]
+            assert seen == [frame.observation.settings[name] for frame in frames]
+            # One command holds for one flash: None keeps the scenario's demand.
+            assert seen == pytest.approx([planned, planned, value, planned], rel=1e-12)
+
+    def test_energy_is_photons(self, text):
+        scenario = rl.Scenario.loads(text, settings=("time.duration_s=0.4",)).replace(ptu=None)
+        first, second = rl.simulate(scenario, lambda _: rl.Command(energy_j=0.005))
+        lit = first.labels.filled_fraction > 0.99
+        assert second.labels.photons[lit].mean() / first.labels.photons[lit].mean() == pytest.approx(0.1, rel=0.01)
+
+    def test_they_come_before_the_plan(self, changing):
+        frames = list(rl.simulate(changing, lambda _: rl.Command(energy_j=0.033)))
+        assert [f.observation.settings["laser_energy_j"] for f in frames[1:]] == pytest.approx([0.033] * 9, rel=1e-12)
+        assert frames[9].observation.settings["focal_length_m"] == pytest.approx(0.110, rel=1e-12)
+
+    def test_a_gate_can_follow_the_range_that_it_measured(self, text):
+        """A closed loop: the gate opens 20 ns before what the last frame saw, and keeps the target."""
+        settings = ("lidar.detector.gate={delay_ns=6650, width_ns=60}",)
+        scenario = rl.Scenario.loads(text, settings=settings)
+
+        def follow(observation):
+            return rl.Command(gate_delay_s=float(np.nanmedian(observation.reading.range_m)) * 2.0 / 299_792_458 - 20e-9)
+
+        frames = list(rl.simulate(scenario, follow))
+        assert all(frame.valid[frame.labels.filled_fraction > 0.99].all() for frame in frames)
+        # The median of some sixteen returns, of 6 cm each, is good to 0.4 ns.
+        delays = [frame.observation.settings["gate_delay_s"] for frame in frames[1:]]
+        np.testing.assert_allclose(delays, 2000.0 / 299_792_458 - 20e-9, atol=2e-9)
+
+    @pytest.mark.parametrize(
+        ("command", "words"),
+        [
+            (rl.Command(energy_j=-1.0), "greater than 0"),
+            (rl.Command(energy_j=float("nan")), "finite"),
+            (rl.Command(energy_j="much"), "energy_j: needs a number"),
+            (rl.Command(divergence_rad=4.0), "less than 180"),
+            (rl.Command(focal_length_m=0.0), "greater than 0"),
+            (rl.Command(gate_delay_s=1e-6), r"no gate; add \[lidar\.detector\.gate\]"),
+        ],
+    )
+    def test_bad_ones_get_one_line(self, text, command, words):
+        scenario = rl.Scenario.loads(text).replace(ptu=None)
+        with pytest.raises(ScenarioError, match=words) as error:
+            list(rl.simulate(scenario, lambda _: command))
+        assert "\n" not in str(error.value)
+        assert "command" in str(error.value)
+
+
+class TestKept:
+    @pytest.mark.parametrize("settings", [(), ("lidar.detector.gate={delay_ns=6640, width_ns=60}",)])
+    def test_waveforms_photons_and_the_oversampled_image(self, text, settings):
+        scenario = rl.Scenario.loads(text, settings=settings)
+        frame = next(rl.simulate(scenario, frames=[2], keep=["waveforms", "photons", "oversampled"]))
+        assert set(frame.kept) == {"waveforms", "photons", "oversampled"}
+        waveforms, photons, fine = (frame.kept[name] for name in ("waveforms", "photons", "oversampled"))
+        # Whatever is reported was stored.
+        assert set(np.flatnonzero(frame.valid.ravel())) <= set(waveforms.pixel.tolist())
+        if settings:
+            assert len(waveforms.pixel) == 32 * 32
+        # The image is the labels', pixel by pixel, and so is the sum of its fine cells.
+        image = np.bincount(photons.pixel, photons.photons, 32 * 32).reshape(32, 32)
+        np.testing.assert_allclose(image, frame.labels.photons, rtol=1e-6)
+        factor = fine.photons.shape[0] // 32
+        cells = fine.photons.reshape(32, factor, 32, factor).sum(axis=(1, 3))
+        np.testing.assert_allclose(cells, frame.labels.photons, rtol=1e-5)
+        # A plate 1000 m away that has turned by 4 degrees is 999.86 to 1000.14 m away.
+        assert np.nanmin(fine.range_m) > 999.8
+        assert np.nanmax(fine.range_m) < 1000.2
+
+    def test_they_change_nothing(self, text):
+        scenario = rl.Scenario.loads(text)
+        bare = next(rl.simulate(scenario, frames=[2]))
+        full = next(rl.simulate(scenario, frames=[2], keep=["rays", "hits", "waveforms", "oversampled"]))
+        assert bare.kept == {}
+        np.testing.assert_array_equal(bare.range_m, full.range_m)
+
+    def test_one_name_may_stand_alone(self, text):
+        assert set(next(rl.simulate(rl.Scenario.loads(text), keep="photons")).kept) == {"photons"}

@@ -17,7 +17,10 @@ from rso_lidar import units
 from rso_lidar.part import NotNegative, Number, Part
 
 _EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
+_MANY_PRIMARIES = 320.0  # above it skewness is small for usual gains, and told by a parabola
+_SMALL_SKEWNESS = 0.25
 _COARSE = 8  # means are made of a multiple of this, a whole number below it, and a remainder below one
+_PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
 _NEXT_TO_NONE = 1.0 / 64.0  # primaries
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 _LONGEST_TAIL_ELECTRONS = 1e4  # beyond this 1/e tail of a single avalanche the tables would fill memory
@@ -141,14 +144,16 @@ def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: fl
         electrons[below] = 0.0
     many = lam > np.float32(_EXACT_PRIMARIES)
     coarse, fine, single = _level_tables(apd.gain, apd.ionisation_ratio)
-    some = np.flatnonzero((excess >= 1.0) & ~many)
-    whole = excess[some].astype(np.intp)
-    electrons[some] += _draw(coarse, rng, some.size, whole // _COARSE) + _draw(fine, rng, some.size, whole % _COARSE)
-    excess[some] -= whole.astype(np.float32)
+    some = np.flatnonzero((excess >= np.float32(1.0 / _PARTS)) & ~many)
+    parts = (excess[some] * np.float32(_PARTS)).astype(np.intp)
+    rest = parts % (_PARTS * _COARSE)
+    electrons[some] += _draw(coarse, rng, some.size, parts // (_PARTS * _COARSE)) + _draw(fine, rng, some.size, rest)
+    excess[some] -= parts.astype(np.float32) * np.float32(1.0 / _PARTS)
     excess[many] = 0.0
     _scatter(excess, single, electrons, rng)
-    some = np.flatnonzero(many)
-    electrons[some] = _matched(lam[some], apd, rng)
+    very = lam > np.float32(_MANY_PRIMARIES)
+    for some in (np.flatnonzero(many & ~very), np.flatnonzero(very)):
+        electrons[some] = _matched(lam[some], apd, rng)
     return electrons.reshape(expected.shape)
 
 
@@ -168,15 +173,24 @@ def _scatter(excess: np.ndarray, single: "_Table", electrons: np.ndarray, rng: n
 
 
 def _matched(lam: np.ndarray, apd: Apd, rng: np.random.Generator) -> np.ndarray:
-    """Return electrons for large means, from a shifted log-normal with the compound Poisson's first three moments.
+    """Return electrons for large means, from one normal number with the compound Poisson's first three moments.
 
-    The skewness of (exp(w z − w²/2) − 1)/t with t² = exp(w²) − 1 is t³ + 3t; Cardano's t = 2 sinh(asinh(γ/2)/3).
+    The skewness γ of a shifted log-normal (exp(w z − w²/2) − 1)/t with t² = exp(w²) − 1 is t³ + 3t; Cardano's
+    t = 2 sinh(asinh(γ/2)/3). Where γ is small the same tails come of a z + b (z² − 1), a² = 1 − 2 b²: its skewness is
+    6b − 4b³, so b = x + 2x³/3 to x⁵ with x = γ/6.
     """
     mean, second, third = cumulants(apd)
     skewness = np.float32(third / second**1.5) / np.sqrt(lam)
+    normal = rng.standard_normal(lam.size, dtype=np.float32)
+    if float(skewness.max(initial=0.0)) < _SMALL_SKEWNESS:
+        b = skewness * np.float32(1.0 / 6.0)
+        b += np.float32(2.0 / 3.0) * b * b * b
+        bent = np.sqrt(np.float32(1.0) - np.float32(2.0) * b * b) * normal + b * (normal * normal - np.float32(1.0))
+        small: np.ndarray = np.float32(mean) * lam + np.sqrt(np.float32(second) * lam) * bent
+        return small
     t = np.float32(2.0) * np.sinh(np.arcsinh(np.float32(0.5) * skewness) * np.float32(1.0 / 3.0))
     w = np.sqrt(np.log1p(t * t))
-    shape = np.expm1(w * (rng.standard_normal(lam.size, dtype=np.float32) - np.float32(0.5) * w)) / t
+    shape = np.expm1(w * (normal - np.float32(0.5) * w)) / t
     electrons: np.ndarray = np.float32(mean) * lam + np.sqrt(np.float32(second) * lam) * shape
     return electrons
 
@@ -208,9 +222,9 @@ def _base_table(gain: float, ionisation_ratio: float, primaries: float) -> _Tabl
 
 @lru_cache(maxsize=4)
 def _level_tables(gain: float, ionisation_ratio: float) -> tuple[_Table, _Table, _Table]:
-    """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1, ... 7, and of a single primary."""
+    """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
     coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(_EXACT_PRIMARIES) + 1, _COARSE)]
-    fine = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(_COARSE)]
+    fine = [compound_pmf(m / _PARTS, gain, ionisation_ratio) for m in range(_PARTS * _COARSE)]
     first, single = mcintyre_pmf(1, gain, ionisation_ratio)
     return _table(coarse), _table(fine), _table([np.concatenate([np.zeros(first), single])])
 

@@ -122,7 +122,9 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
     def scatter(x: np.ndarray) -> np.ndarray:
         return np.asarray(np.sqrt(x[0] ** 2 + x[1] * told / quantum + 1.0 / (12.0 * bend.x[0] ** 2)))
 
-    intensity = least_squares(lambda x: np.log(scatter(x) / noise_photons), [130.0, 3.5], bounds=([0.0, 0.1], [900, 60]))
+    intensity = least_squares(
+        lambda x: np.log(scatter(x) / noise_photons), [130.0, 3.5], bounds=([0.0, 0.1], [900, 60])
+    )
     return {
         "noise_equivalent_photons": float(found.x[0]),
         "excess_noise_factor": float(found.x[1]),

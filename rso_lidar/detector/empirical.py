@@ -28,8 +28,8 @@ class Empirical(Part):
     Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼ until the converter
     clips at 2^`adc_bits` − 1. The range noise is `range_plateau_m` plus, in quadrature, shot and amplifier noise seen by
     a filter matched to the pulse sampled every `sample_ns`, with `range_excess_noise_factor` and
-    `range_noise_equivalent_photons` for F and NEP; intensity has two of its own as well. A surface is as easy to find and to range tilted as facing: how
-    it stretches the pulse is left to a waveform model.
+    `range_noise_equivalent_photons` for F and NEP; intensity has two of its own as well. A surface is as easy to find and
+    to range tilted as facing: how it stretches the pulse is left to a waveform model.
     """
 
     type: Literal["empirical"] = "empirical"

@@ -20,7 +20,7 @@ class Gate(Part):
     delay_ns: NotNegative
     width_ns: Positive = 47.6
     pulses: Annotated[Count, Field(le=10_000)] = 1
-    false_alarm_probability: Annotated[float, Field(gt=0.0, lt=0.5)] = 1e-3
+    false_alarm_probability: Annotated[float, Field(ge=1e-12, lt=0.5)] = 1e-3
 
     @property
     def from_m(self) -> float:

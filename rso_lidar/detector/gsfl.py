@@ -95,11 +95,16 @@ class Gsfl(Part):
     def _sensible(self) -> Self:
         if self.armed_to_m <= self.armed_from_m:
             raise ValueError(f"armed_to_m ({self.armed_to_m:g}) must lie beyond armed_from_m ({self.armed_from_m:g})")
+        if self.gate is not None and self.gate.width_ns < 4.0 * self.readout.sample_ns:
+            raise ValueError(
+                f"gate.width_ns ({self.gate.width_ns:g}) holds fewer than 4 samples of "
+                f"{self.readout.sample_ns:g} ns; widen it"
+            )
         false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
         if self.gate is None and false > 1.0:
             raise ValueError(
-                f"trigger.threshold_electrons ({self.trigger.threshold_electrons:g}) is {self.threshold_over_noise:.2g} times "
-                f"the noise ({self.noise_electrons:.0f} electrons): noise alone would trigger each pixel "
+                f"trigger.threshold_electrons ({self.trigger.threshold_electrons:g}) is {self.threshold_over_noise:.2g} "
+                f"times the noise ({self.noise_electrons:.0f} electrons): noise alone would trigger each pixel "
                 f"{self.false_alarms_per_s:.3g} times a second, {false:.3g} times while it is armed; raise the threshold, "
                 "lower the noise, or arm a shorter window"
             )

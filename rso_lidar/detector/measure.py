@@ -18,6 +18,7 @@ from rso_lidar.records import Reading, Waveforms
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
+_LEAST_NOISE_COUNTS = 1e-3  # below it a detector has no noise worth a threshold
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
 
 
@@ -43,7 +44,16 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     if gsfl.crosstalk is not None and not gsfl.gate:
         shift_m = gsfl.crosstalk.shift_m(waveforms.latch_s, waveforms.sample_s, n_pixels, rng)
         range_m = range_m + shift_m[:, None]
-    return _reading(gsfl, waveforms, range_m, amplitude, clipped)
+    return _reading(gsfl, waveforms, range_m, amplitude, clipped | _on_rail(gsfl, waveforms, camera))
+
+
+def _on_rail(gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
+    """Return which samples (trace, sample) the amplifier's rail holds down, below that of the converter."""
+    if gsfl.saturation is None:
+        return np.zeros(waveforms.samples_counts.shape, bool)
+    rail = waveforms.baseline_counts + gsfl.saturation.rail_electrons / gsfl.readout.electrons_per_count
+    held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - 1.0
+    return held
 
 
 def _t0_s(gsfl: Gsfl, camera: Camera) -> np.ndarray:
@@ -67,26 +77,30 @@ def _located(
         start = np.full(len(samples), gsfl.readout.pretrigger_samples)
         found = locate(samples, start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=_some(clipped))
         return found[0][:, None], found[1][:, None]
-    if gsfl.gate is not None:
-        return locate_all(
-            samples,
-            pulse,
-            gsfl.ranging,
-            **known,
-            threshold_counts=_gate_threshold(gsfl, samples, pulse, waveforms.sample_s),
-            most=_LOOKED_FOR,
-            clipped=_some(clipped),
-        )
+    least = _gate_threshold(gsfl, samples, pulse, waveforms.sample_s) if gsfl.gate is not None else threshold
     delay_s, amplitude = locate_all(
-        samples, pulse, gsfl.ranging, **known, threshold_counts=threshold, most=_LOOKED_FOR, clipped=_some(clipped)
+        samples, pulse, gsfl.ranging, **known, threshold_counts=least, most=_LOOKED_FOR, clipped=_some(clipped)
     )
+    # A pulse that peaks beyond the stored samples shows a flank at most: where it is cannot be told.
+    place = (delay_s + pulse.peak_s) / waveforms.sample_s
+    with np.errstate(invalid="ignore"):
+        outside = (place < -0.49) | (place > samples.shape[1] - 0.51)
+    delay_s, amplitude = np.where(outside, np.nan, delay_s), np.where(outside, 0.0, amplitude)
+    if gsfl.gate is not None:
+        return _near_to_far(delay_s, amplitude)
     # What latched is reported, even where its fitted amplitude is below the threshold that noise helped it over.
     none = np.flatnonzero(~np.isfinite(delay_s).any(axis=1))
     start = np.full(len(none), gsfl.readout.pretrigger_samples)
     mask = _some(clipped[none])
     latched = locate(samples[none], start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask)
     delay_s[none, 0], amplitude[none, 0] = latched
-    return delay_s, amplitude
+    return _near_to_far(delay_s, amplitude)
+
+
+def _near_to_far(delay_s: np.ndarray, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the returns (trace, return) without gaps: NaN after the last."""
+    order = np.argsort(delay_s, axis=1)
+    return np.take_along_axis(delay_s, order, axis=1), np.take_along_axis(amplitude, order, axis=1)
 
 
 def _some(clipped: np.ndarray) -> np.ndarray | None:
@@ -96,11 +110,21 @@ def _some(clipped: np.ndarray) -> np.ndarray | None:
 def _gate_threshold(gsfl: Gsfl, samples: np.ndarray, pulse: Pulse, sample_s: float) -> float:
     """Return the amplitude [counts] above which a return under a gate is reported, at constant false-alarm rate.
 
-    The noise after the matched filter is measured in the frame itself, from what lies below the baseline.
+    The noise after the matched filter is measured in the frame itself, from what lies below the baseline in the middle half
+    of the gate: toward its ends the filter has fewer samples, and less noise. It is no less than what the detector has in
+    the dark: a view full of light leaves little below the baseline, and few pixels tell little.
     """
     assert gsfl.gate is not None
-    statistic, crossings_per_s = matched_statistic(samples, pulse, sample_s=sample_s, pole_s=gsfl.amplifier.pole_s)
-    return gsfl.gate.threshold_sigma(sample_s, crossings_per_s) * noise_scale(statistic)
+    statistic, crossings_per_s, share = matched_statistic(
+        samples, pulse, sample_s=sample_s, pole_s=gsfl.amplifier.pole_s
+    )
+    quarter = statistic.shape[1] // 4
+    measured = noise_scale(statistic[:, quarter : statistic.shape[1] - quarter])
+    # Where light fills the frame, little of the noise is left below the baseline: it is no less than in the dark.
+    rounding2 = 1.0 / 12.0 if gsfl.readout.quantised else 0.0
+    dark = math.sqrt((gsfl.noise_electrons / gsfl.readout.electrons_per_count) ** 2 + rounding2)
+    known = share * dark / math.sqrt(gsfl.gate.pulses)
+    return gsfl.gate.threshold_sigma(sample_s, crossings_per_s) * max(measured, known, _LEAST_NOISE_COUNTS)
 
 
 @lru_cache(maxsize=8)
@@ -139,7 +163,7 @@ def _reading(
     one_m, one_counts, saturated = np.full(n_pixels, np.nan), np.zeros(n_pixels), np.zeros(n_pixels)
     one_m[pixel] = range_m[row, chosen]
     one_counts[pixel] = counts[row, chosen]
-    saturated[pixel] = clipped[reported].any(axis=1)
+    saturated[pixel] = clipped[reported].any(axis=1) | (counts[row, chosen] >= gsfl.full_scale_counts)
     several: dict[str, np.ndarray | None] = {"return_range_m": None, "return_intensity_counts": None}
     if gsfl.max_returns > 1:
         most = gsfl.max_returns

@@ -305,14 +305,15 @@ def _shadowed(place: np.ndarray, height: np.ndarray, apart: float) -> np.ndarray
 
 def matched_statistic(
     samples: np.ndarray, pulse: Pulse, *, sample_s: float, pole_s: float, sigma_counts: float = math.inf
-) -> tuple[np.ndarray, float]:
-    """Return the fitted height [counts] of a pulse that would peak at each sample, and nu_0 of its noise [1/s].
+) -> tuple[np.ndarray, float, float]:
+    """Return the fitted height [counts] of a pulse that would peak at each sample, and of its noise nu_0 [1/s] and rms.
 
-    nu_0 is how often a second noise alone takes it upward through zero (Rice 1944). Parameters are those of `locate`;
-    without `sigma_counts` the noise is the amplifier's alone.
+    nu_0 is how often a second noise alone takes it upward through zero (Rice 1944); the rms is over that of the noise in a
+    sample. Parameters are those of `locate`; without `sigma_counts` the noise is the amplifier's alone.
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
-    return matched.statistic(np.ascontiguousarray(samples, np.float32)), matched.crossings_per_s
+    statistic = matched.statistic(np.ascontiguousarray(samples, np.float32))
+    return statistic, matched.crossings_per_s, matched.height_sigma
 
 
 def walk_table(

@@ -29,8 +29,8 @@ class Readout(Part):
     def _room_after_the_latch(self) -> Self:
         if self.pretrigger_samples > self.samples - 4:
             raise ValueError(
-                f"pretrigger_samples ({self.pretrigger_samples}) leaves fewer than 4 of {self.samples} samples for the pulse; "
-                "take fewer"
+                f"pretrigger_samples ({self.pretrigger_samples}) leaves fewer than 4 of {self.samples} samples for the "
+                "pulse; take fewer"
             )
         if self.baseline_counts > 0.5 * self.full_scale_counts:
             raise ValueError(

@@ -28,13 +28,13 @@ class Bridge:
     """What filtered noise does between two steps, given the steps: so that no result depends on how long a step is.
 
     Between steps the noise is its best estimate from the four steps around (kriging with the autocorrelation of the two-pole
-    amplifier) and a Gaussian rest that these say nothing about, drawn at seven points; the mean, which is smooth, is
-    interpolated by a cubic.
+    amplifier) and a Gaussian rest that these say nothing about, drawn at fifteen points; the mean, which is smooth, is
+    interpolated by the quintic through six steps.
     """
 
     reach = 5.0  # sigmas of the rest that are worth looking at
 
-    def __init__(self, pole_s: float, step_s: float, points: int = 7) -> None:
+    def __init__(self, pole_s: float, step_s: float, points: int = 15) -> None:
         known = np.arange(-1.0, 3.0) * step_s / pole_s
         between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
 
@@ -45,9 +45,9 @@ class Bridge:
         across = correlation(between, known)
         self.weights: np.ndarray = np.linalg.solve(correlation(known, known), across.T).T
         rest = correlation(between, between) - self.weights @ across.T
-        nodes, at = np.arange(-1.0, 3.0), np.arange(1, points + 1) / (points + 1.0)
-        cubic = np.linalg.solve(nodes ** np.arange(4)[:, None], at ** np.arange(4)[:, None]).T
-        self.mean_weights: np.ndarray = cubic - self.weights
+        nodes, at, power = np.arange(-2.0, 4.0), np.arange(1, points + 1) / (points + 1.0), np.arange(6)[:, None]
+        self.mean_weights: np.ndarray = np.linalg.solve(nodes**power, at**power).T
+        self.mean_weights[:, 1:5] -= self.weights
         self.root: np.ndarray = np.linalg.cholesky(rest + 1e-12 * np.eye(points))
         self.sigma = float(np.sqrt(rest.diagonal().max()))
 
@@ -64,10 +64,11 @@ class Bridge:
 
         `mean` (row, step) is the amplitude without noise.
         """
-        near = np.clip(step[:, None] + np.arange(-1, 3), 0, amplitude.shape[1] - 1)
+        around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
+        near = around[:, 1:5]
         white = rng.standard_normal((len(row), len(self.root)))
         path = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
-        path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], near])
+        path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], around])
         path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
         highest: np.ndarray = path.max(axis=1)
         return highest

@@ -15,7 +15,7 @@ from rso_lidar.records import Photons
 
 # A return is shared among four steps so that its sum, mean, variance and third moment are exact: the error left is of
 # fourth order, 2e-4 of the peak for a step of a quarter of the pulse's sigma.
-_AT_ONCE = 8192  # returns, so that what is worked on stays in the cache
+_AT_ONCE = 32_768  # returns, so that what is worked on stays in the cache
 _WIDEST = 1.5  # steps: a return of a deeper facet is cut into several
 
 
@@ -59,30 +59,43 @@ class Rows:
     room: int = 0  # steps at the end where no return may begin: the transform would wrap its tail to the front
 
 
-def rows_about(photons: Photons, plan: Plan, n_pixels: int) -> Rows:
-    """Return the rows that hold every return: the first begins at a pixel's first return, the next where it ends."""
+def rows_about(
+    photons: Photons, plan: Plan, n_pixels: int, least_photons: float = 0.0, sure_photons: float = math.inf
+) -> Rows:
+    """Return the rows that hold every return: the first begins at a pixel's first return, the next where it ends.
+
+    Pixels that get no more than `least_photons` have none; after a row that gets more than `sure_photons` early enough, a
+    pixel has no other, for it will have latched.
+    """
     half_s = np.minimum(0.5 * photons.depth_spread_s, photons.pulse_fwhm_s)  # longer, it is too thin to trigger
-    delay_s = photons.delay_s + photons.late_s
-    from_step = np.floor((delay_s - half_s) / plan.step_s).astype(np.int64) - plan.rise
-    to_step = np.ceil((delay_s + half_s) / plan.step_s).astype(np.int64) + plan.fall
+    enough = np.bincount(photons.pixel, photons.photons, n_pixels) > least_photons
+    left = np.flatnonzero((photons.photons > 0.0) & enough[photons.pixel])
+    if not len(left):
+        none = np.zeros(0, np.int64)
+        return Rows(none, none, none, none, plan.length)
+    pixel = photons.pixel[left]
+    delay_s, half_s, light = photons.delay_s[left] + photons.late_s, half_s[left], photons.photons[left]
+    from_s, to_s = delay_s - half_s - plan.rise * plan.step_s, delay_s + half_s + plan.fall * plan.step_s
     pixels, starts, firsts = [], [], []
-    left = np.flatnonzero(photons.photons > 0.0)
-    covered = np.full(n_pixels, -(2**62))
-    while len(left):
-        pixel = photons.pixel[left]
+    covered_s = np.full(n_pixels, -np.inf)
+    done = np.zeros(n_pixels, bool)
+    while len(pixel):
         group = np.flatnonzero(np.diff(pixel, prepend=-1))
         made = pixel[group]
-        begin = np.minimum.reduceat(np.maximum(from_step[left], covered[pixel]), group)
+        begin_s = np.maximum(np.minimum.reduceat(from_s, group), covered_s[made])
+        begin = np.floor(begin_s / plan.step_s + 1e-9).astype(np.int64)
         # Rows begin on a sample, so that samples fall on steps.
         watched = begin // plan.steps_per_sample * plan.steps_per_sample
         pixels.append(made)
         starts.append(watched - plan.before)
         firsts.append(begin - watched + plan.before)
-        covered[made] = watched + plan.watched
-        left = left[to_step[left] > covered[pixel]]
-    if not pixels:
-        none = np.zeros(0, np.int64)
-        return Rows(none, none, none, none, plan.length)
+        covered_s[made] = (watched + plan.watched) * plan.step_s
+        later = to_s > covered_s[pixel]
+        done[made] = np.add.reduceat(np.where(later, 0.0, light), group) > sure_photons
+        later &= ~done[pixel]
+        if not later.any():
+            break
+        pixel, from_s, to_s, light = pixel[later], from_s[later], to_s[later], light[later]
     pixel, start, first = (np.concatenate(column) for column in (pixels, starts, firsts))
     order = np.lexsort((start, pixel))
     last = np.full(len(pixel), plan.before + plan.watched)
@@ -140,9 +153,11 @@ def _share(
     """Add returns at steps `at` of their rows to the grid: cubic interpolation's weights, averaged over their depth."""
     below = np.floor(at)
     inside = (below >= 1.0) & (below < rows.length - 2 - rows.room)
-    weight = np.where(inside, weight, 0.0)
-    below = np.where(inside, below, 1.0)
-    x1 = np.where(inside, at - below, 0.0)
+    if not inside.all():
+        weight, below, at = (
+            np.where(inside, value, other) for value, other in ((weight, 0.0), (below, 1.0), (at, 1.0))
+        )
+    x1 = at - below
     variance = spread * spread * (1.0 / 12.0)
     x2 = x1 * x1 + variance
     x3 = x1 * (x2 + 2.0 * variance)
@@ -183,6 +198,7 @@ def _transfer(step_s: float, power_per_s: bytes, n: int, grid_s: float) -> np.nd
     time_s = (np.arange(len(power)) - (len(power) - 1) / 2.0) * step_s
     turn = np.exp(-2j * math.pi * np.multiply.outer(np.fft.rfftfreq(n, grid_s), time_s))
     transfer: np.ndarray = (turn * (power * step_s)).sum(axis=1) / sharing_response(n)
+    transfer[np.fft.rfftfreq(n, grid_s) > 0.5 / step_s] = 0.0  # finer than the taps nothing is known of the pulse
     return transfer
 
 

@@ -26,7 +26,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, advance
 from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.part import NotNegative, Number, Part, Quaternion, Vector
+from rso_lidar.part import GREATEST, NotNegative, Number, Part, Quaternion, Vector
 from rso_lidar.pose import Link, euler_zyx, pose
 from rso_lidar.records import Command, PtuAngles
 
@@ -195,8 +195,11 @@ def _pair(angles: np.ndarray) -> Pair:
 def _finite(command: Command) -> Command:
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
-        if angle is not None and not math.isfinite(angle):
-            raise ScenarioError(f"command: {name} is {angle}: return an angle, or None to keep the scenario's demand")
+        number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
+        if angle is not None and not (number and abs(angle) <= GREATEST):
+            raise ScenarioError(
+                f"command: {name} is {angle!r:.60}: return an angle, or None to keep the scenario's demand"
+            )
     return command
 
 

@@ -171,8 +171,8 @@ def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.
     half = min(math.ceil(reach_s / min(float(np.diff(time_s).min()), fwhm_s / _TAPS_PER_FWHM)), _MOST_TAPS)
     if reach_s / half > fwhm_s / 8.0:
         raise ScenarioError(
-            f"{Path(file).name}: the pulse is {fwhm_s / units.NS:.3g} ns wide and its rows reach {reach_s / units.NS:.3g} ns from its "
-            "middle; cut its tails"
+            f"{Path(file).name}: the pulse is {fwhm_s / units.NS:.3g} ns wide and its rows reach "
+            f"{reach_s / units.NS:.3g} ns from its middle; cut its tails"
         )
     step_s = reach_s / half
     time = np.arange(-half, half + 1) * step_s

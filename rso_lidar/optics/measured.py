@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 import zlib
 from functools import lru_cache
 from pathlib import Path
@@ -44,9 +45,11 @@ def _image(path: Path) -> np.ndarray:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
-            grey = image if image.mode in ("L", "F") or image.mode.startswith("I") else image.convert("L")
-            return np.asarray(grey, dtype=float)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what Pillow could mend
+            with Image.open(path) as image:
+                grey = image if image.mode in ("L", "F") or image.mode.startswith("I") else image.convert("L")
+                return np.asarray(grey, dtype=float)
     # Beside its own, Pillow lets through what its decoders raise.
     except (
         OSError,

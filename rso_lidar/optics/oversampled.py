@@ -2,15 +2,18 @@
 
 import numpy as np
 
+from rso_lidar.optics.laser import Laser
+from rso_lidar.optics.radiometry import collect
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.records import Hits, Oversampled, Photons
+from rso_lidar.records import Hits, Oversampled
 
 
-def oversampled(hits: Hits, photons: Photons, receiver: Receiver) -> Oversampled:
+def oversampled(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
     """Return range and photon image (fine_row, fine_col), k x k cells to a pixel, before any PSF.
 
     Where rays are finer than cells their photons add, and the nearest gives the range.
     """
+    photons = collect(hits, laser, receiver.replace(psf=None))
     k = receiver.rays_per_side
     n_rows, n_cols = receiver.n_rows * k, receiver.n_cols * k
     direction = hits.rays.direction[hits.ray]

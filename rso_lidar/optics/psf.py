@@ -1,7 +1,7 @@
 """The point spread function: how the light of a point spreads over the pixels about the one it is aimed at.
 
 A ray stands for a cell, one of sub x sub of a pixel. Its light lands on the focal plane as the cell's box smeared by the
-kernel, and `pixel_shares` says how much of that each pixel about it gets; `blur` hands it out.
+kernel, and `pixel_shares` says how much of that each pixel about it gets.
 """
 
 from __future__ import annotations
@@ -183,92 +183,6 @@ def reach_of(
     within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
     enough = np.flatnonzero(within >= 1.0 - missed)
     return int(enough[0]) if len(enough) else MOST_REACH
-
-
-def blur(
-    pixel: np.ndarray,
-    sub_row: np.ndarray,
-    sub_col: np.ndarray,
-    photons: np.ndarray,
-    shape: tuple[int, int],
-    shares: np.ndarray,
-    least_photons: float = 1e-3,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (source, pixel, share): which return gives which share of its light to which pixel.
-
-    A return of `photons` from cell (`sub_row`, `sub_col`) of `pixel` (row * n_cols + col) is split by `shares`. Parts of
-    less than `least_photons` are left with the largest part, so that a return keeps all of its light that stays on the
-    focal plane `shape` (row, col); what leaves its edge is lost. Sorted by pixel, then source.
-    """
-    n_rows, n_cols = shape
-    sub, width = shares.shape[0], shares.shape[2]
-    reach, wide = width // 2, width > 5
-    table = np.ascontiguousarray(shares.reshape(sub * sub, width * width).T)  # (offset, cell)
-    pixel = np.asarray(pixel, dtype=np.int32)
-    cell = np.asarray(sub_row, dtype=np.intp) * sub + sub_col
-    row = pixel // n_cols
-    col = pixel - row * n_cols
-    edge = np.flatnonzero((row < reach) | (row >= n_rows - reach) | (col < reach) | (col >= n_cols - reach))
-    largest, left = table.argmax(axis=0)[cell], table.sum(axis=0)[cell]
-    largest[edge], left[edge] = _at_edge(row[edge], col[edge], cell[edge], shape, shares)
-    tops = np.bincount(largest, minlength=len(table)) > 0
-    everyone = np.arange(len(pixel))
-    # Far from the middle only bright returns count, and few are.
-    by_brightness = np.argsort(-photons, kind="stable") if wide else everyone
-    dimness = -photons[by_brightness] if wide else np.zeros(0)
-    sources, pixels, parts, at_top = [everyone[:0]], [pixel[:0]], [np.zeros(0)], [np.zeros(0, dtype=bool)]
-    # From the last offset to the first, returns that are sorted by pixel reach each pixel in the order of their index.
-    for offset in range(width * width - 1, -1, -1):
-        down, right = offset // width - reach, offset % width - reach
-        some, greatest = everyone, float(table[offset].max())
-        if not tops[offset]:
-            if greatest == 0.0:
-                continue
-            if wide:
-                some = np.sort(by_brightness[: np.searchsorted(dimness, -least_photons / greatest, side="right")])
-        share = table[offset].take(cell if some is everyone else cell[some])
-        going = (photons if some is everyone else photons[some]) * share >= least_photons
-        top = largest == offset if tops[offset] else None
-        some = np.flatnonzero(going if top is None else going | top) if some is everyone else some[going]
-        if len(edge):
-            r, c = row[some] + np.int32(down), col[some] + np.int32(right)
-            some = some[(np.minimum(r, c) >= 0) & (r < n_rows) & (c < n_cols)]
-        share = table[offset].take(cell[some])
-        is_top = np.zeros(len(some), dtype=bool) if top is None else top[some]
-        left[some] -= np.where(is_top, 0.0, share)
-        sources.append(some)
-        pixels.append(pixel[some] + np.int32(down * n_cols + right))
-        parts.append(share)
-        at_top.append(is_top)
-    source, to, part, is_top = (np.concatenate(pieces) for pieces in (sources, pixels, parts, at_top))
-    part[is_top] = left[source[is_top]]
-    if np.all(pixel[1:] >= pixel[:-1]):
-        order = np.argsort(to.astype(np.uint16) if n_rows * n_cols <= 2**16 else to, kind="stable")
-    else:
-        order = np.lexsort((source, to))
-    return source[order], to[order], part[order]
-
-
-def _at_edge(
-    row: np.ndarray, col: np.ndarray, cell: np.ndarray, shape: tuple[int, int], shares: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the offset of the largest part that stays on the focal plane, and how much stays there in all."""
-    n_cells, width = shares.shape[0] ** 2, shares.shape[2]
-    reach = width // 2
-    flat = shares.reshape(n_cells, width, width)
-    total = np.zeros((n_cells, width + 1, width + 1))
-    total[:, 1:, 1:] = flat.cumsum(axis=1).cumsum(axis=2)
-    top, left = np.maximum(reach - row, 0), np.maximum(reach - col, 0)
-    bottom = np.minimum(shape[0] - row + reach, width)
-    right = np.minimum(shape[1] - col + reach, width)
-    stays = total[cell, bottom, right] - total[cell, top, right] - total[cell, bottom, left] + total[cell, top, left]
-    largest = flat.reshape(n_cells, -1).argmax(axis=1)[cell]
-    r, c = largest // width, largest % width
-    for k in np.flatnonzero((r < top) | (r >= bottom) | (c < left) | (c >= right)):
-        window = flat[cell[k], top[k] : bottom[k], left[k] : right[k]]
-        at = divmod(int(window.argmax()), window.shape[1])
-        largest[k] = (top[k] + at[0]) * width + left[k] + at[1]
-    return largest, stays
 
 
 def files_of(psf: AnyPsf) -> tuple[str, ...]:

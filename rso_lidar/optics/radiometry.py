@@ -5,13 +5,13 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.optics.background import sun_photons_per_s_m2
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.lens import blurred
+from rso_lidar.optics.lens import Light, blurred
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits, Photons
 
 
 def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
-    """Return the photons that each hit sends back to its pixel, of a pulse that left `late_s` [s] late.
+    """Return the photons that each lit hit sends back to its pixel, of a pulse that left `late_s` [s] late.
 
     N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R²: b photons per unit area of the tangent plane, w the ray's share
     of its pixel, p/f the pixel's side in the tangent plane, ρ the BRDF, α the incidence, A the aperture's area, θ the
@@ -35,14 +35,18 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
         photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * cos_axis**4 / laser_range_m**2 * gathered
         path_m = hits.range_m + laser_range_m
     delay_s = path_m / units.SPEED_OF_LIGHT_M_S
-    solid_angle_sr = seen * receiver.pixel_tangent**2 * cos_axis**3
+    solid_angle_sr = seen * (receiver.pixel_tangent**2 * cos_axis * cos_axis * cos_axis)
     spread_s = _depth_spread_s(hits, 0.5 * path_m, receiver)
-    hit, pixel = np.arange(len(hits.ray), dtype=np.int32), hits.pixel
     cells = solid_angle_sr * receiver.aperture_area_m2 / laser.wavelength_m**2
+    light = Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32))
+    filled = None
+    if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet what is not lit
+        light = light.only(np.flatnonzero((density > 0.0) & (hits.cos_incidence > 0.0)))
+        n_pixels = receiver.n_rows * receiver.n_cols
+        filled = np.bincount(light.pixel, hits.weight[light.hit], n_pixels).reshape(receiver.shape)
     if receiver.psf is not None:
-        hit, pixel, share = blurred(hits, photons, receiver, laser.wavelength_m)
-        photons, delay_s, spread_s, cells = photons[hit] * share, delay_s[hit], spread_s[hit], cells[hit] * share
-    cluster, cluster_pixel = _clusters(pixel, delay_s, spread_s, laser.pulse_fwhm_s)
+        light = blurred(hits, light, receiver, laser.wavelength_m, laser.pulse_fwhm_s)
+    cluster, cluster_pixel = _clusters(light.pixel, light.delay_s, light.depth_spread_s, laser.pulse_fwhm_s)
     step_s, power = laser.pulse
     return Photons(
         shape=hits.rays.shape,
@@ -50,14 +54,15 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
         pulse_step_s=step_s,
         late_s=late_s,
         pulse_power_per_s=power,
-        pixel=pixel,
-        delay_s=delay_s,
-        photons=photons,
-        depth_spread_s=spread_s,
-        coherence_cells=cells,
-        hit=hit,
+        pixel=light.pixel,
+        delay_s=light.delay_s,
+        photons=light.photons,
+        depth_spread_s=light.depth_spread_s,
+        coherence_cells=light.coherence_cells,
+        hit=light.hit,
         cluster=cluster,
         cluster_pixel=cluster_pixel,
+        filled_fraction=filled,
         background_photons_per_s=_background(hits, laser, receiver, solid_angle_sr * cos_axis),
     )
 

@@ -120,10 +120,17 @@ def _detector(scenario: Scenario) -> list[str]:
             )
         if detector.returns != "first" or detector.max_returns > 1:
             lines.append(
-                f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing: the strongest, "
-                "last or further returns are chosen inside that only; use lidar.detector.gate to see deeper"
+                f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing, "
+                f"{_behind_m(detector):.1f} m of them behind it: the strongest, last or further returns are chosen inside "
+                "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
             )
     return lines
+
+
+def _behind_m(detector: Gsfl) -> float:
+    """Return the depth [m] that is stored behind a latch."""
+    readout = detector.readout
+    return (readout.samples - readout.pretrigger_samples) * readout.sample_s * units.RANGE_PER_DELAY_M_S
 
 
 def _sun(scenario: Scenario) -> list[str]:

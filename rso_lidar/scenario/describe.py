@@ -17,7 +17,7 @@ from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, pre
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
-_TRIALS = 4000
+_TRIALS, _FEWEST = 4000, 200
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
@@ -200,11 +200,14 @@ def _budget_lines(scenario: Scenario, sight: Sight, seen: Preview) -> list[str]:
 
 
 def _trial(scenario: Scenario, photons: float, time_s: float) -> Trial:
-    """Return what 4000 pixels of this detector make of so many photons, through its whole chain, always the same draws."""
+    """Return what up to 4000 pixels of this detector make of so many photons, through its whole chain; the same draws."""
     lidar = scenario.instrument.at(time_s)
-    middle_m = 0.5 * (lidar.detector.sees_from_m + min(lidar.detector.sees_to_m, 1e6))
-    seen = plate(photons, _TRIALS, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
-    return trial(lidar.detector, seen, np.random.Generator(np.random.Philox(_TRIALS)))
+    detector = lidar.detector
+    gate = None if isinstance(detector, Empirical) else detector.gate
+    n = max(_TRIALS // gate.pulses, _FEWEST) if gate else _TRIALS  # a gate of many pulses takes its time
+    middle_m = 0.5 * (detector.sees_from_m + min(detector.sees_to_m, 1e6))
+    seen = plate(photons, n, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
+    return trial(detector, seen, np.random.Generator(np.random.Philox(_TRIALS)))
 
 
 def _in_cm(value_m: float) -> str:

@@ -25,7 +25,7 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "facet": np.full(n_pixels, -1, np.int32),
         "cos_incidence": np.full(n_pixels, np.nan, np.float32),
         "photons": np.bincount(photons.pixel, photons.photons, n_pixels),
-        "filled_fraction": np.bincount(hits.pixel, hits.weight, n_pixels),
+        "filled_fraction": _filled(hits, photons),
     }
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
@@ -33,6 +33,13 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     if len(photons.pixel):
         _fill(sky, hits, photons)
     return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
+
+
+def _filled(hits: Hits, photons: Photons) -> np.ndarray:
+    """Return the share of each pixel that is on a target and lit."""
+    if photons.filled_fraction is not None:
+        return photons.filled_fraction.ravel()
+    return np.bincount(hits.pixel, hits.weight, photons.shape[0] * photons.shape[1])
 
 
 def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
@@ -72,9 +79,11 @@ def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: n
     """Return which of the returns `speak` belong to the part of a target that returns most light in their pixel."""
     hit, pixel = photons.hit[speak], photons.pixel
     target, part = hits.target[hit].astype(np.int64), hits.part[hit].astype(np.int64)
-    kinds, kind = np.unique(target << 16 | part, return_inverse=True)
+    number = target * (int(part.max()) + 1) + part
+    kinds = np.flatnonzero(np.bincount(number))
     if len(kinds) == 1:
         return np.ones(len(speak), dtype=bool)
+    kind = np.searchsorted(kinds, number)
     group = np.cumsum(np.diff(pixel[speak], prepend=-1) != 0) - 1
     light = np.bincount(group * len(kinds) + kind, share[speak], (group[-1] + 1) * len(kinds))
     brightest = light.reshape(-1, len(kinds)).argmax(axis=1)

@@ -200,3 +200,153 @@ def test_a_killed_run_resumes_to_the_same_datasets(call, scenario, tmp_path):
         assert len(names) > 30
         for name in names:
             np.testing.assert_array_equal(a[name][()], b[name][()], err_msg=name)
+
+
+class TestKeep:
+    NAMES = ("photons", "waveforms", "oversampled")
+
+    def test_it_writes_and_reads_back(self, call, scenario, tmp_path):
+        output = tmp_path / "kept.h5"
+        assert call("run", scenario, "-o", output, "--keep", ", ".join(self.NAMES))[0] == 0
+        assert "waveforms" in call("info", output)[1]
+        with rl.open(output) as recording:
+            for written, made in zip(recording, rl.simulate(rl.Scenario.load(scenario), keep=self.NAMES), strict=True):
+                assert set(written.kept) == set(self.NAMES)
+                one, two = written.kept["waveforms"], made.kept["waveforms"]
+                np.testing.assert_array_equal(one.samples_counts, two.samples_counts)
+                np.testing.assert_array_equal(one.pixel, two.pixel)
+                np.testing.assert_array_equal(one.start_s, two.start_s)
+                # Photons are recorded as an image: that of the labels.
+                np.testing.assert_allclose(written.kept["photons"].photons, made.labels.photons, rtol=1e-6)
+                np.testing.assert_array_equal(written.kept["oversampled"].range_m, made.kept["oversampled"].range_m)
+
+    @pytest.mark.parametrize(
+        ("keep", "more", "words"),
+        [
+            ("photon", (), "did you mean 'photons'"),
+            ("photons,rays", (), "cannot keep 'rays'"),
+            ("", (), "names nothing"),
+            (" , ", (), "names nothing"),
+            ("waveforms", ("--set", "lidar.detector.type=empirical"), "has no waveforms"),
+        ],
+    )
+    def test_what_cannot_be_kept(self, call, scenario, tmp_path, keep, more, words):
+        before = sorted(tmp_path.rglob("*"))
+        status, _, err = call("run", scenario, "-o", tmp_path / "x.h5", "--keep", keep, *more)
+        assert (status, len(err)) == (2, 1)
+        assert words in err[0]
+        assert sorted(tmp_path.rglob("*")) == before
+
+    def test_a_run_that_was_cut_off_goes_on(self, call, scenario, tmp_path, monkeypatch):
+        import h5py
+
+        import rso_lidar.cli.run as command
+
+        def cut_off(*arguments, **options):
+            for frame in rl.simulate(*arguments, **options):
+                if frame.index == 6:
+                    raise KeyboardInterrupt
+                yield frame
+
+        whole, broken = tmp_path / "whole.h5", tmp_path / "broken.h5"
+        keep = ("--keep", "waveforms,photons", "--set", "lidar.schedule={time_s=[0, 1], focal_length_mm=[70, 110]}")
+        with monkeypatch.context() as patch:
+            patch.setattr(command, "simulate", cut_off)
+            status, _, err = call("run", scenario, "-o", broken, *keep)
+        assert status == 130
+        assert "--resume" in err[-1]
+        status, out, _ = call("run", scenario, "-o", broken, "--resume", *keep)
+        assert (status, "going on after 6 of 10" in out) == (0, True)
+        assert call("run", scenario, "-o", whole, *keep)[0] == 0
+        with h5py.File(whole) as a, h5py.File(broken) as b:
+            names: list[str] = []
+            a.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+            assert any("waveforms" in name for name in names)
+            for name in names:
+                np.testing.assert_array_equal(a[name][()], b[name][()], err_msg=name)
+
+    def test_a_complete_run_without_them_is_not_what_was_asked_for(self, call, scenario, tmp_path):
+        output = tmp_path / "bare.h5"
+        call("run", scenario, "-o", output)
+        assert call("run", scenario, "-o", output, "--resume")[0] == 0
+        status, _, err = call("run", scenario, "-o", output, "--resume", "--keep", "photons")
+        assert (status, len(err)) == (2, 1)
+        assert "--overwrite" in err[0]
+        assert call("run", scenario, "-o", output, "--overwrite", "--keep", "photons")[0] == 0
+        assert "already" in call("run", scenario, "-o", output, "--resume", "--keep", "photons")[1]
+
+
+class TestChangingLens:
+    ZOOM = "lidar.schedule={time_s=[0, 1], focal_length_mm=[70, 110]}"
+
+    def test_run_and_save_record_the_lines_of_sight_that_were_in_force(self, call, scenario, tmp_path):
+        made = list(rl.simulate(rl.Scenario.load(scenario, (self.ZOOM,))))
+        rl.save(tmp_path / "saved.h5", iter(made))
+        assert call("run", scenario, "-o", tmp_path / "run.h5", "--set", self.ZOOM)[0] == 0
+        for name in ("run.h5", "saved.h5"):
+            # 0, 0.2 ... 1 s, and the same from there on.
+            assert "6 tables of lines of sight" in call("info", tmp_path / name)[1]
+            with rl.open(tmp_path / name) as recording:
+                for written, frame in zip(recording, made, strict=True):
+                    np.testing.assert_allclose(written.line_of_sight, frame.line_of_sight, rtol=1e-6)
+                    np.testing.assert_array_equal(written.range_m, frame.range_m)
+                    assert written.observation.settings == pytest.approx(frame.observation.settings, rel=1e-12)
+        for arguments in (("plot", tmp_path / "run.h5"), ("animate", tmp_path / "run.h5", tmp_path / "run.gif")):
+            assert call(*arguments)[0] == 0
+
+
+# What an instrument may be told that it cannot be: settings, and words that the one line holds.
+BAD_INSTRUMENTS = [
+    ("lidar.preset=gsfl_1604", "did you mean 'gsfl_1064'"),
+    ("lidar.preset=3", "lidar.preset"),
+    ("lidar.schedule={time_s=[0, 1]}", "nothing is planned"),
+    ("lidar.schedule={time_s=[0, 1], energy_mj=[1]}", "match them"),
+    ("lidar.schedule={time_s=[0, 1], energy_mj=5}", "needs a list"),
+    ("lidar.schedule={time_s=[0], gate_delay_ns=[1]}", "[lidar.detector.gate]"),
+    ('lidar.receiver.psf={type="gauss"}', "'gaussian'"),
+    ('lidar.receiver.psf={type="gaussian"}', "sigma_um"),
+    ('lidar.receiver.psf={type="gaussian", sigma_um=1e9}', "psf: only"),
+    ('lidar.receiver.psf={type="grid", file="none.csv", spacing_um=10}', "no file 'none.csv'"),
+    ('lidar.receiver.psf={type="grid", file="bench.toml", spacing_um=10}', "bench.toml"),
+    ('lidar.receiver.psf={type="zemax_huygens", file="bench.toml"}', "bench.toml"),
+    ('lidar.receiver.psf={type="field_dependent", fields=[]}', "fields"),
+    ('lidar.receiver.distortion={type="brown_conrady", k1=-9000}', "distortion"),
+    ('lidar.receiver.distortion={type="zemax_grid", file="bench.toml"}', "Grid Distortion"),
+    ("lidar.receiver.filter_width_nm=0", "filter_width_nm"),
+    ("lidar.receiver.aperture_mm=5", "exactly one"),
+    ('lidar.laser.pulse_shape="measured"', "pulse_file"),
+    ('lidar.laser.pulse_file="x.csv"', "not used"),
+    ('lidar.laser.footprint="pattern"', "pattern_file"),
+    ("lidar.laser.pulse_fwhm_ns=1e9", "steps of time"),
+    ("lidar.laser.offset_m=[1, 2]", "offset_m"),
+    ("lidar.laser.energy_jitter_fraction=2", "energy_jitter_fraction"),
+    ("lidar.detector.preset=quiet", "offset_limited"),
+    ("lidar.detector.gate={}", "delay_ns"),
+    ("lidar.detector.gate={delay_ns=-1}", "delay_ns"),
+    ("lidar.detector.gate={delay_ns=1, width_ns=1e9}", "width_ns"),
+    ("lidar.detector.gate={delay_ns=1, false_alarm_probability=1}", "false_alarm_probability"),
+    ("lidar.detector.trigger.threshold_electrons=100", "times a second"),
+    ("lidar.detector.armed_to_m=0.5", "armed_from_m"),
+    ("lidar.detector.returns=best", "strongest"),
+    ("lidar.detector.max_returns=9", "max_returns"),
+    ("lidar.detector.readout.samples=7", "samples"),
+    ("lidar.detector.readout.baseline_counts=4000", "baseline_counts"),
+    ("lidar.detector.quantum_efficiency=1.1", "quantum_efficiency"),
+    ("lidar.detector.ranging.algorithm=fft", "matched_filter"),
+    ("lidar.detector.speckle=3", "needs a table"),
+    ("world.sun_direction=[0, 0, 0]", "zero vector"),
+]
+
+
+@pytest.mark.parametrize(("setting", "words"), BAD_INSTRUMENTS)
+def test_check_refuses_a_bad_instrument_with_one_line(call, scenario, setting, words):
+    status, out, err = call("check", scenario, "--set", setting)
+    assert (status, out, len(err)) == (2, "", 1)
+    assert err[0].startswith("error: bench.toml: ")
+    assert words in err[0]
+
+
+def test_check_warns_of_a_gate_that_misses(call, scenario):
+    status, out, _ = call("check", scenario, "--set", "lidar.detector.gate={delay_ns=100}")
+    assert status == 0
+    assert "warning     target plate: the range gate" in out

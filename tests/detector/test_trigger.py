@@ -81,9 +81,9 @@ def test_bridged_noise_is_the_same_noise(step_ns):
 def test_heights_between_steps_are_those_of_the_process():
     """Steps and points drawn together, against points drawn from the steps: shares above a level agree, 4 sigma."""
     bridge, n = Bridge(TAU, 1.19e-9), 40_000
-    at = np.concatenate([np.arange(-1.0, 3.0), np.arange(1, 8) / 8.0]) * 1.19e-9 / TAU
+    at = np.concatenate([np.arange(-1.0, 3.0), np.arange(1, 16) / 16.0]) * 1.19e-9 / TAU
     rng = np.random.default_rng(3)
-    drawn = rng.standard_normal((n, 11)) @ np.linalg.cholesky(correlation(at, at)).T
+    drawn = rng.standard_normal((n, 19)) @ np.linalg.cholesky(correlation(at, at)).T
     truth = drawn[:, 4:].max(axis=1)
     steps, zero = drawn[:, :4], np.zeros((n, 4))
     found = bridge.heights(steps, zero, np.arange(n), np.ones(n, int), np.ones(n), rng)
@@ -96,14 +96,14 @@ def test_heights_between_steps_are_those_of_the_process():
     assert (found[below] > 1.5).mean() > 0.01  # what the steps alone would miss
 
 
-def test_the_mean_between_steps_is_a_cubic():
-    """Without noise: x(1 − x) is 0 at both steps and 1/4 halfway."""
-    x = np.arange(-1.0, 3.0)
-    mean = (7.0 + x * (1.0 - x))[None]
+def test_the_mean_between_steps_is_a_quintic():
+    """Without noise: x(1 − x), and with it x(1 − x)(x + 1)(x − 2) of fourth order, are highest halfway of steps 0 and 1."""
+    x = np.arange(-2.0, 4.0)
+    mean = (7.0 + x * (1.0 - x) - 0.5 * x * (1.0 - x) * (x + 1.0) * (x - 2.0))[None]
     found = Bridge(TAU, 1e-9).heights(
-        mean, mean, np.zeros(1, int), np.ones(1, int), np.zeros(1), np.random.default_rng()
+        mean, mean, np.zeros(1, int), np.full(1, 2), np.zeros(1), np.random.default_rng(0)
     )
-    assert found == pytest.approx([7.25], abs=1e-12)
+    assert found == pytest.approx([7.0 + 0.25 + 0.5 * 0.25 * 2.25], abs=1e-9)
 
 
 def test_crossed_between_reports_the_first_step_of_each_row():
@@ -121,7 +121,7 @@ def test_crossed_between_reports_the_first_step_of_each_row():
 
 
 def test_detection_does_not_move_with_the_step_of_time():
-    """900 photons, 49,152 pixels for each number of steps: any two shares agree, 3.5 sigma of their binomial spread."""
+    """900 photons, 49,152 pixels for each number of steps: any two shares agree, 3.5 sigma of a binomial, 0.008."""
     found, n = [], 3 * 16_384
     photons = plate(900.0, 16_384, reference_pulse(), 8e-9)
     for steps in (2, 3, 6):

@@ -350,7 +350,11 @@ def test_info_says_what_is_held(tmp_path, capsys):
     path = export.save(tmp_path / "run.h5", make_frames(3, **FULL, zoom=lambda k: 1.0 + k))
     info(path)
     said = capsys.readouterr().out
-    for line in ("lens        3 lines", "returns     up to 3", "kept        waveforms, photons, oversampled\n"):
+    for line in (
+        "lens        3 tables of lines",
+        "returns     up to 3",
+        "kept        waveforms, photons, oversampled\n",
+    ):
         assert line in said
     assert "follower 100%\n" in said
     info(export.save(tmp_path / "plain.h5", make_frames(1)))

@@ -61,7 +61,7 @@ def generator():
 
 def test_generated_pages_are_up_to_date(generator):
     pages = generator["pages"]()
-    assert {page.name for page in pages} == {"scenario.md", "records.md", "physics.md"}
+    assert {page.name for page in pages} == {"scenario.md", "records.md", "physics.md", "instrument.md"}
     for page, text in pages.items():
         assert text == page.read_text(encoding="utf-8"), f"{page.name} is stale: run python docs/generate.py"
 
@@ -135,8 +135,18 @@ def test_readme_begins_as_it_should():
     assert "make test" in text
 
 
-def test_picture_is_a_png_and_small():
-    file = DOCS / "pictures" / "tdrs_approach.png"
+PICTURES = sorted((DOCS / "pictures").iterdir())
+
+
+def test_every_picture_is_shown_and_every_figure_drawn():
+    figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
+    assert {file.stem for file in PICTURES} == figures | {"tdrs_approach"}
+    instrument = (DOCS / "instrument.md").read_text(encoding="utf-8")
+    assert {name for name in figures if f"](pictures/{name}.png)" in instrument} == figures
+
+
+@pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.name)
+def test_picture_is_a_png_and_small(file):
     content = file.read_bytes()
     assert len(content) < 400_000
     assert content[:8] == b"\x89PNG\r\n\x1a\n"
@@ -150,4 +160,4 @@ def test_picture_is_a_png_and_small():
     assert kinds[-1] == b"IEND"
     width, height = struct.unpack(">II", content[16:24])
     assert width >= 1000
-    assert height >= 600
+    assert height >= 500

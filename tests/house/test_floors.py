@@ -58,7 +58,7 @@ def burgled(tmp_path_factory):
         "trimesh lives in scene and shapes",
         "skyfield and sgp4 live in motion",
         "h5py and its like live in export",
-        "matplotlib and Pillow live in picture",
+        "matplotlib and Pillow live in picture; a measured pattern is an image too",
         "typer and rich live in cli",
     ],
 )

@@ -30,6 +30,7 @@ NO_SUFFIX = {  # name: why it needs none
     "false_alarm_probability": "a probability",
     "fraction": "share of a pulse's peak",
     "gain": "electrons for an electron",
+    "intensity_excess_noise_factor": "a ratio of variances",
     "ionisation_ratio": "a ratio of rates",
     "k1": "a coefficient of pure numbers",
     "k2": "a coefficient of pure numbers",

@@ -69,3 +69,117 @@ def test_a_laser_that_cannot_be(bad):
         Laser(**bad)
     assert next(iter(bad)) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+# ------------------------------------------------------------------------------------------------------ pulses in time
+
+
+def pulse_of(laser):
+    """Return times about the pulse's middle [s], its power [1/s], and the step [s]."""
+    step_s, power = laser.pulse
+    return (np.arange(len(power)) - len(power) // 2) * step_s, power, step_s
+
+
+def width_at_half(time, power):
+    """Return the full width at half maximum [s], by straight lines between taps."""
+    half = 0.5 * power.max()
+    above = np.flatnonzero(power >= half)
+    a, b = above[0], above[-1]
+    left = np.interp(half, power[a - 1 : a + 1], time[a - 1 : a + 1])
+    right = np.interp(half, power[[b + 1, b]], time[[b + 1, b]])
+    return right - left
+
+
+@pytest.mark.parametrize("fwhm_ns", [0.5, 6.0, 8.0, 10.0])
+@pytest.mark.parametrize(
+    "shape", [{}, *({"pulse_shape": "super_gaussian", "pulse_order": p} for p in (1.0, 2.0, 3.5, 20.0))]
+)
+def test_a_pulse_has_its_energy_and_its_width(shape, fwhm_ns):
+    """Area 1, full width at half maximum as said (to the tap at order 20, whose flanks are steep), even in time."""
+    laser = Laser(pulse_fwhm_ns=fwhm_ns, **shape)
+    time, power, step_s = pulse_of(laser)
+    assert power.sum() * step_s == pytest.approx(1, rel=1e-12)
+    assert width_at_half(time, power) == pytest.approx(
+        fwhm_ns * 1e-9, rel=2e-3 if shape.get("pulse_order") != 20 else 0.02
+    )
+    assert laser.pulse_fwhm_s == pytest.approx(fwhm_ns * 1e-9, rel=1e-15)
+    assert np.array_equal(power, power[::-1]) and power[len(power) // 2] == power.max()
+    assert power[[0, -1]].max() < 1e-15 * power.max()
+    assert not power.flags.writeable
+
+
+def test_super_gaussian_of_order_one_is_the_gaussian():
+    gaussian, other = Laser(), Laser(pulse_shape="super_gaussian", pulse_order=1.0)
+    assert np.array_equal(gaussian.pulse[1], other.pulse[1]) and gaussian.pulse[0] == other.pulse[0]
+    assert not np.array_equal(gaussian.pulse[1], Laser(pulse_shape="super_gaussian").pulse[1])
+    time, power, step_s = pulse_of(gaussian)
+    s = 8e-9 / math.sqrt(8 * math.log(2))
+    assert power == pytest.approx(np.exp(-0.5 * (time / s) ** 2) / (s * math.sqrt(2 * math.pi)), rel=1e-9)
+    assert np.sum(power * time**2) * step_s == pytest.approx(s**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [1.5, 2.0, 4.0])
+def test_the_variance_of_a_super_gaussian(order):
+    """Of exp(-|t/a|^2p): a² Γ(3/2p) / Γ(1/2p), with a = FWHM / (2 (ln 2)^(1/2p))."""
+    time, power, step_s = pulse_of(Laser(pulse_shape="super_gaussian", pulse_order=order))
+    a = 4e-9 / math.log(2) ** (0.5 / order)
+    expected = a**2 * math.gamma(1.5 / order) / math.gamma(0.5 / order)
+    assert np.sum(power * time**2) * step_s == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ({"pulse_shape": "measured"}, "pulse_file"),
+        ({"pulse_file": "p.csv"}, "pulse_shape"),
+        ({"footprint": "pattern"}, "pattern_file"),
+        ({"pattern_file": "p.png"}, "footprint"),
+        ({"pulse_shape": "super_gaussian", "pulse_order": 0.5}, "pulse_order"),
+        ({"pulse_shape": "super_gaussian", "pulse_order": 21.0}, "pulse_order"),
+        ({"energy_jitter_fraction": 0.6}, "energy_jitter_fraction"),
+        ({"timing_jitter_ns": -1.0}, "timing_jitter_ns"),
+        ({"offset_m": (0.0, 0.0)}, "offset_m"),
+    ],
+)
+def test_settings_that_do_not_go_together(settings, word):
+    with pytest.raises(ScenarioError, match=word) as caught:
+        Laser(**settings)
+    assert "\n" not in str(caught.value)
+
+
+# -------------------------------------------------------------------------------------------------- from pulse to pulse
+
+
+def test_jitter_has_the_spread_it_says():
+    """4000 pulses: mean within 4 standard errors, standard deviation within 4 of its own (1/√2N), fixed seed."""
+    laser = Laser(energy_jitter_fraction=0.03, timing_jitter_ns=0.5, energy_mj=20.0)
+    rng = np.random.default_rng(8)
+    n = 4000
+    fired = [laser.fire(rng) for _ in range(n)]
+    energy = np.array([one.energy_mj for one, _ in fired]) / 20.0 - 1.0
+    late_s = np.array([late for _, late in fired])
+    for values, sigma in ((energy, 0.03), (late_s, 0.5e-9)):
+        assert values.mean() == pytest.approx(0, abs=4 * sigma / math.sqrt(n))
+        assert values.std() == pytest.approx(sigma, rel=4 / math.sqrt(2 * n))
+    assert abs(np.corrcoef(energy, late_s)[0, 1]) < 4 / math.sqrt(n)
+    assert all(one.replace(energy_mj=20.0) == laser for one, _ in fired[:20])
+
+
+def test_no_pulse_is_without_energy():
+    laser = Laser(energy_jitter_fraction=0.5)
+    rng = np.random.default_rng(3)
+    assert min(laser.fire(rng)[0].energy_mj for _ in range(2000)) > 0
+
+
+def test_a_steady_laser_draws_nothing():
+    """The default must leave the generator where it was, or every frame's noise would change."""
+    rng, untouched = (np.random.default_rng(5) for _ in range(2))
+    laser = Laser()
+    assert laser.fire(rng) == (laser, 0.0)
+    assert rng.standard_normal() == untouched.standard_normal()
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (-0.0, 0.0, 0.0)])
+def test_a_laser_in_the_lens_has_no_offset(offset):
+    assert Laser(offset_m=offset).offset is None
+    assert Laser(offset_m=(0.0, 0.1, 0.0)).offset.tolist() == [0.0, 0.1, 0.0]

@@ -1,4 +1,3 @@
-import itertools
 import math
 
 import numpy as np
@@ -13,7 +12,6 @@ from rso_lidar.optics.psf import (
     GaussianPsf,
     GridPsf,
     ZemaxPsf,
-    blur,
     files_of,
     pixel_shares,
     reach_of,
@@ -285,77 +283,3 @@ def test_bad_settings():
         FieldDependentPsf(fields=())
     with pytest.raises(ScenarioError, match="lands within"):
         pixel_shares(GaussianPsf(sigma_um=5000.0), sub=2, reach=3, **SEED)
-
-
-def returns(n, seed=2, shape=(32, 24), scale=20.0):
-    rng = np.random.default_rng(seed)
-    pixel = np.sort(rng.integers(0, shape[0] * shape[1], n)).astype(np.int32)
-    return pixel, rng.integers(0, 4, n), rng.integers(0, 4, n), rng.exponential(scale, n)
-
-
-@pytest.mark.parametrize("reach", [1, 3])
-@pytest.mark.parametrize("least", [0.0, 1e-3, 1.0, 1e9])
-def test_blur_against_a_plain_loop(reach, least):
-    shape = (7, 5)
-    pixel, row, col, photons = returns(300, shape=shape)
-    shares = pixel_shares(GaussianPsf(sigma_um=45.0, **HALO), sub=4, reach=reach, **SEED)
-    expected = []
-    for k in range(len(pixel)):
-        r, c = divmod(int(pixel[k]), shape[1])
-        parts = {
-            (r + dr) * shape[1] + c + dc: shares[row[k], col[k], reach + dr, reach + dc]
-            for dr, dc in itertools.product(range(-reach, reach + 1), repeat=2)
-            if 0 <= r + dr < shape[0] and 0 <= c + dc < shape[1]
-        }
-        top = max(parts, key=lambda p: parts[p])
-        small = [p for p in parts if p != top and parts[p] * photons[k] < least]
-        parts[top] += sum(parts.pop(p) for p in small)
-        expected += [(p, k, share) for p, share in parts.items() if share > 0 or p == top]
-    expected.sort()
-    source, to, share = blur(pixel, row, col, photons, shape, shares, least)
-    some = share > 0
-    assert [(p, k) for p, k, _ in expected] == list(zip(to[some].tolist(), source[some].tolist(), strict=True))
-    assert np.allclose([s for *_, s in expected], share[some], rtol=0, atol=1e-14)
-    if least == 1e9:
-        assert np.array_equal(to, pixel) and np.array_equal(source, np.arange(len(pixel)))
-
-
-def test_blur_conserves_energy():
-    shape = (32, 24)
-    pixel, row, col, photons = returns(20000, shape=shape)
-    for psf, reach in [(GaussianPsf(sigma_um=20.0), 1), (GaussianPsf(sigma_um=20.0, **HALO), 4)]:
-        shares = pixel_shares(psf, sub=4, reach=reach, **SEED)
-        source, to, share = blur(pixel, row, col, photons, shape, shares)
-        kept = np.bincount(source, share, minlength=len(pixel))
-        r, c = np.divmod(pixel, shape[1])
-        inner = (r >= reach) & (r < shape[0] - reach) & (c >= reach) & (c < shape[1] - reach)
-        assert np.abs(kept[inner] - 1).max() < 1e-12
-        assert kept[~inner].max() < 1 + 1e-12 and kept[~inner].min() < 0.999  # some leaves over the edge
-        assert to.min() >= 0 and to.max() < shape[0] * shape[1]
-        assert np.array_equal(np.lexsort((source, to)), np.arange(len(to)))
-
-
-def test_blur_of_returns_in_any_order_and_of_none():
-    shape = (32, 24)
-    pixel, row, col, photons = returns(500, shape=shape)
-    shares = pixel_shares(GaussianPsf(sigma_um=30.0), sub=4, reach=1, **SEED)
-    order = np.random.default_rng(1).permutation(len(pixel))
-    source, to, share = blur(pixel[order], row[order], col[order], photons[order], shape, shares)
-    assert np.array_equal(np.lexsort((source, to)), np.arange(len(to)))
-    sorted_source, sorted_to, sorted_share = blur(pixel, row, col, photons, shape, shares)
-    again = np.lexsort((order[source], to))
-    assert np.array_equal(order[source][again], sorted_source) and np.array_equal(to[again], sorted_to)
-    assert np.array_equal(share[again], sorted_share)
-    none = np.zeros(0, dtype=np.int64)
-    assert [len(out) for out in blur(none, none, none, np.zeros(0), shape, shares)] == [0, 0, 0]
-
-
-def test_a_kernel_off_its_middle_loses_only_what_leaves(tmp_path):
-    """All light goes to the pixel above, which the top row does not have: there it is lost, and nothing is made up."""
-    shares = pixel_shares(spot(tmp_path / "psf.txt", 0, 20), sub=1, reach=1, **SEED)
-    zero = np.zeros(2, dtype=int)
-    source, to, share = blur(np.array([2, 7]), zero, zero, np.array([100.0, 100.0]), (3, 5), shares)
-    # The spot is 100 um up, and the point in the table a square of 5 um: 1.25 % more or less far than a pixel.
-    kept = np.bincount(source, share, minlength=2)
-    assert kept[1] == pytest.approx(1, abs=1e-12) and kept[0] < 0.05
-    assert to[source == 1][share[source == 1].argmax()] == 2

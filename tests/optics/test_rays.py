@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from rso_lidar.optics import Laser, Receiver, pixel_rays
+from rso_lidar import scene
+from rso_lidar.optics import BrownConrady, Laser, Receiver, pixel_rays
 from rso_lidar.records import Extent
-from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER
+from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, place, plate, surface, truth_of
 
 HALF = math.tan(math.radians(1.25))
 
@@ -140,8 +142,10 @@ def test_shares_of_a_pixel_never_exceed_it_and_no_ray_is_made_twice(boxes, rays_
             width = np.minimum(x + half_cell, seen[1, 0]) - np.maximum(x - half_cell, seen[0, 0])
             height = np.minimum(y + half_cell, seen[1, 1]) - np.maximum(y - half_cell, seen[0, 1])
             covered = np.sum((width * height)[within]) / receiver.pixel_tangent**2
-            # A ray stands for its cell; at most a border of half a finest cell has its centre outside the bounds.
-            border = 2 * sides.sum() * np.sqrt(rays.weight.max()) + 4 * rays.weight.max()
+            # A ray stands for its cell; at most a border of half a cell, of 1/16 of the grid's beside a finer target, has
+            # its centre outside the bounds.
+            widest = max(np.sqrt(rays.weight.max(initial=0.0)), 1 / (16 * receiver.rays_per_side))
+            border = 2 * sides.sum() * widest + 4 * widest**2
             assert covered == pytest.approx(sides.prod(), abs=border) and covered <= sides.prod() * (1 + 1e-9)
 
 
@@ -154,3 +158,144 @@ def test_only_what_is_lit_gets_rays(footprint):
     assert exact_sums(rays).max() <= 1 + 1e-12
     if footprint != "gaussian":
         assert len(rays.pixel) < 0.02 * 128 * 128 * 16
+
+
+# ---------------------------------------------------------------------------------------------- a lens that bends rays
+
+BENT = {
+    "barrel": (30.0, BrownConrady(k1=-0.5)),
+    "pincushion": (30.0, BrownConrady(k1=0.5)),
+    "aside": (30.0, BrownConrady(k1=-0.2, p1=0.02, p2=-0.03)),
+    "narrow": (2.5, BrownConrady(k1=5.2)),
+    "wide": (90.0, BrownConrady(k1=-0.05)),
+}
+
+
+def bent(name, **settings):
+    fov_deg, distortion = BENT[name]
+    settings = {"n_rows": 48, "n_cols": 64, "rays_per_pixel": 4, **settings}
+    return Receiver(fov_deg=fov_deg, f_number=2.8, distortion=distortion, **settings)
+
+
+def cells_of(rays, receiver):
+    """Return where rays fall on the focal plane: column and row in pixels."""
+    return receiver.image_of(*(rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1)))
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_bent_rays_fall_on_the_middles_of_their_cells(name):
+    receiver = bent(name)
+    rays = pixel_rays(receiver, Laser(divergence_deg=170.0), EVERYWHERE)
+    assert np.all(np.bincount(rays.pixel, minlength=48 * 64) == 4)
+    col, row = cells_of(rays, receiver)
+    assert np.array_equal(np.floor(row) * 64 + np.floor(col), rays.pixel)
+    assert np.abs(np.mod(2 * np.stack([col, row]), 1) - 0.5).max() < 1e-8
+
+
+def random_scene(rng, half):
+    """Return a plate of any size, turned, in and about a field of half a width `half` at 100 m."""
+    side = 100.0 * half * rng.uniform(0.1, 4.0, 2)
+    turn = Rotation.from_euler("zyx", [rng.uniform(0, 6), *rng.uniform(-0.5, 0.5, 2)])
+    return surface("target", plate(*side)), truth_of(
+        target=place([*100.0 * half * rng.uniform(-1.2, 1.2, 2), 100.0], turn)
+    )
+
+
+@pytest.mark.parametrize("rays_per_pixel", [4, 36])
+@pytest.mark.parametrize("name", BENT)
+def test_culling_behind_a_bent_lens_loses_no_ray_that_hits(name, rays_per_pixel):
+    """Against all rays of the field, cast one and all: the same hits, and few rays made in vain."""
+    receiver = bent(name, min_rays_per_target=0, rays_per_pixel=rays_per_pixel)
+    laser = Laser(divergence_deg=170.0)
+    every = pixel_rays(receiver, laser, EVERYWHERE)
+    rng = np.random.default_rng(4)
+    met = made = 0
+    for _ in range(12):
+        target, truth = random_scene(rng, math.tan(math.radians(BENT[name][0]) / 2))
+        rays = pixel_rays(receiver, laser, scene.extent([target], truth))
+        hits, all_hits = (scene.cast(r, [target], truth, 1) for r in (rays, every))
+        assert np.array_equal(hits.pixel, all_hits.pixel)
+        assert np.array_equal(hits.rays.direction[hits.ray], all_hits.rays.direction[all_hits.ray])
+        met, made = met + len(all_hits.ray), made + len(rays.pixel)
+    assert met > 5000 and made < 1.3 * met
+
+
+@pytest.mark.parametrize("name", BENT)
+@pytest.mark.parametrize("side_pixels", [0.5, 0.05, 0.005])
+def test_a_small_target_behind_a_bent_lens_gets_enough_rays(name, side_pixels):
+    """As without distortion: `min_rays_per_target` of them within its bounds, whose weights are its share of the image."""
+    receiver = bent(name)
+    x, y = receiver.tangents_at(np.array([9.3, 9.3 + side_pixels]), np.array([40.2, 40.2 + side_pixels]))
+    low, high = np.array([[x.min(), y.min()]]), np.array([[x.max(), y.max()]])
+    rays = pixel_rays(receiver, Laser(divergence_deg=170.0), Extent(low, high))
+    across, down = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
+    inside = (across >= low[0, 0]) & (across <= high[0, 0]) & (down >= low[0, 1]) & (down <= high[0, 1])
+    assert 3000 <= inside.sum() and len(rays.pixel) <= 8 * 4096
+    seen = (high - low).prod() / receiver.distortion.area_seen(across.mean(), down.mean()) / receiver.pixel_tangent**2
+    assert rays.weight[inside].sum() == pytest.approx(seen, rel=0.07)  # a row and a column of 64 each
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_nothing_in_a_bent_field_no_rays(name):
+    receiver = bent(name)
+    far = 1.2 * receiver.field_edge.max()
+    for box in ([[far, -0.1], [far + 1, 0.1]], [[-0.1, -far - 1], [0.1, -far]], [[np.inf] * 2, [-np.inf] * 2]):
+        low, high = np.array(box)[:, None]
+        assert len(pixel_rays(receiver, Laser(divergence_deg=170.0), Extent(low, high)).pixel) == 0
+
+
+@pytest.mark.parametrize("footprint", ["square", "circle"])
+@pytest.mark.parametrize("name", BENT)
+def test_a_narrow_beam_behind_a_bent_lens_lights_its_area(name, footprint):
+    """Solid angles of lit cells sum to the footprint's: what the edge leaves dark is not counted, nor lost.
+
+    A cell's edges are taken as straight and its area as that in its middle, so edge cells are good to some per cent.
+    """
+    receiver = bent(name, rays_per_pixel=16)
+    laser = Laser(divergence_deg=0.55 * BENT[name][0], footprint=footprint)
+    rays = pixel_rays(receiver, laser, EVERYWHERE)
+    x, y = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
+    assert np.all(laser.density(x, y) > 0)
+    area = np.sum(rays.weight * receiver.distortion.area_seen(x, y)) * receiver.pixel_tangent**2
+    t = laser.half_width_tangent
+    assert area == pytest.approx(math.pi * t * t if footprint == "circle" else 4 * t * t, rel=2e-3)
+
+
+# ------------------------------------------------------------------------------------------- rays that only the Sun lights
+
+
+@pytest.mark.parametrize("footprint", ["square", "circle"])
+@pytest.mark.parametrize("distortion", [None, BrownConrady(k1=5.0)], ids=["straight", "bent"])
+def test_for_sunlight_the_whole_field_has_rays_and_the_beam_its_share(footprint, distortion):
+    """Under a narrow beam every pixel is covered whole, and what is lit is exactly what it is without sunlight."""
+    laser = Laser(divergence_deg=0.7, footprint=footprint)
+    receiver = SEED_RECEIVER.replace(distortion=distortion)
+    dark = pixel_rays(receiver, laser, EVERYWHERE)
+    sunlit = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
+    assert np.all(np.diff(sunlit.pixel) >= 0)
+    assert np.bincount(sunlit.pixel, sunlit.weight) == pytest.approx(1, rel=1e-12)
+    x, y = (sunlit.direction[:, axis] / sunlit.direction[:, 2] for axis in (0, 1))
+    lit = laser.density(x, y) > 0
+    assert np.bincount(sunlit.pixel[lit], sunlit.weight[lit], 128**2) == pytest.approx(
+        np.bincount(dark.pixel, dark.weight, 128**2), abs=1e-9
+    )
+    assert np.allclose(np.linalg.norm(sunlit.direction, axis=1), 1, rtol=0, atol=1e-12)
+    cells = np.floor(np.stack(receiver.image_of(x, y))[::-1]).astype(int)
+    if distortion is None:
+        assert np.array_equal(cells[0] * 128 + cells[1], sunlit.pixel)
+    assert len(sunlit.pixel) < 1.02 * 128**2 * 16
+
+
+def test_a_beam_wider_than_the_field_makes_no_more_rays_for_sunlight():
+    for receiver in (SEED_RECEIVER, SEED_RECEIVER.replace(distortion=BrownConrady(k1=2.0))):
+        laser = Laser(divergence_deg=4.0)
+        with_sun = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
+        without = pixel_rays(receiver, laser, EVERYWHERE)
+        assert with_sun.direction.tobytes() == without.direction.tobytes()
+        assert with_sun.weight.tobytes() == without.weight.tobytes()
+
+
+def test_a_laser_beside_the_lens_gets_the_whole_field():
+    """Where its light falls depends on the range: every cell that may hit has its ray."""
+    rays = pixel_rays(SEED_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
+    assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128

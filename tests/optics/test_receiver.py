@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import Receiver
+from rso_lidar.optics import BrownConrady, Receiver
 
 SEED = Receiver(fov_deg=2.5, f_number=2.8)
 
@@ -63,3 +63,50 @@ def test_rows_run_down_and_columns_run_right():
 def test_a_receiver_that_cannot_be(bad, word):
     with pytest.raises(ScenarioError, match=word):
         Receiver(**bad)
+
+
+# ----------------------------------------------------------------------------------------------------------- distortion
+
+BENT = {
+    "barrel": BrownConrady(k1=-0.2),
+    "pincushion": BrownConrady(k1=0.3, k2=0.05),
+    "aside": BrownConrady(k1=-0.1, p1=0.01, p2=-0.02),
+}
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_a_direction_falls_where_distort_says(name):
+    """Whatever the pixel: the direction `tangents_at` gives for a place falls on that place, by Brown-Conrady."""
+    lens = Receiver(fov_deg=30.0, f_number=2.0, n_rows=24, n_cols=36, distortion=BENT[name])
+    col, row = np.random.default_rng(2).uniform([[0], [0]], [[36], [24]], (2, 500))
+    x, y = lens.tangents_at(col, row)
+    back = lens.image_of(x, y)
+    assert np.abs(back[0] - col).max() < 1e-9 and np.abs(back[1] - row).max() < 1e-9
+    k1, k2, _, p1, p2 = BENT[name].coefficients
+    r2 = x * x + y * y
+    by_hand = x * (1 + k1 * r2 + k2 * r2**2) + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    assert by_hand / lens.pixel_tangent + 18 == pytest.approx(col, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_the_table_of_lines_of_sight_is_the_bent_one(name):
+    lens = Receiver(fov_deg=30.0, f_number=2.0, n_rows=24, n_cols=36, distortion=BENT[name])
+    sight = lens.line_of_sight
+    assert np.allclose(np.linalg.norm(sight, axis=-1), 1, rtol=0, atol=1e-15)
+    col, row = lens.image_of(sight[..., 0] / sight[..., 2], sight[..., 1] / sight[..., 2])
+    assert np.abs(col - np.arange(36) - 0.5).max() < 1e-9 and np.abs(row - np.arange(24)[:, None] - 0.5).max() < 1e-9
+    straight = lens.replace(distortion=None).line_of_sight
+    corner = sight[0, 0, 0] / sight[0, 0, 2] / (straight[0, 0, 0] / straight[0, 0, 2])
+    if name != "aside":  # a barrel lens sees more: its corner looks farther out
+        assert (corner > 1) == (name == "barrel")
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_the_edge_of_the_field_holds_every_direction(name):
+    lens = Receiver(fov_deg=30.0, f_number=2.0, n_rows=24, n_cols=36, distortion=BENT[name])
+    col, row = np.meshgrid(np.linspace(0, 36, 145), np.linspace(0, 24, 97))
+    x, y = lens.tangents_at(col, row)
+    assert np.abs(x).max() <= lens.field_edge[0] * (1 + 1e-6) and np.abs(y).max() <= lens.field_edge[1] * (1 + 1e-6)
+    assert np.abs(x).max() > 0.999 * lens.field_edge[0] and np.abs(y).max() > 0.999 * lens.field_edge[1]
+    straight = lens.replace(distortion=None)
+    assert straight.field_edge.tolist() == pytest.approx([18 * lens.pixel_tangent, 12 * lens.pixel_tangent], rel=1e-15)

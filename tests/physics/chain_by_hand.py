@@ -52,34 +52,39 @@ def noise_covariance(n, sample_s, tau_s):
     return (1 + x) * np.exp(-x)
 
 
-def peaks(part, photons, fwhm_s, n, seed, step_s=1e-10):
-    """Return the greatest amplitude [electrons] that each of n comparators sees of a pulse, noise of all kinds included."""
+def amplitudes(part, photons, fwhm_s, n, seed, step_s, span_s):
+    """Return times [s] about a pulse's middle and what n amplifiers give [electrons], noise of all kinds included.
+
+    In pieces of 1000 rows (row, step); every primary is a pulse of its own: x(t) = sum of gain x width x h(t - t_i) with
+    h(t) = t / tau^2 exp(-t / tau).
+    """
     rng = np.random.default_rng(seed)
     tau, width = pole_s(part.amplifier.bandwidth_mhz * 1e6), part.amplifier.integration_ns * 1e-9
     settle = math.ceil(10 * tau / step_s)
-    t = np.arange(-1.5 * fwhm_s - settle * step_s, 1.5 * fwhm_s, step_s)
-    bell = np.exp(-4 * math.log(2) * (t / fwhm_s) ** 2)
-    signal_primaries = part.quantum_efficiency * photons * bell / np.exp(
-        -4 * math.log(2) * (np.arange(-400, 401) * step_s / fwhm_s) ** 2
-    ).sum()
+    t = np.arange(-settle, math.ceil((span_s[1] - span_s[0]) / step_s)) * step_s + span_s[0]
+    # A Gaussian of peak 1 has the area FWHM sqrt(pi / (4 ln 2)).
+    area = fwhm_s / step_s * math.sqrt(math.pi / (4 * math.log(2)))
+    light = part.quantum_efficiency * photons * np.exp(-4 * math.log(2) * (t / fwhm_s) ** 2) / area
     dark = part.apd.dark_current_na * 1e-9 / CHARGE_C * step_s
     number, p = single_gain(part.apd.gain, part.apd.ionisation_ratio)
     gains = number[np.searchsorted(np.cumsum(p), (np.arange(2**20) + 0.5) / 2**20)].astype(np.float32)
-    # Every primary is a pulse of its own: x(t) = sum of gain * width * h(t - t_i), h = t/tau^2 exp(-t/tau).
     a = math.exp(-step_s / tau)
     top, low = [0.0, a * step_s / tau**2], [1.0, -2 * a, a * a]
-    noise = signal.lfilter(top, low, np.eye(1, 4000)[0])
-    white = part.amplifier.noise_electrons / width / math.sqrt(np.sum(noise**2))
-    found = []
+    ringing = signal.lfilter(top, low, np.eye(1, 4000)[0])
+    white = part.amplifier.noise_electrons / width / math.sqrt(np.sum(ringing**2))
     for start in range(0, n, 1000):
-        rows = min(1000, n - start)
-        primaries = rng.poisson(signal_primaries + dark, (rows, len(t)))
+        primaries = rng.poisson(light + dark, (min(1000, n - start), len(t)))
         cell = np.repeat(np.arange(primaries.size), primaries.ravel())
         drawn = gains[rng.integers(0, len(gains), len(cell))]
         electrons = np.bincount(cell, drawn, primaries.size).reshape(primaries.shape)
         electrons += rng.standard_normal(electrons.shape) * white - dark * part.apd.gain
-        found.append(width * signal.lfilter(top, low, electrons, axis=1)[:, settle:].max(axis=1))
-    return np.concatenate(found)
+        yield t[settle:], width * signal.lfilter(top, low, electrons, axis=1)[:, settle:]
+
+
+def peaks(part, photons, fwhm_s, n, seed):
+    """Return the greatest amplitude [electrons] that each of n comparators sees of a pulse."""
+    span_s = (-1.5 * fwhm_s, 1.5 * fwhm_s)
+    return np.concatenate([x.max(axis=1) for _, x in amplitudes(part, photons, fwhm_s, n, seed, 1e-10, span_s)])
 
 
 def detected(part, photons, fwhm_s, n, seed):
@@ -97,3 +102,48 @@ def discrete_upcrossings_per_s(sigmas, step_s, tau_s):
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
     # above now, below a step before
     return float(np.trapezoid(density * special.ndtr((sigmas - r * z) / math.sqrt(1 - r * r)), z)) / step_s
+
+
+def fit_sigmas(place_s, t, s, covariance, weight=None, reach_s=math.inf):
+    """Return the rms errors of time [s] and of height of a pulse of shape s(t) fitted to samples.
+
+    The samples stand `place_s` (sample) after the pulse's nominal delay; `covariance` is that of their noise, for a pulse
+    as high as s; `weight` the covariance that the fit believes in (None: the true one, and the errors are the Cramer-Rao
+    bounds: Kay 1993, eq. 3.31). Samples farther than `reach_s` from the peak are left out.
+    """
+    near = np.abs(place_s - t[np.argmax(s)]) <= reach_s
+    weight = covariance if weight is None else weight
+    jacobian = np.stack([-np.interp(place_s, t, np.gradient(s, t)), np.interp(place_s, t, s)], axis=1)[near]
+    part = np.ix_(near, near)
+    whitened = np.linalg.solve(weight[part], jacobian)
+    gain = np.linalg.solve(jacobian.T @ whitened, whitened.T)
+    return np.sqrt(np.diag(gain @ covariance[part] @ gain.T))
+
+
+def chi_square_spread(sigma, n, sigmas=4.0):
+    """Return by how much the standard deviation of n normal draws strays, at so many sigmas."""
+    return sigmas * sigma / math.sqrt(2 * n)
+
+
+def gate_detection(part, photons, fwhm_s, n, seed, pulses, probability):
+    """Return the share of n gates of 20 samples, averaged over pulses, whose best fit of a pulse is above noise alone.
+
+    The threshold is the quantile of the best fit to Gaussian noise of the same covariance, for the false-alarm probability.
+    """
+    sample_s, tau = part.readout.sample_ns * 1e-9, pole_s(part.amplifier.bandwidth_mhz * 1e6)
+    step_s, width = sample_s / 24, part.amplifier.integration_ns * 1e-9
+    rng = np.random.default_rng(seed)
+    t, s = amplified(fwhm_s, tau, width)
+    dark = part.apd.dark_current_na * 1e-9 / CHARGE_C * excess_noise(part.apd.gain, part.apd.ionisation_ratio)
+    sigma2 = (part.amplifier.noise_electrons**2 + dark * part.apd.gain**2 * width**2 / (4 * tau)) / pulses
+    covariance = sigma2 * noise_covariance(20, sample_s, tau)
+    places = np.arange(3, 17, 0.25)
+    shapes = np.interp((np.arange(20) - places[:, None]) * sample_s + t[np.argmax(s)], t, s, left=0, right=0) / s.max()
+    whitened = np.linalg.solve(covariance, shapes.T)
+    weights = whitened / np.sum(shapes.T * whitened, axis=0)
+    noise = rng.standard_normal((100_000, 20)) @ np.linalg.cholesky(covariance).T
+    threshold = np.quantile((noise @ weights).max(axis=1), 1 - probability)
+    drawn = amplitudes(part, photons, fwhm_s, n * pulses, seed + 1, step_s, (-10 * sample_s, 11 * sample_s))
+    piece = np.concatenate([x[:, int(rng.integers(24)) :: 24][:, :20] for _, x in drawn])
+    found = piece.reshape(n, pulses, 20).mean(axis=1)
+    return float(np.mean((found @ weights).max(axis=1) > threshold))

@@ -1,0 +1,168 @@
+"""Triggers on nothing: when they come, how many, what is stored of them, and that rows of noise say the same."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rso_lidar.detector.chain import analog, armed, latched
+from rso_lidar.detector.false_triggers import false_traces, first_false_s, rates_per_s
+from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.waveform import rows_about
+from tests.detector.returns_for_tests import nothing, returns
+
+C = 299_792_458.0
+# Low thresholds, so that a dark frame has hundreds of false triggers.
+EASY = Gsfl(
+    amplifier={"noise_electrons": 1000.0},
+    trigger={"threshold_electrons": 5300.0, "threshold_spread_fraction": 0.02},
+    timing={"pixel_jitter_ns": 0.0},
+)
+
+
+def test_waiting_times_are_exponential():
+    """Kolmogorov and Smirnov's test of each pixel's time in units of its own mean; 0.1 % would fail by chance."""
+    threshold = np.repeat([4800.0, 5000.0, 5400.0], 10_000)
+    base = np.full(30_000, EASY.apd.dark_electrons_per_s)
+    rates = rates_per_s(EASY, threshold, base)
+    assert rates[0] > rates[10_000] > rates[20_000] > 0.0
+    first_s = first_false_s(EASY, threshold, base, np.random.default_rng(8))
+    waited = (first_s - 2.0 * EASY.armed_from_m / C) * rates
+    assert stats.kstest(waited, "expon").pvalue > 1e-3
+
+
+def test_without_noise_nothing_ever_triggers():
+    quiet = EASY.replace(amplifier={"noise_electrons": 0.0}, apd={"dark_current_na": 0.0})
+    first_s = first_false_s(quiet, np.full(4, 5000.0), np.zeros(4), np.random.default_rng(8))
+    assert np.isinf(first_s).all()
+
+
+def test_false_triggers_of_an_empty_scene_are_as_many_as_the_rate_says():
+    """Bernoulli trials with 1 − exp(−rate · window) sum to Poisson, to 1 %: 4 sigma of the total, 3 of the dispersion."""
+    n_frames, window_s = 12, 2.0 * (EASY.armed_to_m - EASY.armed_from_m) / C
+    rng = np.random.default_rng(9)
+    seen = [EASY.detect(nothing((128, 128)), rng) for _ in range(n_frames)]
+    counts = np.array([len(waveforms.pixel) for _, waveforms in seen])
+    mean = 16_384 * EASY.mean_false_alarms_per_s * window_s
+    assert mean > 100.0 and EASY.mean_false_alarms_per_s * window_s < 0.02
+    assert abs(counts.sum() - n_frames * mean) < 4.0 * math.sqrt(n_frames * mean)
+    # The index of dispersion of n Poisson counts is chi-square over n − 1.
+    dispersion = counts.var(ddof=1) / mean * (n_frames - 1)
+    assert stats.chi2(n_frames - 1).ppf(0.00135) < dispersion < stats.chi2(n_frames - 1).ppf(0.99865)
+    latch_m = np.concatenate([waveforms.latch_s for _, waveforms in seen]) * C / 2.0
+    assert latch_m.min() >= EASY.armed_from_m and latch_m.max() <= EASY.armed_to_m
+    assert stats.kstest((latch_m - EASY.armed_from_m) / 4999.0, "uniform").pvalue > 1e-3
+    # What latched is reported, near its latch: a peak follows within the width of the noise, a few nanoseconds.
+    reading, waveforms = seen[0]
+    assert np.isfinite(reading.range_m).sum() == len(waveforms.pixel)
+    off_m = reading.range_m.ravel()[waveforms.pixel] - waveforms.latch_s * C / 2.0
+    assert np.abs(np.median(off_m)) < 1.0
+
+
+def test_the_armed_window_is_respected():
+    part = EASY.replace(armed_from_m=1500.0, armed_to_m=2500.0)
+    rng = np.random.default_rng(10)
+    latch_s = np.concatenate([part.detect(nothing((128, 128)), rng)[1].latch_s for _ in range(8)])
+    assert len(latch_s) > 50
+    assert latch_s.min() * C / 2.0 >= 1500.0 and latch_s.max() * C / 2.0 <= 2500.0
+
+
+def test_rows_of_noise_trigger_as_often_as_dark_pixels_are_said_to():
+    """Rows that are simulated step by step, without light, against the formula: 4 sigma of 470 events, 18 %.
+
+    Upcrossings come at Rice's rate (clumps make 3 % of them second ones), and a row begins above with P(x > T).
+    """
+    part = Gsfl(
+        amplifier={"noise_electrons": 1000.0},
+        trigger={"threshold_electrons": 3800.0, "threshold_spread_fraction": 0.0},
+        armed_from_m=990.0,
+        armed_to_m=1010.0,
+    )
+    photons = returns(np.full(16_384, 1000.0), 1e-6)
+    plan, camera = part.plan(8e-9), part.camera(16_384)
+    rows, arming = armed(part, rows_about(photons, plan, 16_384), plan.step_s)
+    threshold = np.full(16_384, 3800.0, np.float32)
+    rng, seen = np.random.default_rng(11), 0
+    for _ in range(10):
+        made = analog(part, photons, rows, plan, camera, rng)
+        seen += np.count_nonzero(latched(part, made, threshold, arming, plan.step_s, rng) >= 0)
+    watched_s = float((rows.last - rows.first)[0] - 1) * plan.step_s
+    rate = float(rates_per_s(part, np.array([3800.0]), np.array([part.apd.dark_electrons_per_s]))[0])
+    expected = 10 * 16_384 * (1.0 - math.exp(-rate * watched_s) + stats.norm.sf(3800.0 / part.noise_electrons))
+    assert expected > 300.0
+    assert abs(seen - expected) < 4.0 * math.sqrt(expected)
+
+
+def traces(n=4000, **readout):
+    part = EASY.replace(readout=readout)
+    rng = np.random.default_rng(12)
+    threshold = np.full(n, 5300.0)
+    crossing_s = 1e-6 + rng.random(n) * 1e-6
+    base = np.full(n, part.apd.dark_electrons_per_s)
+    amplitude, first = false_traces(part, crossing_s, threshold, base, rng)
+    lag_s = (first[:, None] + np.arange(amplitude.shape[1])) * part.readout.sample_s - crossing_s[:, None]
+    return part, amplitude, lag_s
+
+
+def test_what_is_stored_crosses_the_threshold_at_the_latch():
+    """Samples every 0.1 τ: the trace passes the threshold upward between the two samples about the crossing."""
+    part, amplitude, lag_s = traces(sample_ns=0.1)
+    before, after = lag_s[:, 8], lag_s[:, 9]
+    assert np.all(before <= 0.0) and np.all(after > 0.0)
+    share = before / (before - after)
+    at_latch = amplitude[:, 8] + share * (amplitude[:, 9] - amplitude[:, 8])
+    # Between samples h apart a straight line is off by h²/8 of the bend, which at T is T/τ² (conditional mean): 6 electrons;
+    # the rest of the noise adds about σ (h/τ)^1.5 / 8.
+    assert np.abs(at_latch - 5300.0).max() < 40.0
+    slope = (amplitude[:, 9] - amplitude[:, 8]) / (after - before) * part.amplifier.pole_s
+    # At an upcrossing the slope is Rayleigh with the slope's own sigma, σ/τ (Leadbetter et al. 1983, ch. 10); the chord over
+    # h = 0.1 τ has the mean of (1 − |x|) exp(−|x|) of it, 1 − 2h/3τ to first order.
+    h = part.readout.sample_s / part.amplifier.pole_s
+    rayleigh = part.noise_electrons * math.sqrt(0.5 * math.pi) * (1.0 - 2.0 * h / 3.0 + 0.25 * h**2)
+    assert abs(slope.mean() - rayleigh) < 4.0 * slope.std() / math.sqrt(len(slope))
+
+
+def test_far_from_the_latch_it_is_plain_noise():
+    """4 standard errors of mean and rms of 4000 traces; at eight τ the memory of the latch is (1 + 8) exp(−8) = 0.003."""
+    part, amplitude, lag_s = traces()
+    far = np.abs(lag_s[0]) > 8.0 * part.amplifier.pole_s
+    assert far.sum() > 8
+    n, sigma = len(amplitude), part.noise_electrons
+    for sample in np.flatnonzero(far):
+        values = amplitude[:, sample].astype(float)
+        assert abs(values.mean()) < 4.0 * sigma / math.sqrt(n) + 0.003 * 5300.0
+        assert abs(values.std() / sigma - 1.0) < 4.0 / math.sqrt(2.0 * n)
+
+
+def test_hot_pixels_fire_more():
+    """Hot pixels draw 20 nA: rate and share from the same formula as dark ones; 4 sigma of a binomial."""
+    part = EASY.replace(defects={"dead_fraction": 0.0, "hot_fraction": 0.05, "hot_dark_current_na": 20.0})
+    camera = part.camera(16_384)
+    rng, window_s = np.random.default_rng(13), 2.0 * (part.armed_to_m - part.armed_from_m) / C
+    fired = np.zeros(16_384)
+    for _ in range(6):
+        fired[part.detect(nothing((128, 128)), rng)[1].pixel] += 1.0
+    hot = camera.hot
+    base = np.where(hot, 20.0, 1.0) * EASY.apd.dark_electrons_per_s
+    p = -np.expm1(-rates_per_s(part, 5300.0 * camera.threshold, base) * window_s)
+    assert p[hot].mean() > 5.0 * p[~hot].mean()
+    for some in (hot, ~hot):
+        assert abs(fired[some].sum() - 6.0 * p[some].sum()) < 4.0 * math.sqrt(6.0 * (p[some] * (1.0 - p[some])).sum())
+
+
+def test_noise_before_the_light_takes_its_place():
+    """A pixel that latched on noise misses the return: 1 − exp(−rate · time before it) of them, 4 sigma."""
+    n = 16_384
+    photons = returns(np.full(n, 4000.0), 1e5)
+    reading, _ = EASY.detect(photons, np.random.default_rng(14))
+    early = np.count_nonzero(reading.range_m < 3990.0)
+    expected = n * EASY.mean_false_alarms_per_s * 2.0 * (4000.0 - EASY.armed_from_m) / C
+    assert expected > 50.0 and abs(early - expected) < 4.0 * math.sqrt(expected)
+    assert np.isfinite(reading.range_m).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (4, 2)])
+def test_no_pixels_with_false_triggers_is_no_traces(shape):
+    reading, waveforms = Gsfl(armed_to_m=2.0).detect(nothing(shape), np.random.default_rng(0))
+    assert waveforms.samples_counts.shape == (0, 20) and np.isnan(reading.range_m).all()

@@ -1,0 +1,114 @@
+"""The description: some twenty lines that say what the instrument is, and what it would see."""
+
+import re
+
+import pytest
+
+import rso_lidar as rl
+
+
+@pytest.fixture
+def described(text):
+    """Return a function that gives the description of the bench with some settings, by the first word of its lines."""
+
+    def lines(*settings, bench=text):
+        found = rl.Scenario.loads(bench, settings=settings).describe().splitlines()
+        assert len(found) <= 30
+        return {line.split()[0]: line for line in found if line.strip()}
+
+    return lines
+
+
+def test_a_plain_instrument_has_no_lines_for_what_it_has_not(described):
+    lines = described()
+    assert {"laser", "receiver", "detector", "trigger", "budget", "first", "last", "warnings"} <= set(lines)
+    assert not {"beam", "lens", "schedule", "gate", "with"} & set(lines)
+
+
+def test_the_detector_and_its_threshold(described):
+    lines, gsfl = described(), rl.Gsfl()
+    for words in ("gsfl noise_limited", "QE 0.8", "gain 10", "100 MHz", "20 samples of 2.38 ns", "matched_filter"):
+        assert words in lines["detector"], words
+    assert f"{gsfl.trigger.threshold_electrons:.0f} electrons" in lines["trigger"]
+    assert f"{gsfl.threshold_over_noise:.1f} times the noise" in lines["trigger"]
+    assert "armed 1 to 5000 m" in lines["trigger"]
+
+
+def test_the_gate(described):
+    """6640 ns and 60 ns, two-way, are 995.31 m and 8.99 m."""
+    lines = described("lidar.detector.gate={delay_ns=6640, width_ns=60, pulses=10}")
+    assert "trigger" not in lines
+    for words in ("995.3 to 1004.3 m", "10 pulses a frame", "false alarms 0.001"):
+        assert words in lines["gate"], words
+
+
+def test_the_fast_model(described):
+    lines = described('lidar.detector.type="empirical"')
+    assert "empirical" in lines["detector"]
+    assert not {"trigger", "gate"} & set(lines)
+
+
+@pytest.mark.parametrize(
+    ("setting", "line", "words"),
+    [
+        ('lidar.receiver.psf={type="airy"}', "lens", "PSF airy"),
+        ('lidar.receiver.distortion={type="brown_conrady", k1=-1.0}', "lens", "distortion brown_conrady"),
+        ("lidar.receiver.filter_width_nm=5", "lens", "filter 5 nm"),
+        ("lidar.laser.offset_m=[0.3, 0.4, 0]", "beam", "0.5 m from the lens"),
+        ("lidar.laser.energy_jitter_fraction=0.05", "beam", "jitter 0.05"),
+        ('lidar.laser.pulse_shape="super_gaussian"', "beam", "super_gaussian"),
+        ("lidar.schedule={time_s=[0, 2], energy_mj=[50, 5]}", "schedule", "energy_mj 50 -> 5; linear"),
+        ("lidar.detector.crosstalk={}", "with", "crosstalk"),
+        ('lidar.detector.returns="last"', "with", "returns: last"),
+    ],
+)
+def test_what_there_is_besides_has_a_line(described, setting, line, words):
+    assert words in described(setting)[line]
+
+
+class TestBudget:
+    def number(self, line, pattern):
+        return float(re.search(pattern, line)[1].replace(",", ""))
+
+    def test_the_seeds_camera(self, text, described):
+        """Seed, section 5: 1000 photons and 95 % at 3 km; 4000 pixels tell 0.95 to ± 0.014 (four sigma)."""
+        camera = text[: text.index("[lidar.laser]")] + '[lidar]\npreset = "gsfl_1064"\n'
+        line = described(bench=camera.replace("[1000, 0, 0]", "[3000, 0, 0]"))["first"]
+        assert self.number(line, r"([\d,]+) photons") == pytest.approx(1000, abs=10)
+        assert self.number(line, r"P\(detect\) ([\d.]+)") == pytest.approx(0.95, abs=0.014)
+
+    def test_it_follows_the_plan(self, described):
+        """A tenth of the energy, in the last of ten frames at 1.8 s, is a tenth of the photons."""
+        lines = described("lidar.schedule={time_s=[0, 1.8], energy_mj=[50, 5], focal_length_mm=[70, 140]}")
+        first, last = (self.number(lines[place], r"([\d,]+) photons") for place in ("first", "last"))
+        assert last == pytest.approx(first / 10, rel=1e-3)
+        first, last = (self.number(lines[place], r"pixel ([\d.]+) m") for place in ("first", "last"))
+        assert (first, last) == pytest.approx((100e-6 / 0.070 * 1000, 100e-6 / 0.140 * 1000), rel=1e-3)
+
+    def test_a_beam_that_passes_by_lights_nothing(self, described):
+        line = described("lidar.laser.offset_m=[30, 0, 0]")["first"]
+        assert " 0 photons" in line
+        assert "range noise none" in line
+
+    @pytest.mark.parametrize(
+        "settings",
+        [
+            ("target.0.motion.position_m=[900000, 0, 0]",),
+            ("target.0.motion.position_m=[-1000, 0, 0]", 'ptu.point={type="fixed"}'),
+            ("target.0.motion.position_m=[1, 0, 0]",),
+            ("lidar.laser.energy_mj=1e-9",),
+            ("lidar.laser.energy_mj=1e9",),
+            ('target.0.material={type="lambertian", reflectance=0.0}',),
+            ("lidar.detector.gate={delay_ns=1e9}",),
+            ("lidar.detector.armed_from_m=2000",),
+            ("lidar.receiver.n_rows=1", "lidar.receiver.n_cols=1"),
+            (
+                'target.0.material={type="retro_reflector", diameter_mm=20.0, reflectance=0.9, fill_fraction=0.1}',
+                "lidar.detector.saturation={}",
+                "lidar.detector.droop={}",
+            ),
+        ],
+    )
+    def test_dark_far_and_blinding_targets_are_described(self, described, settings):
+        line = described(*settings)["first"]
+        assert 0.0 <= self.number(line, r"P\(detect\) ([\d.]+)") <= 1.0
