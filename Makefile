@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test lint validate docs figures calibrate models bench clean
+.PHONY: help venv demo test lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -50,6 +50,10 @@ lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint
 validate: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
 validate: $(VENV)/.installed-test ## compare with the outside world, and write docs/validation.md
 	$(BIN)/python -m pytest -q tests/physics tests/peers --validation-page=docs/validation.md
+
+peers: $(VENV)/.installed-test ## render anew what tests/peers compares with, by mitransient (needs Debian's libllvm19)
+	@$(INSTALL) -e . --group peers
+	$(BIN)/python -m tests.peers.render
 
 docs: $(VENV)/.installed ## write the generated parts of docs/ anew
 	$(BIN)/python docs/generate.py

@@ -225,6 +225,12 @@ class Waveforms(Record):
     start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first sample since emission")
     latch_s: np.ndarray = array("trace", "f8", "s", "when the comparator latched, NaN under a range gate")
     samples_counts: np.ndarray = array("trace sample", "f4", "count", "output of the converter, baseline included")
+    clipped: np.ndarray | None = array(
+        "trace sample", "?", "1", "where the converter clipped, in any of the pulses averaged", optional=True
+    )
+    base_per_s: np.ndarray | None = array(
+        "trace", "f8", "s-1", "photoelectrons that no pulse makes, as the pixel's mean current tells", optional=True
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,6 +18,9 @@ EARTH_RADIUS_M = 6_378_137.0
 # IAU 2012 resolution B2, exact.
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 
+# IAU 2015 resolution B3, nominal.
+SUN_RADIUS_M = 6.957e8
+
 DAY_S = 86_400.0
 
 # Multiply by these to reach SI; divide by them to leave it.
@@ -31,6 +34,7 @@ NS = 1e-9
 MJ = 1e-3
 MHZ = 1e6
 NA = 1e-9
+NF = 1e-9
 
 
 def photon_energy_j(wavelength_m: float) -> float:

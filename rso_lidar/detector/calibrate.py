@@ -48,7 +48,7 @@ def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
         made = analog(gsfl, photons, rows, plan, camera, rng)
         amplitude = np.where(watched, made.amplitude, -np.inf)
         height = amplitude.max(axis=1)
-        sigma = noise_sigma(gsfl, made.primaries, plan.step_s)
+        sigma = noise_sigma(gsfl, made.primaries / plan.step_s + gsfl.apd.dark_electrons_per_s)
         pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
         near = pair > (height - bridge.reach * bridge.sigma * sigma.max(axis=1))[:, None]
         row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])

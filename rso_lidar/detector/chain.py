@@ -128,7 +128,7 @@ def analog(
         else:
             amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
     if wait:
-        sag = _droop(gsfl, rows, electrons, plan.step_s) - np.float32(1.0)
+        sag = _droop(gsfl, rows, electrons, photons, plan.step_s) - np.float32(1.0)
         for block, (spectrum, excess) in zip(blocks, waiting, strict=True):
             excess += electrons[block] * sag[block]
             amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
@@ -139,19 +139,28 @@ def analog(
     return Analog(rows, light, primaries, electrons, amplitude, transfer)
 
 
-def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, step_s: float) -> np.ndarray:
-    """Return the gain (row, step) relative to rest while the whole array draws on the bias supply."""
+def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, photons: Photons, step_s: float) -> np.ndarray:
+    """Return the gain (row, step) relative to rest in the dark, while the whole array draws on the bias supply.
+
+    Steady sunlight has sagged it to I R before the flash. Rows of a pixel that overlap in time hold the same light once.
+    """
     assert gsfl.droop is not None
     if not len(rows.pixel):
         return electrons
     begin = int(rows.start.min())
-    step = (rows.start - begin)[:, None] + np.arange(rows.length)
-    span = int(step.max()) + 1
-    if span > 2**24:
-        begins, step = np.unique(step, return_inverse=True)  # far-apart returns: the supply recovers between them
-        step, span = step.reshape(electrons.shape), len(begins)
-    drawn = np.bincount(step.ravel(), electrons.ravel(), span)
-    gain: np.ndarray = gsfl.droop.gain(drawn, step_s).astype(np.float32)[step]
+    place = (rows.start - begin)[:, None] + np.arange(rows.length)
+    again = np.diff(rows.pixel, prepend=-1) == 0
+    covered = np.where(again, np.roll(rows.start, 1) + rows.length - begin, 0)
+    drawn = np.where(place >= covered[:, None], electrons, np.float32(0.0))
+    steady_per_s = 0.0
+    if photons.background_photons_per_s is not None:
+        steady_per_s = float(photons.background_photons_per_s.sum()) * gsfl.quantum_efficiency * gsfl.apd.gain
+    span = int(place.max()) + 1
+    if span > 2**24:  # far-apart returns: the supply recovers between them
+        begins, place = np.unique(place, return_inverse=True)
+        place, span = place.reshape(electrons.shape), len(begins)
+    current = np.bincount(place.ravel(), drawn.ravel(), span)
+    gain: np.ndarray = gsfl.droop.gain(current, step_s, steady_per_s).astype(np.float32)[place]
     return gain
 
 
@@ -167,27 +176,30 @@ def latched(
     gsfl: Gsfl,
     made: Analog,
     threshold: np.ndarray,
+    base_per_s: np.ndarray,
     arming: np.ndarray,
     step_s: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the step (row) at which each row's comparator latches, or -1; `threshold` (row) [electrons]."""
+    """Return the step (row) at which each row's comparator latches, or -1; `threshold` (row) [electrons].
+
+    `base_per_s` (row) are the primaries that no pulse makes; `arming` says which rows begin as the pixel is armed.
+    """
     rows, amplitude = made.rows, made.amplitude
     hysteresis = gsfl.trigger.hysteresis_electrons
     latch = first_crossing(amplitude, threshold, rows.first, rows.last, hysteresis=hysteresis, arming=arming)
     missed = np.flatnonzero((latch < 0) & ~arming)
     watched = watched_steps(rows.length, rows.first[missed], rows.last[missed])
     bridge = gsfl.bridge(step_s)
-    sigma = noise_sigma(gsfl, made.primaries[missed], step_s)
+    sigma = noise_sigma(gsfl, made.primaries[missed] / step_s + base_per_s[missed, None])
     latch[missed] = crossed_between(
         amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
     )
     return latch
 
 
-def noise_sigma(gsfl: Gsfl, primaries: np.ndarray, step_s: float) -> np.ndarray:
-    """Return the rms [electrons] of the noise where so many primaries come in a step, dark current included."""
-    rate_per_s = primaries / step_s + gsfl.apd.dark_electrons_per_s
+def noise_sigma(gsfl: Gsfl, rate_per_s: np.ndarray) -> np.ndarray:
+    """Return the rms [electrons] of the noise where so many primaries come a second, of whatever origin."""
     amplifier = gsfl.amplifier
     return noise_rms(gsfl.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
 
@@ -204,28 +216,28 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     rows, arming = armed(gsfl, rows_about(photons, plan, n_pixels, dark, sure), plan.step_s)
     made = analog(gsfl, photons, rows, plan, camera, rng)
     threshold = gsfl.trigger.threshold_electrons * camera.threshold
-    latch = latched(gsfl, made, threshold[rows.pixel].astype(np.float32), arming, plan.step_s, rng)
+    base = base_rate_per_s(gsfl, camera, photons)
+    latch = latched(gsfl, made, threshold[rows.pixel].astype(np.float32), base[rows.pixel], arming, plan.step_s, rng)
     fired = np.flatnonzero((latch >= 0) & ~camera.dead[rows.pixel])
     pixel, first = np.unique(rows.pixel[fired], return_index=True)
     row = fired[first]
     latch_step = rows.start[row] + latch[row]
 
-    false_s = first_false_s(gsfl, threshold, base_rate_per_s(gsfl, camera, photons), rng)
+    false_s = first_false_s(gsfl, threshold, base, rng)
     latched_s = np.full(n_pixels, np.inf)
     latched_s[pixel] = latch_step * plan.step_s
-    watched_from, watched_to = (np.full(n_pixels, np.inf), np.full(n_pixels, -np.inf))
-    np.minimum.at(watched_from, rows.pixel, (rows.start + rows.first) * plan.step_s)
-    np.maximum.at(watched_to, rows.pixel, (rows.start + rows.last) * plan.step_s)
+    first_s, at_s = rows.start * plan.step_s, false_s[rows.pixel]
+    inside = (at_s >= first_s + rows.first * plan.step_s) & (at_s <= first_s + rows.last * plan.step_s)
+    watched = np.zeros(n_pixels, bool)  # there the rows say what noise does
+    watched[rows.pixel[inside]] = True
     closes_s = gsfl.armed_to_m / units.RANGE_PER_DELAY_M_S
-    unwatched = (false_s < watched_from) | (false_s > watched_to)  # there the rows say what noise does
-    false = np.flatnonzero((false_s < np.minimum(latched_s, closes_s)) & unwatched & ~camera.dead)
+    false = np.flatnonzero((false_s < np.minimum(latched_s, closes_s)) & ~watched & ~camera.dead)
 
     real = np.flatnonzero(~np.isin(pixel, false))
     sample = latch_step[real] // per_sample - gsfl.readout.pretrigger_samples
     at = (sample * per_sample - rows.start[row[real]])[:, None] + per_sample * np.arange(gsfl.readout.samples)
     amplitude = np.take_along_axis(made.amplitude[row[real]], at, axis=1)
-    rate = base_rate_per_s(gsfl, camera, photons)[false]
-    noise, noise_sample = false_traces(gsfl, false_s[false], threshold[false], rate, rng)
+    noise, noise_sample = false_traces(gsfl, false_s[false], threshold[false], base[false], rng)
 
     pixel = np.concatenate([pixel[real], false])
     order = np.argsort(pixel, kind="stable")
@@ -253,10 +265,13 @@ def gated(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     n_samples = gsfl.gate.n_samples(gsfl.readout.sample_s)
     rows, sample = gate_rows(gsfl, plan, n_pixels)
     total = np.zeros((n_pixels, n_samples), np.float32)
+    clipped = np.zeros((n_pixels, n_samples), bool)
     for _ in range(gsfl.gate.pulses):
         amplitude = analog(gsfl, photons, rows, plan, camera, rng).amplitude
         stored = amplitude[:, plan.before :: plan.steps_per_sample][:, :n_samples]
-        total += gsfl.readout.convert(stored, camera.offset_counts[:, None])
+        counts = gsfl.readout.convert(stored, camera.offset_counts[:, None])
+        clipped |= counts >= gsfl.readout.full_scale_counts
+        total += counts
     alive = np.flatnonzero(~camera.dead)
     return Waveforms(
         shape=photons.shape,
@@ -266,6 +281,8 @@ def gated(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
         start_s=np.full(len(alive), sample * gsfl.readout.sample_s),
         latch_s=np.full(len(alive), np.nan),
         samples_counts=total[alive] / np.float32(gsfl.gate.pulses),
+        clipped=clipped[alive],
+        base_per_s=base_rate_per_s(gsfl, camera, photons)[alive],
     )
 
 

@@ -82,17 +82,19 @@ class Droop(Part):
     resistance_ohm: Positive = 1000.0
     gain_slope_per_v: NotNegative = 0.05
 
-    def gain(self, electrons: np.ndarray, step_s: float) -> np.ndarray:
+    def gain(self, electrons: np.ndarray, step_s: float, steady_per_s: float = 0.0) -> np.ndarray:
         """Return the gain (step) relative to rest, while `electrons` (step) leave the bias supply in each step.
 
-        What a step draws is felt from the next one on; the gain does not fall below 0.
+        What a step draws is felt from the next one on; `steady_per_s` [electrons/s] have flowed for long before. The gain
+        does not fall below 0.
         """
         from scipy.signal import lfilter
 
-        capacitance_f = self.capacitance_nf * 1e-9
+        capacitance_f = self.capacitance_nf * units.NF
         keep = np.exp(-step_s / (self.resistance_ohm * capacitance_f))
         drawn_v = electrons * units.ELEMENTARY_CHARGE_C / capacitance_f
         sag_v = lfilter([0.0, 1.0], [1.0, -keep], drawn_v)
+        sag_v = sag_v + steady_per_s * units.ELEMENTARY_CHARGE_C * self.resistance_ohm
         gain: np.ndarray = np.maximum(1.0 - self.gain_slope_per_v * sag_v, 0.0)
         return gain
 

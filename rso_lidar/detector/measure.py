@@ -10,15 +10,15 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.focal_plane import Camera
-from rso_lidar.detector.gate import noise_scale
+from rso_lidar.detector.gate_threshold import gate_thresholds
+from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse
-from rso_lidar.detector.ranging import correct_walk, locate, locate_all, matched_statistic, walk_table
+from rso_lidar.detector.ranging import correct_walk, locate, locate_all, walk_table
 from rso_lidar.records import Reading, Waveforms
 
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
-_LEAST_NOISE_COUNTS = 1e-3  # below it a detector has no noise worth a threshold
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
 
 
@@ -26,10 +26,13 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     """Return what the sensor reports of its stored samples; `pulse` is what it knows of its own pulse."""
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     camera = gsfl.camera(n_pixels)
-    jitter_s = rng.standard_normal(n_pixels)[waveforms.pixel] * gsfl.timing.pixel_jitter_ns * units.NS
-    jitter_s += rng.standard_normal() * gsfl.timing.frame_jitter_ns * units.NS
+    flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters by itself
+    jitter_s = rng.standard_normal(n_pixels)[waveforms.pixel] * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
+    jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)
     samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)
-    clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
+    clipped = waveforms.clipped
+    if clipped is None:
+        clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
     if gsfl.maps is not None and gsfl.maps.calibrated:
         known = 1.0 - gsfl.maps.residual_fraction
         samples = samples - (known * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
@@ -77,10 +80,15 @@ def _located(
         start = np.full(len(samples), gsfl.readout.pretrigger_samples)
         found = locate(samples, start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=_some(clipped))
         return found[0][:, None], found[1][:, None]
-    least = _gate_threshold(gsfl, samples, pulse, waveforms.sample_s) if gsfl.gate is not None else threshold
+    least = np.full(len(samples), threshold)
+    if gsfl.gate is not None:
+        least = _gate_thresholds(gsfl, waveforms, pulse, known["sigma_counts"])
+    lowest = float(least.min(initial=np.inf)) if len(least) else threshold
     delay_s, amplitude = locate_all(
-        samples, pulse, gsfl.ranging, **known, threshold_counts=least, most=_LOOKED_FOR, clipped=_some(clipped)
+        samples, pulse, gsfl.ranging, **known, threshold_counts=lowest, most=_LOOKED_FOR, clipped=_some(clipped)
     )
+    low = amplitude < least[:, None]
+    delay_s, amplitude = np.where(low, np.nan, delay_s), np.where(low, 0.0, amplitude)
     # A pulse that peaks beyond the stored samples shows a flank at most: where it is cannot be told.
     place = (delay_s + pulse.peak_s) / waveforms.sample_s
     with np.errstate(invalid="ignore"):
@@ -107,24 +115,16 @@ def _some(clipped: np.ndarray) -> np.ndarray | None:
     return clipped if clipped.any() else None
 
 
-def _gate_threshold(gsfl: Gsfl, samples: np.ndarray, pulse: Pulse, sample_s: float) -> float:
-    """Return the amplitude [counts] above which a return under a gate is reported, at constant false-alarm rate.
-
-    The noise after the matched filter is measured in the frame itself, from what lies below the baseline in the middle half
-    of the gate: toward its ends the filter has fewer samples, and less noise. It is no less than what the detector has in
-    the dark: a view full of light leaves little below the baseline, and few pixels tell little.
-    """
+def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
+    """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate."""
     assert gsfl.gate is not None
-    statistic, crossings_per_s, share = matched_statistic(
-        samples, pulse, sample_s=sample_s, pole_s=gsfl.amplifier.pole_s
+    rate = waveforms.base_per_s
+    if rate is None:
+        rate = np.full(len(waveforms.pixel), gsfl.apd.dark_electrons_per_s)
+    matched = Matched.of(pulse, waveforms.sample_s, gsfl.amplifier.pole_s, sigma_counts)
+    return gate_thresholds(
+        gsfl.gate, rate, apd=gsfl.apd, amplifier=gsfl.amplifier, readout=gsfl.readout, matched=matched
     )
-    quarter = statistic.shape[1] // 4
-    measured = noise_scale(statistic[:, quarter : statistic.shape[1] - quarter])
-    # Where light fills the frame, little of the noise is left below the baseline: it is no less than in the dark.
-    rounding2 = 1.0 / 12.0 if gsfl.readout.quantised else 0.0
-    dark = math.sqrt((gsfl.noise_electrons / gsfl.readout.electrons_per_count) ** 2 + rounding2)
-    known = share * dark / math.sqrt(gsfl.gate.pulses)
-    return gsfl.gate.threshold_sigma(sample_s, crossings_per_s) * max(measured, known, _LEAST_NOISE_COUNTS)
 
 
 @lru_cache(maxsize=8)

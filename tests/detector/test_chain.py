@@ -65,7 +65,7 @@ def test_the_mean_of_many_noisy_flashes_is_the_one_without_noise():
 def test_noise_grows_where_light_is():
     """Campbell: dark current and 1e10 primaries a second through ∫h² = 1/4τ, in quadrature with the amplifier's own."""
     step_s = 1e-9
-    sigma = noise_sigma(PART, np.array([0.0, 10.0]), step_s)
+    sigma = noise_sigma(PART, np.array([0.0, 10.0]) / step_s + PART.apd.dark_electrons_per_s)
     shot = 352.0 * (NA_PER_S + np.array([0.0, 1e10])) * (8.516e-9) ** 2 / (4.0 * PART.amplifier.pole_s)
     assert sigma == pytest.approx(np.sqrt(PART.amplifier.noise_electrons**2 + shot), rel=1e-4)
     assert sigma[0] == pytest.approx(PART.noise_electrons)

@@ -86,7 +86,8 @@ def test_rows_of_noise_trigger_as_often_as_dark_pixels_are_said_to():
     rng, seen = np.random.default_rng(11), 0
     for _ in range(10):
         made = analog(part, photons, rows, plan, camera, rng)
-        seen += np.count_nonzero(latched(part, made, threshold, arming, plan.step_s, rng) >= 0)
+        base = np.full(len(rows.pixel), part.apd.dark_electrons_per_s)
+        seen += np.count_nonzero(latched(part, made, threshold, base, arming, plan.step_s, rng) >= 0)
     watched_s = float((rows.last - rows.first)[0] - 1) * plan.step_s
     rate = float(rates_per_s(part, np.array([3800.0]), np.array([part.apd.dark_electrons_per_s]))[0])
     expected = 10 * 16_384 * (1.0 - math.exp(-rate * watched_s) + stats.norm.sf(3800.0 / part.noise_electrons))
