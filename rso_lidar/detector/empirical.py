@@ -102,7 +102,7 @@ class Empirical(Part):
         σ² = plateau² + (c/2)² (s² F/(QE N) + 2 s Δt/√π (NEP/N)²), s = FWHM/2.3548: the matched filter's share of shot
         noise and of white amplifier noise (instrument physics as for the Cramér-Rao bound of a known Gaussian pulse).
         """
-        s = pulse_fwhm_s / (2.0 * math.sqrt(2.0 * math.log(2.0)))
+        s = pulse_fwhm_s / units.FWHM_PER_SIGMA
         photons = np.maximum(photons, 1e-9)
         shot = s**2 * self.range_excess_noise_factor / (self.quantum_efficiency * photons)
         relative = self.range_noise_equivalent_photons / photons

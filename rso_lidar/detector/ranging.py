@@ -13,12 +13,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, Strict
 
+from rso_lidar import units
 from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse
 from rso_lidar.part import Flag, Part
 
 Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola", "leading_edge"]
-FWHM_PER_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 
 
 class Ranging(Part):
@@ -158,7 +158,7 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
 def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.ndarray:
     """Return the centroid of the samples within 2 sigma of the peak [samples]; sigma is that of a Gaussian of its FWHM."""
-    reach = max(1, int(2.0 * matched.fwhm / FWHM_PER_SIGMA))
+    reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
     offset = np.arange(-reach, reach + 1)
     index = peak[:, None] + offset
     inside = (index >= 0) & (index < samples.shape[1])

@@ -13,8 +13,6 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.motion.epochs import Epochs
 
-SUN_RADIUS_M = 6.957e8  # nominal solar radius, IAU 2015 resolution B3
-
 _ARCSEC = units.DEG / 3600.0
 
 
@@ -43,7 +41,7 @@ def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.nd
     """
     to_sun = sun_position_m - position_m
     distance = np.linalg.norm(position_m, axis=-1)
-    sun = np.arcsin(SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1))  # a and b of the source: apparent radii
+    sun = np.arcsin(units.SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1))  # a and b of the source: apparent radii
     earth = np.arcsin(np.minimum(units.EARTH_RADIUS_M / np.maximum(distance, units.EARTH_RADIUS_M), 1.0))
     across = np.linalg.norm(np.cross(position_m, to_sun), axis=-1)
     apart = np.arctan2(across, -np.sum(position_m * to_sun, axis=-1))  # c: between the discs' centres

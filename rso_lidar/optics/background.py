@@ -9,7 +9,7 @@ from rso_lidar import units
 # ASTM E490-00a, the Sun at 1 au outside the atmosphere [nm, W m-2 um-1].
 _E490 = ((1060.0, 641.5), (1064.0, 645.9), (1550.0, 271.3), (1570.0, 264.5), (1572.0, 267.3))
 _SUN_TEMPERATURE_K = 5772.0  # IAU 2015 resolution B3, nominal effective temperature
-_SUN_SOLID_ANGLE_SR = math.pi * (6.957e8 / units.ASTRONOMICAL_UNIT_M) ** 2  # IAU 2015 B3, nominal radius
+_SUN_SOLID_ANGLE_SR = math.pi * (units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M) ** 2
 _BOLTZMANN_J_K = 1.380_649e-23  # SI
 
 

@@ -83,7 +83,8 @@ def _from_aside(
 def _background(hits: Hits, laser: Laser, receiver: Receiver, projected_sr: np.ndarray) -> np.ndarray | None:
     """Return the sunlight [photons/s] on each pixel (row, col) that passes the filter; None without one.
 
-    It is spread by no PSF: what a pixel gains from its neighbours it gives them.
+    It is spread by no PSF, and weakened by the whole `transmission`, though it passes the lens only once: what the laser's
+    own optics cost is not told apart. Both are assumed.
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None

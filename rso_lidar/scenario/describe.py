@@ -100,7 +100,7 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "
         f"{scenario.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
-        f"IFOV {receiver.ifov_rad * 1e6:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
+        f"IFOV {receiver.ifov_rad / units.UM:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
         *_more_optics(scenario),

@@ -36,7 +36,8 @@ def presets() -> dict[str, dict[str, Any]]:
 class Schedule(Part):
     """Settings that follow a plan: at `time_s` the lists hold; between, they are interpolated or stay (``step``).
 
-    Before the first instant and after the last the first and last values hold. Lists left out do not change.
+    Before the first instant and after the last the first and last values hold. Lists left out do not change. A zoom lens
+    keeps its `f_number` where the receiver gives that, and its aperture where it gives `aperture_mm`.
     """
 
     time_s: tuple[Number, ...]

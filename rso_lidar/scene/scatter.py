@@ -1,12 +1,14 @@
 """What every material answers: how bright a surface is from one direction, lit from another."""
 
+import math
+
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.part import Part
-from rso_lidar.units import DEG
 
-# Angular radius of the Sun from 1 au (695,700 km, IAU 2015 resolution B3, over 149,597,870.7 km): 6.8e-5 sr.
-SUN_RADIUS_RAD = 0.2666 * DEG
+# Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
+SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
 
 
 class Scatterer(Part):

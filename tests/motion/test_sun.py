@@ -10,9 +10,11 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import Body, Fixed, State, truth
 from rso_lidar.motion.epochs import Epochs
-from rso_lidar.motion.sun import SUN_RADIUS_M, _mean_of_date_m, sun_direction, sun_position_m, sunlit_fraction
+from rso_lidar.motion.sun import _mean_of_date_m, sun_direction, sun_position_m, sunlit_fraction
 
 WORST_DEG = 0.0105  # of this formula against ERFA's epv00 with aberration, 2000 to 2050
+
+SUN_RADIUS_M = 6.957e8  # IAU 2015 resolution B3
 
 
 def at(*parts):
