@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from rso_lidar.detector import Gsfl
 from rso_lidar.motion import Hill
 from rso_lidar.motion.hill import validity
 from rso_lidar.motion.kepler import elements
+from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _field(scenario, seen)
     lines += _window(scenario, seen)
     lines += _detector(scenario)
+    lines += _lens(scenario)
     lines += _sun(scenario)
     lines += _beam(scenario, seen)
     lines += _clipping(scenario, seen)
@@ -125,6 +128,22 @@ def _detector(scenario: Scenario) -> list[str]:
                 "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
             )
     return lines
+
+
+def _lens(scenario: Scenario) -> list[str]:
+    """Return what the lens files say of other wavelengths than the laser's."""
+    laser, receiver = scenario.instrument.laser, scenario.instrument.receiver
+    psfs = [one.psf for one in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
+    told = [(psf.file, zemax.read_huygens_psf(psf.file).wavelength_m) for psf in psfs if isinstance(psf, ZemaxPsf)]
+    if isinstance(receiver.distortion, ZemaxDistortion):
+        one_m = zemax.read_grid_distortion(receiver.distortion.file).wavelength_m
+        told.append((receiver.distortion.file, (one_m, one_m) if one_m else None))
+    return [
+        f"lidar.receiver: {Path(file).name} is for {band[0] / units.NM:.0f} to {band[1] / units.NM:.0f} nm and the laser "
+        f"is at {laser.wavelength_nm:g} nm; export the lens at the laser's wavelength"
+        for file, band in told
+        if band is not None and not 0.95 * band[0] <= laser.wavelength_m <= 1.05 * band[1]
+    ]
 
 
 def _behind_m(detector: Gsfl) -> float:

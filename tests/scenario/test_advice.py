@@ -133,3 +133,16 @@ def test_a_target_that_blinds(advice):
     only(advice("lidar.laser.energy_mj=50000"), "clips the converter", "energy_mj")
     # What is planned for the nearest approach counts, not the energy beside the plan.
     assert advice("lidar.laser.energy_mj=50000", "lidar.schedule={time_s=[0], energy_mj=[50]}") == []
+
+
+def test_a_psf_of_another_wavelength_is_told(advice, tmp_path):
+    rows = "\n".join("\t".join(f"{1.0 if (r, c) == (2, 2) else 0.1:.4E}" for c in range(5)) for r in range(5))
+    for um, told in (("1.0600 to 1.0680", 0), ("0.4861 to 0.6563", 1)):
+        file = tmp_path / f"psf{told}.txt"
+        head = f"Listing of HUYGENS PSF Data\n\n{um} µm at 0.0000 (deg).\nData spacing is 20.000 µm.\n"
+        file.write_text(
+            head + "Image grid size: 5 by 5\nCenter point is: 3, 3\n\nValues are relative intensity.\n\n" + rows
+        )
+        lines = advice(f'lidar.receiver.psf={{type="zemax_huygens", file="{file}"}}')
+        assert len(lines) == told
+        assert not told or "486 to 656 nm" in lines[0]
