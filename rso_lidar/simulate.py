@@ -115,7 +115,13 @@ def flash(
     extent = scene.extent(surfaces, truth)
     rays = optics.pixel_rays(receiver, laser, extent)
     hits = scene.cast(
-        rays, surfaces, truth, threads, laser_from_m=laser.offset, sun=receiver.filter_width_nm is not None
+        rays,
+        surfaces,
+        truth,
+        threads,
+        laser_from_m=laser.offset,
+        sun=receiver.filter_width_nm is not None,
+        aperture_m=receiver.aperture_m,
     )
     photons = optics.collect(hits, laser, receiver, late_s)
     reading, waveforms = detector.detect(photons, lidar.detector, rng)

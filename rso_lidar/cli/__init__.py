@@ -35,6 +35,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except RsoLidarError as error:
         _say(f"error: {error}")
         sys.exit(2)
+    except MemoryError as error:
+        _say(f"error: there is not enough memory ({error}); take fewer pixels, rays, samples or pulses")
+        sys.exit(1)
     except KeyboardInterrupt:
         _say(_GO_ON)
         sys.exit(_INTERRUPTED)

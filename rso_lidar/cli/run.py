@@ -170,12 +170,12 @@ class Tally:
 
     def add(self, frame: Frame) -> None:
         """Count one frame."""
-        on_target = frame.labels.target >= 0
+        on_target = frame.labels.filled_fraction > 0.0  # not where only the lens's blur puts some light
         valid = frame.valid
         self._frames += 1
         self._seen += int(on_target.sum())
         self._found += int((valid & on_target).sum())
-        self._false += int((valid & ~on_target).sum())
+        self._false += int((valid & (frame.labels.target < 0)).sum())
         self._empty += not on_target.any()
         if on_target.any():
             ranges = frame.labels.range_m[on_target]

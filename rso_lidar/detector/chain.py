@@ -43,12 +43,14 @@ class Analog:
     electrons: np.ndarray  # drawn, after the APD; dark current and background included
     amplitude: np.ndarray  # electrons above the baseline, after the amplifier
     transfer: np.ndarray  # what light is multiplied by, transformed along time, to be the mean of amplitude
+    gain: np.ndarray | None = None  # relative to what the transfer reckons with: bias droop, gain of the pixels
 
     def mean(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the amplitude (row, step) [electrons] of some rows without noise."""
         from scipy.fft import irfft, rfft
 
-        mean: np.ndarray = irfft(rfft(self.light[rows], axis=1) * self.transfer, self.rows.length, axis=1)
+        light = self.light[rows] if self.gain is None else self.light[rows] * self.gain[rows]
+        mean: np.ndarray = irfft(rfft(light, axis=1) * self.transfer, self.rows.length, axis=1)
         return mean
 
 
@@ -127,8 +129,12 @@ def analog(
             waiting.append((spectrum, excess))
         else:
             amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
+    relative = None
+    if gsfl.maps is not None:
+        relative = camera.gain[rows.pixel, None].astype(np.float32)
     if wait:
         sag = _droop(gsfl, rows, electrons, photons, plan.step_s) - np.float32(1.0)
+        relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
         for block, (spectrum, excess) in zip(blocks, waiting, strict=True):
             excess += electrons[block] * sag[block]
             amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
@@ -136,7 +142,7 @@ def analog(
         electrons = gain * primaries
     if gsfl.saturation is not None:
         amplitude = gsfl.saturation.limited(amplitude, plan.step_s)
-    return Analog(rows, light, primaries, electrons, amplitude, transfer)
+    return Analog(rows, light, primaries, electrons, amplitude, transfer, relative)
 
 
 def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, photons: Photons, step_s: float) -> np.ndarray:

@@ -32,25 +32,39 @@ _LEAST_COUNTS = 1e-3
 
 
 def gate_thresholds(
-    gate: Gate, rate_per_s: np.ndarray, *, apd: Apd, amplifier: Amplifier, readout: Readout, matched: Matched
+    gate: Gate,
+    rate_per_s: np.ndarray,
+    *,
+    apd: Apd,
+    amplifier: Amplifier,
+    readout: Readout,
+    matched: Matched,
+    offset_counts: float = 0.0,
 ) -> np.ndarray:
     """Return the amplitude [counts] that noise passes with the gate's false-alarm probability, for each pixel.
 
-    `rate_per_s` (pixel) is how many primaries a second come without a pulse: dark current and sunlight.
+    `rate_per_s` (pixel) is how many primaries a second come without a pulse: dark current and sunlight. `offset_counts` is
+    the spread of the pixels' baselines that no calibration has taken off: over the array it counts as noise.
     """
     least, most = float(rate_per_s.min(initial=np.inf)), float(rate_per_s.max(initial=0.0))
     if least == most or not len(rate_per_s):
-        return np.full(len(rate_per_s), _threshold(gate, least, apd, amplifier, readout, matched))
+        return np.full(len(rate_per_s), _threshold(gate, least, apd, amplifier, readout, matched, offset_counts))
     low, high = math.log10(max(least, 1.0)), math.log10(most)
     levels = np.linspace(low, high, max(2, math.ceil((high - low) * _LEVELS_PER_DECADE) + 1))
-    known = [_threshold(gate, float(10.0**level), apd, amplifier, readout, matched) for level in levels]
+    known = [_threshold(gate, float(10.0**level), apd, amplifier, readout, matched, offset_counts) for level in levels]
     thresholds: np.ndarray = np.interp(np.log10(np.maximum(rate_per_s, 1.0)), levels, known)
     return thresholds
 
 
 @lru_cache(maxsize=256)
 def _threshold(
-    gate: Gate, rate_per_s: float, apd: Apd, amplifier: Amplifier, readout: Readout, matched: Matched
+    gate: Gate,
+    rate_per_s: float,
+    apd: Apd,
+    amplifier: Amplifier,
+    readout: Readout,
+    matched: Matched,
+    offset_counts: float,
 ) -> float:
     weights = matched.height_weights()
     samples = np.arange(len(weights))
@@ -60,6 +74,7 @@ def _threshold(
     gaussian = (
         float(np.einsum("i,ij,j", weights, colour, weights)) + rounding * float((weights**2).sum())
     ) / gate.pulses
+    gaussian += (offset_counts * float(weights.sum())) ** 2  # the same in every pulse
     # One electron that arrives t before the last sample, as the filter sees it.
     step_s = amplifier.pole_s / 8.0
     time_s = np.arange(-(20.0 * amplifier.pole_s), samples[-1] * matched.sample_s, step_s)
@@ -83,8 +98,10 @@ def _threshold(
     expected = beyond + crossings
     wanted = -math.log1p(-gate.false_alarm_probability)
     last = np.flatnonzero((expected >= wanted) & (height > 0.0))
-    if not len(last) or last[-1] + 1 >= _GRID:
-        return sigma
+    if not len(last):
+        return 0.0
+    if last[-1] + 1 >= _GRID:
+        return float(height[-1])
     k = int(last[-1])
     above, below = math.log(expected[k]), math.log(max(float(expected[k + 1]), 1e-300))
     return float(height[k] + spacing * (above - math.log(wanted)) / max(above - below, 1e-12))

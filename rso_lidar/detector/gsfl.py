@@ -100,6 +100,11 @@ class Gsfl(Part):
                 f"gate.width_ns ({self.gate.width_ns:g}) holds fewer than 4 samples of "
                 f"{self.readout.sample_ns:g} ns; widen it"
             )
+        if self.saturation is not None and self.saturation.rail_electrons <= self.trigger.threshold_electrons:
+            raise ValueError(
+                f"saturation.rail_electrons ({self.saturation.rail_electrons:g}) is below trigger.threshold_electrons "
+                f"({self.trigger.threshold_electrons:g}), which nothing would then reach; raise the rail"
+            )
         false = self.false_alarms_per_s * (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
         if self.gate is None and false > 1.0:
             raise ValueError(
@@ -126,14 +131,13 @@ class Gsfl(Part):
     @cached_property
     def noise_electrons(self) -> float:
         """Return the rms of the noise that the comparator sees in the dark [electrons]: amplifier and dark current."""
+        return self.noise_in_light(0.0)
+
+    def noise_in_light(self, background_photons_per_s: float) -> float:
+        """Return the rms of the noise [electrons] with so many photons a second of sunlight on the pixel."""
+        rate = self.apd.dark_electrons_per_s + self.quantum_efficiency * background_photons_per_s
         amplifier = self.amplifier
-        noise = noise_rms(
-            self.apd,
-            np.array(self.apd.dark_electrons_per_s),
-            amplifier.noise_electrons,
-            amplifier.pole_s,
-            amplifier.integration_s,
-        )
+        noise = noise_rms(self.apd, rate, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
         return float(noise)
 
     @property
@@ -150,12 +154,25 @@ class Gsfl(Part):
         return float(rice_rate(threshold, self.noise_electrons, self.amplifier.pole_s))
 
     @cached_property
-    def mean_false_alarms_per_s(self) -> float:
-        """Return how often noise triggers an armed pixel, over a camera's spread of thresholds and true noise [1/s]."""
+    def _camera_false_alarms_per_s(self) -> np.ndarray:
         camera = self.camera(16_384)
         threshold = self.trigger.threshold_electrons * camera.threshold
         base = np.full(len(threshold), self.apd.dark_electrons_per_s)
-        return float(rates_per_s(self, threshold, base).mean())
+        if self.defects is not None:
+            base[camera.hot] = self.defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
+        rates: np.ndarray = rates_per_s(self, threshold, base)[~camera.dead]
+        return rates
+
+    @property
+    def mean_false_alarms_per_s(self) -> float:
+        """Return how often noise triggers an armed pixel in the dark, over a camera's spread of pixels [1/s]."""
+        return float(self._camera_false_alarms_per_s.mean())
+
+    @property
+    def false_trigger_fraction(self) -> float:
+        """Return the share of a camera's pixels that noise triggers in the dark while they are armed."""
+        armed_s = (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
+        return float(-np.expm1(-self._camera_false_alarms_per_s * armed_s).mean())
 
     @property
     def electrons_per_photon(self) -> float:

@@ -44,6 +44,7 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
         gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - gsfl.maps.residual_fraction)
         amplitude = amplitude / gain[:, None]
     range_m = delay_s * units.RANGE_PER_DELAY_M_S
+    range_m = np.where(range_m > 0.0, range_m, np.nan)  # nothing is reported from behind the lens
     if gsfl.crosstalk is not None and not gsfl.gate:
         shift_m = gsfl.crosstalk.shift_m(waveforms.latch_s, waveforms.sample_s, n_pixels, rng)
         range_m = range_m + shift_m[:, None]
@@ -115,6 +116,13 @@ def _some(clipped: np.ndarray) -> np.ndarray | None:
     return clipped if clipped.any() else None
 
 
+def _unknown_offset_counts(gsfl: Gsfl) -> float:
+    """Return the spread of the pixels' baselines that no calibration has taken off [counts]."""
+    if gsfl.maps is None:
+        return 0.0
+    return gsfl.maps.offset_spread_counts * (gsfl.maps.residual_fraction if gsfl.maps.calibrated else 1.0)
+
+
 def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
     """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate."""
     assert gsfl.gate is not None
@@ -123,7 +131,13 @@ def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_count
         rate = np.full(len(waveforms.pixel), gsfl.apd.dark_electrons_per_s)
     matched = Matched.of(pulse, waveforms.sample_s, gsfl.amplifier.pole_s, sigma_counts)
     return gate_thresholds(
-        gsfl.gate, rate, apd=gsfl.apd, amplifier=gsfl.amplifier, readout=gsfl.readout, matched=matched
+        gsfl.gate,
+        rate,
+        apd=gsfl.apd,
+        amplifier=gsfl.amplifier,
+        readout=gsfl.readout,
+        matched=matched,
+        offset_counts=_unknown_offset_counts(gsfl),
     )
 
 

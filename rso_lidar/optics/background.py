@@ -11,6 +11,7 @@ _E490 = ((1060.0, 641.5), (1064.0, 645.9), (1550.0, 271.3), (1570.0, 264.5), (15
 _SUN_TEMPERATURE_K = 5772.0  # IAU 2015 resolution B3, nominal effective temperature
 _SUN_SOLID_ANGLE_SR = math.pi * (units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M) ** 2
 _BOLTZMANN_J_K = 1.380_649e-23  # SI
+_DARK_EXPONENT = 600.0  # beyond it the Sun gives less than a float can hold
 
 
 def sun_irradiance_w_m2_um(wavelength_m: float) -> float:
@@ -30,6 +31,8 @@ def sun_irradiance_w_m2_um(wavelength_m: float) -> float:
 def _black_body(wavelength_m: float) -> float:
     """Return the irradiance of a black body as large and as hot as the Sun [W m-2 um-1] (Planck)."""
     exponent = units.photon_energy_j(wavelength_m) / (_BOLTZMANN_J_K * _SUN_TEMPERATURE_K)
+    if exponent > _DARK_EXPONENT:
+        return 0.0
     radiance = 2.0 * units.PLANCK_J_S * units.SPEED_OF_LIGHT_M_S**2 / wavelength_m**5 / math.expm1(exponent)
     return radiance * _SUN_SOLID_ANGLE_SR * units.UM
 

@@ -296,4 +296,8 @@ def _float(number: str) -> float:
 
 def _metres(unit: str) -> float:
     """Return a unit's length [m]; a unit that no encoding preserved is a micrometre."""
-    return _METRES.get(unit.lower(), units.UM)
+    if unit.lower() in _METRES:
+        return _METRES[unit.lower()]
+    if re.fullmatch(r"[uµμ�?]+m?|micro\w*|micron\w*", unit.lower()):
+        return units.UM
+    raise ScenarioError(f"a listing in '{unit}', a unit that is not known: export it in micrometres")

@@ -13,12 +13,14 @@ from rso_lidar.motion import Hill
 from rso_lidar.motion.hill import validity
 from rso_lidar.motion.kepler import elements
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
+from rso_lidar.optics.background import sun_photons_per_s_m2
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _LIGHT_TIME_M = 0.01
+_LOUDER = 1.05  # times the noise in the dark
 _FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
 
@@ -32,6 +34,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _window(scenario, seen)
     lines += _detector(scenario)
     lines += _lens(scenario)
+    lines += _sun_noise(scenario)
     lines += _sun(scenario)
     lines += _beam(scenario, seen)
     lines += _clipping(scenario, seen)
@@ -90,8 +93,8 @@ def _window(scenario: Scenario, seen: Preview) -> list[str]:
 
 def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
     """Return what a range gate cuts off of a target."""
-    out = (sight.range_m + sight.radius_m < opens) | (sight.range_m - sight.radius_m > closes)
-    cut = (sight.range_m - sight.radius_m < opens) | (sight.range_m + sight.radius_m > closes)
+    out = (sight.farthest_m < opens) | (sight.nearest_m > closes)
+    cut = (sight.nearest_m < opens) | (sight.farthest_m > closes)
     where = f"target {sight.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
     if out.any():
         return [
@@ -99,7 +102,7 @@ def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
             "of range less half the width, plan it in lidar.schedule, or command it"
         ]
     if cut.any():
-        deep_m = 2.0 * sight.radius_m
+        deep_m = float((sight.farthest_m - sight.nearest_m).max())
         return [
             f"{where} cannot contain it whole {np.mean(cut):.0%} of the time: it is up to {deep_m:.1f} m deep and the gate "
             f"{closes[0] - opens[0]:.1f} m; widen lidar.detector.gate.width_ns or shift delay_ns"
@@ -113,13 +116,24 @@ def _detector(scenario: Scenario) -> list[str]:
         return []
     lines = []
     if detector.gate is None:
-        armed_s = (detector.armed_to_m - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
-        share = detector.mean_false_alarms_per_s * armed_s
+        share = detector.false_trigger_fraction
         if share > _FALSE_SHARE:
             lines.append(
                 f"noise triggers {share:.1%} of the pixels in every frame before they could see a target (threshold "
                 f"{detector.threshold_over_noise:.2g} times the noise); raise lidar.detector.trigger.threshold_electrons, "
                 "or arm a shorter window"
+            )
+        stored_ns = (detector.readout.samples - detector.readout.pretrigger_samples) * detector.readout.sample_ns
+        pulse_ns = scenario.instrument.laser.pulse_fwhm_s / units.NS
+        if stored_ns < 1.5 * pulse_ns:
+            lines.append(
+                f"a pulse of {pulse_ns:.3g} ns is longer than what is stored of it, {stored_ns:.3g} ns behind the latch; "
+                "store more lidar.detector.readout.samples, or shorten the pulse"
+            )
+        if detector.readout.sample_ns > pulse_ns:
+            lines.append(
+                f"samples {detector.readout.sample_ns:.3g} ns apart miss a pulse of {pulse_ns:.3g} ns; shorten "
+                "lidar.detector.readout.sample_ns"
             )
         if detector.returns != "first" or detector.max_returns > 1:
             lines.append(
@@ -128,6 +142,30 @@ def _detector(scenario: Scenario) -> list[str]:
                 "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
             )
     return lines
+
+
+def _sun_noise(scenario: Scenario) -> list[str]:
+    """Return what sunlight on the brightest material, facing the Sun, does to the noise."""
+    lidar = scenario.instrument
+    receiver, detector = lidar.receiver, lidar.detector
+    sun = not scenario.local or scenario.world.sun_direction is not None
+    if receiver.filter_width_nm is None or not isinstance(detector, Gsfl) or not sun or not scenario.surfaces:
+        return []
+    brdf = max(
+        float(material.brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
+        for surface in scenario.surfaces
+        for material in surface.materials
+    )
+    per_m2 = sun_photons_per_s_m2(lidar.laser.wavelength_m, receiver.filter_width_nm * units.NM)
+    rate = per_m2 * receiver.aperture_area_m2 * receiver.transmission * brdf * receiver.pixel_tangent**2
+    louder = detector.noise_in_light(rate) / detector.noise_electrons if detector.noise_electrons > 0.0 else np.inf
+    if louder < _LOUDER:
+        return []
+    return [
+        f"sunlight on the brightest material makes the noise of a pixel {louder:.2f} times that in the dark "
+        f"({rate:.2g} photons/s): more false triggers, and less precision than the budget says; narrow "
+        "lidar.receiver.filter_width_nm"
+    ]
 
 
 def _lens(scenario: Scenario) -> list[str]:

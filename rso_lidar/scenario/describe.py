@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _TRIALS, _FEWEST = 4000, 200
+_MOST_SAMPLES = 4_000_000  # that a trial may take, so that a long gate is described in seconds
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
@@ -165,9 +166,8 @@ def _detector_lines(scenario: Scenario) -> list[str]:
             f"false alarms {gate.false_alarm_probability:g} a pixel and frame"
         )
         return lines
-    armed_s = (detector.armed_to_m - detector.armed_from_m) / units.RANGE_PER_DELAY_M_S
     n_pixels = scenario.lidar.receiver.n_rows * scenario.lidar.receiver.n_cols
-    false = detector.mean_false_alarms_per_s * armed_s * n_pixels
+    false = detector.false_trigger_fraction * n_pixels
     lines.append(
         f"  trigger   {detector.trigger.threshold_electrons:.0f} electrons ({detector.threshold_photons:.0f} photons), "
         f"{detector.threshold_over_noise:.1f} times the noise; "
@@ -204,7 +204,10 @@ def _trial(scenario: Scenario, photons: float, time_s: float) -> Trial:
     lidar = scenario.instrument.at(time_s)
     detector = lidar.detector
     gate = None if isinstance(detector, Empirical) else detector.gate
-    n = max(_TRIALS // gate.pulses, _FEWEST) if gate else _TRIALS  # a gate of many pulses takes its time
+    n = _TRIALS
+    if gate is not None and not isinstance(detector, Empirical):  # many pulses, and many samples, take their time
+        samples = gate.n_samples(detector.readout.sample_s)
+        n = max(min(_TRIALS // gate.pulses, _MOST_SAMPLES // samples), _FEWEST)
     middle_m = 0.5 * (detector.sees_from_m + min(detector.sees_to_m, 1e6))
     seen = plate(photons, n, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
     return trial(detector, seen, np.random.Generator(np.random.Philox(_TRIALS)))

@@ -31,6 +31,8 @@ class Sight:
     off_boresight_rad: np.ndarray
     in_field: np.ndarray
     radius_m: float
+    nearest_m: np.ndarray  # of the target's hull
+    farthest_m: np.ndarray
 
     @property
     def light_time_m(self) -> float:
@@ -81,7 +83,10 @@ def preview(scenario: Scenario) -> Preview:
         range_m, rate, off, in_field = (
             np.broadcast_to(values, (len(epochs),)) for values in (range_m, rate, off, in_field)
         )
-        sights.append(Sight(surface.name, range_m, rate, off, in_field, surface.radius_m))
+        seat = poses.pose("lidar", surface.name)
+        hull_m = np.stack([np.linalg.norm(seat.apply(point), axis=-1) for point in surface.outline])
+        ends = (np.broadcast_to(end, (len(epochs),)) for end in (hull_m.min(axis=0), hull_m.max(axis=0)))
+        sights.append(Sight(surface.name, range_m, rate, off, in_field, surface.radius_m, *ends))
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
     return Preview(epochs.time_s, tuple(sights), dict(course.states), tuple(lines))
 

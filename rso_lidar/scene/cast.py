@@ -31,12 +31,14 @@ def cast(
     *,
     laser_from_m: ArrayLike | None = None,
     sun: bool = False,
+    aperture_m: float = 0.0,
 ) -> Hits:
     """Return the first facet that each ray meets, over all targets.
 
     `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
     `laser_from_m` (xyz) is where the laser is, in lidar axes [m]; None, or zeros, is in the lens. Beside it, incidence is
-    the laser's, 0 in shadow, and the BRDF takes both directions. `sun` asks for the sunlight too.
+    the laser's, 0 in shadow, and the BRDF takes both directions. `sun` asks for the sunlight too. Lobes narrower than the
+    lens are averaged over its diameter `aperture_m` [m].
     """
     met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
     ray, target, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
@@ -54,9 +56,27 @@ def cast(
         brdf_per_sr=brdf,
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
-    if not (sun or laser.any() or any(surface.smooth for surface in surfaces)):
+    if sun or laser.any() or any(surface.smooth for surface in surfaces):
+        hits = _relit(hits, facet, surfaces, truth, threads, laser, sun=sun)
+    return _gathered(hits, facet, surfaces, laser, aperture_m)
+
+
+def _gathered(
+    hits: Hits, facet: np.ndarray, surfaces: Sequence[Surface], laser_from_m: np.ndarray, aperture_m: float
+) -> Hits:
+    """Return the hits with the lobes of retro-reflectors averaged over the lens."""
+    retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.retro]
+    if not retros or aperture_m <= 0.0:
         return hits
-    return _relit(hits, facet, surfaces, truth, threads, laser, sun=sun)
+    brdf = hits.brdf_per_sr.copy()
+    for number, part, material in retros:
+        on = np.flatnonzero((hits.target == number) & (hits.part == part))
+        direction, range_m = hits.rays.direction[hits.ray[on]], hits.range_m[on]
+        to_laser = laser_from_m - direction * range_m[:, None]
+        across = np.cross(direction, to_laser / np.linalg.norm(to_laser, axis=1, keepdims=True))
+        sine = np.linalg.norm(across, axis=1)
+        brdf[on] = material.gathered(brdf[on], sine, np.arctan(0.5 * aperture_m / range_m))
+    return replace(hits, brdf_per_sr=brdf)
 
 
 def _relit(

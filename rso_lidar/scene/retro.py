@@ -33,6 +33,11 @@ class RetroReflector(Scatterer):
     diffuse: Fraction = 0.0
     wavelength_nm: Positive | None = None
 
+    @property
+    def retro(self) -> bool:
+        """Return True: the lobe points back at the light."""
+        return True
+
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
         total = self.reflectance * self.fill_fraction + self.diffuse
@@ -61,6 +66,25 @@ class RetroReflector(Scatterer):
         x = np.maximum(math.pi * diameter_m / wavelength_m * sine, 1e-6)
         lobe = np.where(phase > 0.0, peak * (2.0 * j1(x) / x) ** 2, 0.0)
         return self._around(lobe, cos_in, cos_out)
+
+    def gathered(self, brdf_per_sr: np.ndarray, sine: np.ndarray, aperture_rad: np.ndarray) -> np.ndarray:
+        """Return the mean BRDF [1/sr] over a round aperture of half angle `aperture_rad` [rad] as the cubes see it.
+
+        The lobe may be narrower than the lens: of the light in it no more than all arrives. The share within x is
+        1 − J₀² − J₁² (Rayleigh 1881; Born and Wolf eq. 8.5.18). `sine` is that of the angle from the light to the lens's
+        middle; light that stands outside the lens's rim is seen by the pattern at the middle.
+        """
+        from scipy.special import j0, j1
+
+        assert self.wavelength_nm is not None
+        scale = math.pi * self.diameter_mm * units.MM / (self.wavelength_nm * units.NM)
+        x, rim = scale * sine, np.maximum(scale * np.sin(aperture_rad), 1e-9)
+        at_middle = (2.0 * j1(np.maximum(x, 1e-6)) / np.maximum(x, 1e-6)) ** 2
+        mean = (1.0 - j0(rim) ** 2 - j1(rim) ** 2) / (0.25 * rim**2)
+        share = np.where((rim < 0.3) | (x > rim), 1.0, mean / np.maximum(at_middle, 1e-12))
+        between = self.diffuse / math.pi
+        result: np.ndarray = between + (brdf_per_sr - between) * share
+        return result
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
         """Return the BRDF [1/sr] in sunlight: the pattern, far narrower than the Sun's disc, spread evenly over it."""

@@ -15,6 +15,15 @@ class Scatterer(Part):
     """A surface whose BRDF depends on three cosines: of incidence, of exitance, and of the angle between the two."""
 
     @property
+    def retro(self) -> bool:
+        """Return whether light goes back where it came from, in a lobe that may be narrower than a lens."""
+        return False
+
+    def gathered(self, brdf_per_sr: np.ndarray, sine: np.ndarray, aperture_rad: np.ndarray) -> np.ndarray:
+        """Return the mean of the BRDF [1/sr] over a lens of half angle `aperture_rad` [rad]: for broad lobes, itself."""
+        return brdf_per_sr
+
+    @property
     def narrow(self) -> bool:
         """Return whether the lobe changes over the Sun's disc, so that sunlight has to be averaged over it."""
         return False
