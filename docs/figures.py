@@ -258,7 +258,8 @@ def pixel() -> Any:
     rows, arming = chain.armed(detector, rows_about(photons, plan, 1), plan.step_s)
     made = chain.analog(detector, photons, rows, plan, camera, rng)
     threshold = np.array([detector.trigger.threshold_electrons * camera.threshold[0]], np.float32)
-    latch = int(chain.latched(detector, made, threshold[rows.pixel], arming, plan.step_s, rng)[0])
+    base = chain.base_rate_per_s(detector, camera, photons)
+    latch = int(chain.latched(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
     per = plan.steps_per_sample
     sample = (rows.start[0] + latch) // per - detector.readout.pretrigger_samples
     at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
