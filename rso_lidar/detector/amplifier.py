@@ -51,8 +51,9 @@ class Amplifier(Part):
 class Filters:
     """The amplifier on a grid of `n` steps of `step_s`, as factors of the real Fourier transform along time.
 
-    Second moments are exact on the grid whatever the step: `shot` and `noise` have the magnitude that gives filtered
-    white noise, sampled, its true autocorrelation, while `mean` is the response of the continuous amplifier.
+    Second moments are exact on the grid whatever the step: `shot` has the magnitude that gives filtered white noise its true
+    autocorrelation at the steps, while `mean` is the response of the continuous amplifier. White noise of `noise_electrons`
+    a step, through the same filter as the shot noise, is the amplifier's own.
     """
 
     def __init__(self, amplifier: Amplifier, n: int, step_s: float) -> None:
@@ -66,9 +67,7 @@ class Filters:
         phase = response / np.abs(response)
         self.mean: np.ndarray = (charge * response).astype(np.complex64)
         self.shot: np.ndarray = (charge * math.sqrt(variance) * np.sqrt(power) * phase).astype(np.complex64)
-        # Complex normals of unit variance in each part, so scaled, are real noise in time; the ends keep their real part.
-        noise = amplifier.noise_electrons * np.sqrt(power * n / 2.0)
-        noise[0] *= math.sqrt(2.0)
-        if n % 2 == 0:
-            noise[-1] *= math.sqrt(2.0)
-        self.noise: np.ndarray = noise.astype(np.float32)
+        # White noise before the shot filter that comes out with the amplifier's own rms.
+        self.noise_electrons = np.float32(
+            amplifier.noise_electrons * math.sqrt(4.0 * amplifier.pole_s * step_s) / amplifier.integration_s
+        )

@@ -98,14 +98,15 @@ def analog(
         spectrum: np.ndarray, excess: np.ndarray | None, pixel: np.ndarray, rng: np.random.Generator | None
     ) -> np.ndarray:
         """Return the amplitude of the mean, transformed, and of what electrons are more than their mean."""
-        if excess is not None:
-            spectrum += rfft(excess, axis=1) * filters.shot
         if gsfl.maps is not None:
-            spectrum *= camera.gain[pixel, None].astype(np.float32)
-        if rng is not None:
-            noise = rng.standard_normal((len(spectrum), n // 2 + 1, 2), dtype=np.float32)
-            noise *= filters.noise[:, None]
-            spectrum += noise.view(np.complex64)[..., 0]
+            gain = camera.gain[pixel, None].astype(np.float32)
+            spectrum *= gain
+            excess = None if excess is None else excess * gain
+        if excess is not None and rng is not None:
+            noise = rng.standard_normal(excess.shape, dtype=np.float32)
+            noise *= filters.noise_electrons
+            noise += excess
+            spectrum += rfft(noise, axis=1, overwrite_x=True) * filters.shot
         amplitude: np.ndarray = irfft(spectrum, n, axis=1, overwrite_x=True)
         return amplitude
 

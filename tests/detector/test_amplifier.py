@@ -42,8 +42,8 @@ def test_noise_has_the_variance_and_the_autocorrelation_of_two_poles(step_ns, n)
     """Means over rows, which are independent, within 4.5 standard errors of them: 0.01 % false alarm over all 64 figures."""
     n = max(n, n * round(0.4 / step_ns))  # the grid is a circle: as long as 30 τ or more
     filters = Filters(AMPLIFIER, n, step_ns * 1e-9)
-    white = np.random.default_rng(n).standard_normal((3000, n // 2 + 1, 2)) * filters.noise[:, None]
-    noise = fft.irfft(white.view(complex)[..., 0], n, axis=1)
+    white = np.random.default_rng(n).standard_normal((3000, n)) * filters.noise_electrons
+    noise = fft.irfft(fft.rfft(white, axis=1) * filters.shot, n, axis=1)
     for lag in [0, 1, 2, 3, 5, 8, 13, n // 2]:
         products = (noise * np.roll(noise, lag, axis=1)).mean(axis=1) / 1000.0**2
         error = products.std() / math.sqrt(len(products))
