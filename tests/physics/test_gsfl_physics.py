@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 import rso_lidar as rl
-from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, Readout, Trigger, chain
+from rso_lidar.detector import Apd, Gsfl, chain
 from rso_lidar.detector.apd import multiply
 from rso_lidar.detector.noise import false_alarm_rate
 from rso_lidar.detector.trial import plate, trial
@@ -126,22 +126,13 @@ def test_speckle_of_a_filled_pixel(tmp_path, validation, wavelength_nm):
     assert round(100 * contrast, 1) == {1064.0: 3.4, 1570.0: 5.0}[wavelength_nm]
 
 
-# The closed form Phi((S - T)/sigma) of the design's tables, presets of noise 1018 electrons and threshold 6 sigma, and of
-# 300 electrons: one look at the top of a pulse that no amplifier has rounded, all thresholds alike.
-FIRST_GUESS = {
-    "noise_limited": {500: 0.03, 700: 0.32, 800: 0.60, 900: 0.83, 1000: 0.95, 1200: 0.999},
-    "offset_limited": {500: 0.0, 700: 0.005, 800: 0.14, 900: 0.64, 1000: 0.95, 1200: 1.0},
-}
-
-
 @pytest.mark.parametrize("photons", [500, 700, 800, 900, 1000, 1200])
-@pytest.mark.parametrize("preset", FIRST_GUESS)
+@pytest.mark.parametrize("preset", ["noise_limited", "offset_limited"])
 def test_detection(validation, preset, photons):
-    """The chain against every photoelectron drawn and amplified by hand, and against the closed form.
+    """The chain against every photoelectron drawn and amplified by hand.
 
-    The trigger takes the highest of several looks, as the noise changes within 2 ns, and thresholds spread by 5 %, 45
-    photons beside the quiet preset's noise of 70: both soften the knee and, with 95 % at 1000 photons held fast, raise
-    what is found below, by up to 0.27 for the quiet preset and 0.08 for the noisy one, whose noise is 140 photons.
+    Both find more below 1000 photons than the closed form of one look at the pulse's top (Richmond and Cain, TT85): the
+    trigger takes the highest of several looks, and thresholds spread by 5 %, which softens the knee.
     """
     part, n, n_by_hand = Gsfl(preset=preset), 32_768, 12_000
     got = found(part, photons, n, seed=photons).probability
@@ -152,14 +143,6 @@ def test_detection(validation, preset, photons):
         expected=exact,
         got=got,
         tolerance=share_band(got, n, n_by_hand),
-        unit="1",
-    )
-    validation(
-        case=f"{preset}: detection of {photons} photons, first guess",
-        source="Gaussian threshold statistics (Richmond and Cain, TT85) at the pulse's top",
-        expected=FIRST_GUESS[preset][photons],
-        got=got,
-        tolerance={"noise_limited": 0.10, "offset_limited": 0.30}[preset],
         unit="1",
     )
 
@@ -321,106 +304,5 @@ def test_false_triggers_of_an_empty_scene(validation, statistics):
         expected=expected,
         got=triggered,
         tolerance=0.5 * (high - low),
-        unit="1",
-    )
-
-
-# ------------------------------------------------------------------------------------------------------------ the gate
-
-
-def search_band(p):
-    """Return by how much a threshold 2 % (0.08 sigma) higher changes a probability of detection."""
-    return 0.08 * float(stats.norm.pdf(stats.norm.ppf(p)))
-
-
-def gated(part, photons, n, seed, every=4):
-    """Return which share of returns a gated detector finds, in a scene that fills one pixel in `every`."""
-    light = seen(np.where(np.arange(n) % every == 0, photons, 0.0), n)
-    reading, _ = part.detect(light, np.random.default_rng(seed))
-    error = reading.range_m.ravel() - light.delay_s * C / 2
-    return float(np.mean(np.abs(error[::every]) < 5.0))
-
-
-GATE = Gate(delay_ns=6651.0, width_ns=47.6, false_alarm_probability=1e-3)  # 20 samples, open from 997 m
-
-
-@pytest.mark.parametrize(("photons", "pulses"), [(30, 1), (30, 5), (30, 20), (100, 1), (100, 5)])
-def test_what_a_gate_finds(validation, photons, pulses):
-    """The seed's aspiration of 30 photons (3.3, 6): with a quiet amplifier it takes some 20 pulses to see half of them.
-
-    By hand the best of fits at quarters of a sample, at the threshold that noise alone passes with 1e-3, Gaussian without
-    dark current. The chain takes Rice's bound for that threshold, which is 2 % higher, 0.08 sigma.
-    """
-    part = Gsfl(preset="offset_limited", apd=Apd(dark_current_na=0.0), gate=GATE.replace(pulses=pulses))
-    n, n_by_hand = 8192, 40_000 // pulses
-    got = gated(part, float(photons), n, seed=pulses)
-    exact = by_hand.gate_detection(part, photons, 8e-9, min(n_by_hand, 8000), photons, pulses, 1e-3)
-    validation(
-        case=f"offset_limited: {photons} photons in a gate of 20 samples, {pulses} pulses, false alarms 1e-3",
-        source="every photoelectron by hand, best fit over the gate",
-        expected=exact,
-        got=got,
-        tolerance=share_band(exact, n // 4, min(n_by_hand, 8000)) + search_band(exact),
-        unit="1",
-    )
-
-
-def test_30_photons_in_one_pulse(validation):
-    """An amplifier of 60 electrons: 30 photons in one pulse would be found in 90 % if its noise were white.
-
-    Noise behind the amplifier is not: neighbouring samples correlate by a third, the matched filter gains 1.19 over the
-    top sample and not 1.53, and the signal's own shot noise counts. Dark current is off: 1 nA would leave next to nothing.
-    """
-    part = Gsfl(
-        amplifier=Amplifier(noise_electrons=60.0),
-        trigger=Trigger(threshold_electrons=5000.0),
-        readout=Readout(electrons_per_count=20.0),
-        apd=Apd(dark_current_na=0.0),
-        gate=GATE,
-    )
-    n, n_by_hand = 32_768, 8000
-    exact = by_hand.gate_detection(part, 30.0, 8e-9, n_by_hand, 4, 1, 1e-3)
-    validation(
-        case="30 photons in one gated pulse, amplifier 60 electrons, no dark current",
-        source="every photoelectron by hand (white noise without signal shot noise: 0.9)",
-        expected=exact,
-        got=gated(part, 30.0, n, seed=6),
-        tolerance=share_band(exact, n // 4, n_by_hand) + search_band(exact),
-        unit="1",
-    )
-
-
-@pytest.mark.parametrize(
-    ("case", "part", "expected", "band"),
-    [
-        (
-            "offset_limited, no dark current",
-            Gsfl(preset="offset_limited", apd=Apd(dark_current_na=0.0)),
-            0.75e-3,
-            0.25e-3,
-        ),
-        ("offset_limited", Gsfl(preset="offset_limited"), 1.0e-3, 0.5e-3),
-        (
-            "60 electrons and 1 nA",
-            Gsfl(amplifier={"noise_electrons": 60.0}, readout={"electrons_per_count": 20.0}),
-            1.5e-3,
-            0.75e-3,
-        ),
-    ],
-    ids=["Gaussian", "offset_limited", "avalanches"],
-)
-def test_false_alarms_of_a_gate(validation, case, part, expected, band):
-    """Rice's sum bounds Gaussian noise from above, samples 2.4 ns apart reach it to within a half.
-
-    Where avalanches of dark current stand out, each is a pulse that the fit finds at its best place, up to twice as often.
-    """
-    n = 131_072
-    reading, _ = part.replace(gate=GATE).detect(nothing((1, n)), np.random.default_rng(3))
-    validation(
-        case=f"false alarms of a gate of 20 samples, a pixel: {case}",
-        source="the probability asked for, 1e-3",
-        expected=expected,
-        got=float(np.isfinite(reading.range_m).mean()),
-        tolerance=band + share_band(2e-3, n),
         unit="1",
     )
