@@ -341,8 +341,7 @@ def gate() -> Any:
     """Return detection under a range gate over photons, and at 30 photons over pulses averaged."""
     figure = new_figure(
         9.6, 5.0, "Range gate: what 30 photons take",
-        "gate of 47.6 ns, threshold for 0.1 % of false alarms in Gaussian noise; "
-        "avalanches of dark current make them more (legend)",
+        "gate of 47.6 ns, threshold for 0.1 % of false alarms a pixel, avalanches reckoned with; measured in the legend",
     )  # fmt: skip
     single, averaged = figure.subplots(1, 2, sharey=True)
     quiet = rl.Amplifier(noise_electrons=60.0)
