@@ -196,7 +196,9 @@ class Photons(Record):
     coherence_cells: np.ndarray = array(
         "return", "f8", "1", "area of the aperture times solid angle of the return over the squared wavelength"
     )
-    hit: np.ndarray = array("return", "i4", "1", "index of the hit that sends it")
+    hit: np.ndarray = array(
+        "return", "i4", "1", "index of the hit that sends it, or most of it behind a lens that blurs"
+    )
     cluster: np.ndarray = array("return", "i4", "1", "cluster of the return, counted through the frame")
     cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
     filled_fraction: np.ndarray | None = array(
