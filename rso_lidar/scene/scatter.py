@@ -1,6 +1,7 @@
 """What every material answers: how bright a surface is from one direction, lit from another."""
 
 import math
+from abc import abstractmethod
 
 import numpy as np
 
@@ -32,6 +33,7 @@ class Scatterer(Part):
         """Return the material as light of a wavelength [m] sees it."""
         return self
 
+    @abstractmethod
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
@@ -46,7 +48,6 @@ class Scatterer(Part):
 
         With the last two left out the viewer is where the light is.
         """
-        raise NotImplementedError
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
         """Return the BRDF [1/sr] in sunlight, in which no lobe is narrower than the Sun's disc."""

@@ -54,11 +54,13 @@ def test_first_facet_and_range_of_a_soup_of_triangles(seed, range_m):
     got = np.full(len(expected), np.inf)
     got[seen.hits.ray] = seen.hits.range_m
     same = np.isfinite(got) == np.isfinite(expected)
-    # Embree works in float32: a ray that passes an edge by less than 1e-6 of the scene may go either way.
-    assert np.mean(~same) < 2e-3
+    # Embree works in float32: a ray that passes an edge by less than 1e-6 of the scene may go either way. That is one ray in
+    # some thousands, and so a few in a view of a few hundred.
+    few = 3 + 2e-3 * len(same)
+    assert np.sum(~same) <= few
     both = np.isfinite(got) & np.isfinite(expected)
     off = np.abs(got[both] - expected[both].astype(float))
-    assert np.mean(off > 1e-6) < 2e-3
+    assert np.sum(off > 1e-6) <= few
     agree = np.flatnonzero(both)[off <= 1e-6]
     of_hit = dict(zip(seen.hits.ray.tolist(), seen.hits.facet.tolist(), strict=True))
     assert all(of_hit[ray] == facet[ray] for ray in agree.tolist())
