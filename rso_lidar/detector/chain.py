@@ -61,9 +61,7 @@ def quick(rng: np.random.Generator) -> np.random.Generator:
 
 def base_rate_per_s(gsfl: Gsfl, camera: Camera, photons: Photons) -> np.ndarray:
     """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight."""
-    rate = np.full(len(camera.gain), gsfl.apd.dark_electrons_per_s)
-    if gsfl.defects is not None and camera.hot.any():
-        rate[camera.hot] = gsfl.defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
+    rate = gsfl.dark_per_s(camera)
     if photons.background_photons_per_s is not None:
         rate += gsfl.quantum_efficiency * photons.background_photons_per_s.ravel()
     return rate

@@ -57,8 +57,9 @@ def false_traces(
     Given value and slope at an upcrossing, the slope Rayleigh-distributed, Gaussian noise is their regression and a rest
     that they say nothing about (Slepian 1963; Leadbetter, Lindgren and Rootzén 1983, chapter 10).
     """
-    readout, pole_s = gsfl.readout, gsfl.amplifier.pole_s
-    sigma = noise_rms(gsfl.apd, base_per_s, gsfl.amplifier.noise_electrons, pole_s, gsfl.amplifier.integration_s)
+    readout, amplifier = gsfl.readout, gsfl.amplifier
+    pole_s, correlation = amplifier.pole_s, amplifier.correlation
+    sigma = noise_rms(gsfl.apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
     first = np.floor(crossing_s / readout.sample_s).astype(np.int64) - readout.pretrigger_samples
     slope = rng.rayleigh(1.0, len(crossing_s))
     white = rng.standard_normal((len(crossing_s), readout.samples))
@@ -66,10 +67,9 @@ def false_traces(
     for row in range(len(crossing_s)):
         lag = (first[row] + np.arange(readout.samples)) * readout.sample_s - crossing_s[row]
         x = lag / pole_s
-        value, rise = (1.0 + np.abs(x)) * np.exp(-np.abs(x)), x * np.exp(-np.abs(x))
-        apart = np.abs(x[:, None] - x)
-        rest = (1.0 + apart) * np.exp(-apart) - np.multiply.outer(value, value) - np.multiply.outer(rise, rise)
-        root = np.linalg.cholesky(rest + 1e-9 * np.eye(len(x)))
+        value, rise = correlation(lag), x * np.exp(-np.abs(x))
+        rest = correlation(lag[:, None] - lag) - np.multiply.outer(value, value) - np.multiply.outer(rise, rise)
+        root = np.linalg.cholesky(rest + 1e-9 * np.eye(len(x)))  # rounding may leave it a hair below zero
         noise = (root * white[row]).sum(axis=1)
         amplitude[row] = threshold[row] * value + sigma[row] * (slope[row] * rise + noise)
     return amplitude, first

@@ -34,6 +34,11 @@ class Maps(Part):
     calibrated: Flag = False
     residual_fraction: Fraction = 0.1
 
+    @property
+    def unknown_fraction(self) -> float:
+        """Return the share of each deviation that no calibration takes off."""
+        return self.residual_fraction if self.calibrated else 1.0
+
 
 class Defects(Part):
     """Pixels that never fire (`dead_fraction`) and pixels with a dark current of `hot_dark_current_na`; assumed."""

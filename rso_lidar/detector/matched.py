@@ -91,12 +91,6 @@ class Matched:
         return total
 
     @property
-    def height_sigma(self) -> float:
-        """Return the rms of the height fitted to noise alone, over that of the noise in a sample: 1/√(sᵀC⁻¹s)."""
-        shape = self._shape[_PHASES // 2]
-        return 1.0 / math.sqrt(float((shape * np.linalg.solve(self._covariance, shape)).sum()))
-
-    @property
     def crossings_per_s(self) -> float:
         """Return how often a second the height fitted to noise alone passes zero upward, as a function of the place.
 

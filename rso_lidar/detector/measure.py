@@ -33,15 +33,15 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     clipped = waveforms.clipped
     if clipped is None:
         clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
-    if gsfl.maps is not None and gsfl.maps.calibrated:
-        known = 1.0 - gsfl.maps.residual_fraction
-        samples = samples - (known * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
+    unknown = gsfl.maps.unknown_fraction if gsfl.maps is not None else 1.0
+    if unknown < 1.0:
+        samples = samples - ((1.0 - unknown) * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
     found_s, amplitude = _located(gsfl, waveforms, pulse, samples, clipped)
     if gsfl.ranging.walk_correction:
         found_s = correct_walk(found_s, amplitude, _walk(gsfl, pulse))
-    delay_s = waveforms.start_s[:, None] + found_s + (jitter_s + _t0_s(gsfl, camera)[waveforms.pixel])[:, None]
-    if gsfl.maps is not None and gsfl.maps.calibrated:
-        gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - gsfl.maps.residual_fraction)
+    delay_s = waveforms.start_s[:, None] + found_s + (jitter_s + unknown * camera.t0_s[waveforms.pixel])[:, None]
+    if unknown < 1.0:
+        gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - unknown)
         amplitude = amplitude / gain[:, None]
     range_m = delay_s * units.RANGE_PER_DELAY_M_S
     range_m = np.where(range_m > 0.0, range_m, np.nan)  # nothing is reported from behind the lens
@@ -60,12 +60,6 @@ def _on_rail(gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
     return held
 
 
-def _t0_s(gsfl: Gsfl, camera: Camera) -> np.ndarray:
-    """Return by how much each pixel's clock is off [s], as far as calibration does not know it."""
-    left = gsfl.maps.residual_fraction if gsfl.maps is not None and gsfl.maps.calibrated else 1.0
-    return left * camera.t0_s
-
-
 def _located(
     gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, samples: np.ndarray, clipped: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -74,7 +68,7 @@ def _located(
     threshold = gsfl.trigger.threshold_electrons / per_count
     known = {
         "sample_s": waveforms.sample_s,
-        "sigma_counts": max(gsfl.noise_electrons / per_count, 1e-3),
+        "sigma_counts": gsfl.noise_counts,
         "pole_s": gsfl.amplifier.pole_s,
     }
     if gsfl.gate is None and gsfl.max_returns == 1 and gsfl.returns == "first":
@@ -116,13 +110,6 @@ def _some(clipped: np.ndarray) -> np.ndarray | None:
     return clipped if clipped.any() else None
 
 
-def _unknown_offset_counts(gsfl: Gsfl) -> float:
-    """Return the spread of the pixels' baselines that no calibration has taken off [counts]."""
-    if gsfl.maps is None:
-        return 0.0
-    return gsfl.maps.offset_spread_counts * (gsfl.maps.residual_fraction if gsfl.maps.calibrated else 1.0)
-
-
 def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
     """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate."""
     assert gsfl.gate is not None
@@ -137,7 +124,7 @@ def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_count
         amplifier=gsfl.amplifier,
         readout=gsfl.readout,
         matched=matched,
-        offset_counts=_unknown_offset_counts(gsfl),
+        offset_counts=gsfl.maps.offset_spread_counts * gsfl.maps.unknown_fraction if gsfl.maps else 0.0,
     )
 
 
@@ -149,7 +136,7 @@ def _walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
         pulse,
         gsfl.ranging,
         sample_s=gsfl.readout.sample_s,
-        sigma_counts=max(gsfl.noise_electrons / per_count, 1e-3),
+        sigma_counts=gsfl.noise_counts,
         pole_s=gsfl.amplifier.pole_s,
         threshold_counts=gsfl.trigger.threshold_electrons / per_count,
         full_scale_counts=gsfl.full_scale_counts,

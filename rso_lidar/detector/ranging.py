@@ -6,7 +6,6 @@ known and taken off. Amplitudes are those of the pulse's peak, fitted, whatever 
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Annotated, Literal
 
@@ -301,19 +300,6 @@ def _shadowed(place: np.ndarray, height: np.ndarray, apart: float) -> np.ndarray
         near = np.abs(place[:, :, None] - place[:, None, :]) < apart
     shadowed: np.ndarray = (near & (height[:, :, None] < height[:, None, :])).any(axis=2)
     return shadowed
-
-
-def matched_statistic(
-    samples: np.ndarray, pulse: Pulse, *, sample_s: float, pole_s: float, sigma_counts: float = math.inf
-) -> tuple[np.ndarray, float, float]:
-    """Return the fitted height [counts] of a pulse that would peak at each sample, and of its noise nu_0 [1/s] and rms.
-
-    nu_0 is how often a second noise alone takes it upward through zero (Rice 1944); the rms is over that of the noise in a
-    sample. Parameters are those of `locate`; without `sigma_counts` the noise is the amplifier's alone.
-    """
-    matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
-    statistic = matched.statistic(np.ascontiguousarray(samples, np.float32))
-    return statistic, matched.crossings_per_s, matched.height_sigma
 
 
 def walk_table(

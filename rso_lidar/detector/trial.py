@@ -54,7 +54,8 @@ def plate(
     """Return the photons of `n` pixels that a plate facing the lidar fills: one return each, of no depth.
 
     `photons` (scalar or (n)) is the mean on the pixel after the optics, `pulse` the laser's step [s] and power (tap) [1/s].
-    Ranges differ by parts of a sample from pixel to pixel about `range_m`, so that no phase of the clock is favoured.
+    Ranges run evenly over a metre from `range_m` on, nearly three samples of the default, so that no phase of the clock is
+    favoured. Coherence cells are those of the seed's lens at 1064 nm, 885 in a filled pixel.
     """
     golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
     delay_s = (range_m + golden) / units.RANGE_PER_DELAY_M_S

@@ -19,9 +19,8 @@ _MISSED_OF_HALO = 1e-6  # a halo is faint and wide, and beside a bright glint it
 _FINEST = 8  # places of a ray along each side of its pixel that its light is told apart by
 _ZONES = 8  # along each side of the focal plane, in which a PSF that changes over the field is taken as one
 _BIN_FWHM = 0.1  # of the pulse: light of one pixel that comes so close together is spread as one
-_CORE = (
-    2  # pixels about its own to which each ray's light goes by the ray's place in the pixel; farther, by the pixel's
-)
+# So many pixels about its own get a ray's light by its place in the pixel; farther, the pixel's middle decides.
+_CORE = 2
 _SLAB_FWHM = 0.25  # of the pulse: light that goes farther is told apart in depth so finely
 _LEAST_PHOTONS = 0.3  # a return of less is not made: its light is shared among the others
 

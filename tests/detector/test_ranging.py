@@ -5,13 +5,13 @@ import pytest
 from scipy import stats
 
 from rso_lidar import units
+from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.ranging import (
     Ranging,
     correct_walk,
     locate,
     locate_all,
-    matched_statistic,
     walk_table,
 )
 from rso_lidar.errors import ScenarioError
@@ -358,7 +358,7 @@ def test_no_traces_and_no_pulses_are_no_returns():
 
 def test_the_statistic_is_the_amplitude_where_the_pulse_is():
     samples = traces([9 * SAMPLE_S - PULSE.peak_s], [700.0])
-    statistic, _, _ = matched_statistic(samples, PULSE, sample_s=SAMPLE_S, pole_s=POLE_S)
+    statistic = Matched.of(PULSE, SAMPLE_S, POLE_S, math.inf).statistic(samples)
     assert statistic.shape == samples.shape
     assert statistic[0].argmax() == 9 and statistic[0, 9] == pytest.approx(700.0, rel=1e-5)
 
@@ -367,7 +367,7 @@ def test_its_noise_is_what_the_bound_of_the_amplitude_says():
     # White noise: the matched filter's gain over a single sample is sqrt(sum s^2) = sqrt(sqrt(pi) s / dt) = 1.59.
     rng = np.random.default_rng(9)
     white = rng.standard_normal((4000, 40)).astype(np.float32) * NOISE
-    statistic, _, _ = matched_statistic(white, pulse_behind(NO_POLE_S), sample_s=SAMPLE_S, pole_s=NO_POLE_S)
+    statistic = Matched.of(pulse_behind(NO_POLE_S), SAMPLE_S, NO_POLE_S, math.inf).statistic(white)
     gain = NOISE / statistic[:, 20].std()
     assert gain == pytest.approx(1.59, abs=0.005 + 1.59 * 3.9 / math.sqrt(2 * 4000))
 
@@ -378,7 +378,8 @@ def test_noise_makes_as_many_false_returns_as_rice_says(pole_s):
     n, n_traces, u = 30, 20_000, 2.8
     pulse = pulse_behind(pole_s)
     samples = noisy(np.zeros((n_traces, n)), rng, pole_s)
-    statistic, crossings_per_s, _ = matched_statistic(samples, pulse, sample_s=SAMPLE_S, pole_s=pole_s)
+    matched = Matched.of(pulse, SAMPLE_S, pole_s, math.inf)
+    statistic, crossings_per_s = matched.statistic(samples), matched.crossings_per_s
     sigma = statistic[:, 10:20].std()
     found_s, _ = locate_all(samples, pulse, Ranging(), **known(pole_s, threshold=u * sigma), most=4)
     inside = (found_s + pulse.peak_s > 6 * SAMPLE_S) & (found_s + pulse.peak_s < 24 * SAMPLE_S)
