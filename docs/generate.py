@@ -30,7 +30,8 @@ UNITS = {
     "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "mj": "mJ",
     "m_s": "m/s", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "kg_m2": "kg m²", "per_s": "1/s",
     "counts": "counts", "photons": "photons", "electrons": "electrons", "per_sr": "1/sr", "mhz": "MHz", "na": "nA",
-    "nf": "nF", "ohm": "Ω", "per_v": "1/V",
+    "nf": "nF", "ohm": "Ω", "per_v": "1/V", "m_s2": "m/s²", "m2": "m²", "n": "N", "rev_day": "rev/day",
+    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "per_earth_radius": "1/R⊕", "kg": "kg",
 }  # fmt: skip
 UNITS_BY_NAME = {
     "counts_per_photon": "counts/photon", "electrons_per_count": "electrons/count", "adc_bits": "bits",
@@ -193,7 +194,9 @@ def _said(annotation: Any, metadata: list[Any]) -> str:
         return " or ".join(f'`"{value}"`' if isinstance(value, str) else f"`{value}`" for value in args)
     if origin is tuple:
         return _said_tuple(args, metadata)
-    words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    if origin is dict:
+        return f"table of {_said(args[1], [])} by name"
+    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "text"}
     if annotation is datetime.datetime:
         return "date and time with offset"
     if any(getattr(item, "pattern", None) for item in metadata):

@@ -7,7 +7,6 @@ axes a, so ``a_from_c = a_from_b * b_from_c``. A `Link` adds how fast: it is wha
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -33,11 +32,10 @@ def turned(rotation: Rotation | np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """
     matrix = rotation.as_matrix() if isinstance(rotation, Rotation) else rotation
     vectors = np.asarray(vectors, dtype=float)
-    product: np.ndarray = (
-        matrix[..., 0] * vectors[..., 0, None]
-        + matrix[..., 1] * vectors[..., 1, None]
-        + matrix[..., 2] * vectors[..., 2, None]
-    )
+    v0, v1, v2 = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    product = np.empty(np.broadcast_shapes(matrix.shape[:-1], vectors.shape))
+    for row in range(3):
+        product[..., row] = matrix[..., row, 0] * v0 + matrix[..., row, 1] * v1 + matrix[..., row, 2] * v2
     return product
 
 
@@ -52,64 +50,104 @@ def quaternion_xyzw(rotation: Rotation) -> np.ndarray:
     return quaternion
 
 
-@dataclass(frozen=True, eq=False)
 class Link:
     """How one set of axes (the child) stands and moves in another (the parent); single, or batched over epochs.
 
-    `pose` is parent_from_child. `velocity_m_s` (…, 3) is the rate of the child's origin as the parent sees it, in parent
-    axes [m/s]; where the parent turns, that contains the transport term. `angular_velocity_rad_s` (…, 3) is the child's
-    relative to the parent, in child axes [rad/s].
+    `translation_m` (…, 3) is where the child's origin is, in parent axes [m], and `matrix` (…, 3, 3) is parent_from_child;
+    `pose` is both as one RigidTransform. `velocity_m_s` (…, 3) is the rate of the child's origin as the parent sees it, in
+    parent axes [m/s]; where the parent turns, that contains the transport term. `angular_velocity_rad_s` (…, 3) is the
+    child's relative to the parent, in child axes [rad/s].
     """
 
-    pose: RigidTransform
-    velocity_m_s: np.ndarray
-    angular_velocity_rad_s: np.ndarray
+    __slots__ = ("_pose", "angular_velocity_rad_s", "matrix", "translation_m", "velocity_m_s")
 
-    def __post_init__(self) -> None:
-        for name in ("velocity_m_s", "angular_velocity_rad_s"):
-            locked = np.asarray(getattr(self, name), dtype=float).view()
-            locked.flags.writeable = False
-            object.__setattr__(self, name, locked)
+    def __init__(
+        self,
+        pose: RigidTransform | tuple[np.ndarray, np.ndarray],
+        velocity_m_s: np.ndarray,
+        angular_velocity_rad_s: np.ndarray,
+    ) -> None:
+        """Take parent_from_child as a pose, or as translation [m] (…, 3) and rotation matrix (…, 3, 3)."""
+        known = pose if isinstance(pose, RigidTransform) else None
+        given = pose if isinstance(pose, tuple) else (pose.translation, pose.rotation.as_matrix())
+        self.translation_m, self.matrix, self.velocity_m_s, self.angular_velocity_rad_s = (
+            _locked(vectors) for vectors in (*given, velocity_m_s, angular_velocity_rad_s)
+        )
+        self._pose: RigidTransform | None = known
+
+    @property
+    def pose(self) -> RigidTransform:
+        """Return parent_from_child."""
+        if self._pose is None:
+            self._pose = pose(self.translation_m, self.rotation)
+        return self._pose
+
+    @property
+    def rotation(self) -> Rotation:
+        """Return the rotation in parent_from_child."""
+        return Rotation.from_matrix(self.matrix, assume_valid=True)
 
     @staticmethod
     def still(parent_from_child: RigidTransform | None = None) -> Link:
         """Return a link that does not move."""
-        still = RigidTransform.identity() if parent_from_child is None else parent_from_child
+        still = (np.zeros(3), np.eye(3)) if parent_from_child is None else parent_from_child
         return Link(still, np.zeros(3), np.zeros(3))
 
     @property
     def single(self) -> bool:
         """Return whether the link holds one epoch (or is the same at all)."""
-        single: bool = self.pose.single
-        return single and self.velocity_m_s.ndim == 1 and self.angular_velocity_rad_s.ndim == 1
+        moving = (self.translation_m, self.velocity_m_s, self.angular_velocity_rad_s)
+        return self.matrix.ndim == 2 and all(vectors.ndim == 1 for vectors in moving)
 
     def __mul__(self, inner: Link) -> Link:
         """Return the link a-c from a-b and b-c; rates by the transport theorem."""
-        rotation = self.pose.rotation
-        carried = np.cross(self.angular_velocity_rad_s, inner.pose.translation)
+        carried = cross(self.angular_velocity_rad_s, inner.translation_m)
         return Link(
-            self.pose * inner.pose,
-            self.velocity_m_s + turned(rotation, inner.velocity_m_s + carried),
-            turned(inner.pose.rotation.inv(), self.angular_velocity_rad_s) + inner.angular_velocity_rad_s,
+            (self.translation_m + turned(self.matrix, inner.translation_m), np.matmul(self.matrix, inner.matrix)),
+            self.velocity_m_s + turned(self.matrix, inner.velocity_m_s + carried),
+            turned(_back(inner.matrix), self.angular_velocity_rad_s) + inner.angular_velocity_rad_s,
         )
 
     def inv(self) -> Link:
         """Return the link as the child sees the parent."""
-        inverse = self.pose.inv()
-        rotation = inverse.rotation
-        velocity = -turned(rotation, self.velocity_m_s) - np.cross(self.angular_velocity_rad_s, inverse.translation)
-        return Link(inverse, velocity, -turned(self.pose.rotation, self.angular_velocity_rad_s))
+        back = _back(self.matrix)
+        translation = -turned(back, self.translation_m)
+        velocity = -turned(back, self.velocity_m_s) - cross(self.angular_velocity_rad_s, translation)
+        return Link((translation, back), velocity, -turned(self.matrix, self.angular_velocity_rad_s))
 
     def __getitem__(self, epoch: int | slice) -> Link:
         """Return the link at one epoch, or at a slice of them."""
         if self.single:
             return self
 
-        def at(vectors: np.ndarray) -> np.ndarray:
-            return vectors if vectors.ndim == 1 else vectors[epoch]
+        def at(values: np.ndarray, single: int) -> np.ndarray:
+            return values if values.ndim == single else values[epoch]
 
-        transform = self.pose if self.pose.single else self.pose[epoch]
-        return Link(transform, at(self.velocity_m_s), at(self.angular_velocity_rad_s))
+        return Link(
+            (at(self.translation_m, 1), at(self.matrix, 2)),
+            at(self.velocity_m_s, 1),
+            at(self.angular_velocity_rad_s, 1),
+        )
+
+
+def _locked(values: np.ndarray) -> np.ndarray:
+    locked = np.asarray(values, dtype=float).view()
+    locked.flags.writeable = False
+    return locked
+
+
+def _back(matrix: np.ndarray) -> np.ndarray:
+    return np.swapaxes(matrix, -1, -2)
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the vector products of vectors (…, 3)."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    a0, a1, a2, b0, b1, b2 = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    product[..., 0] = a1 * b2 - a2 * b1
+    product[..., 1] = a2 * b0 - a0 * b2
+    product[..., 2] = a0 * b1 - a1 * b0
+    return product
 
 
 class PoseTree(Mapping[str, Link]):
@@ -146,13 +184,27 @@ class PoseTree(Mapping[str, Link]):
 
     def pose(self, a: str, b: str) -> RigidTransform:
         """Return a_from_b (seed eq. 5), batched where the tree is."""
+        translation, matrix = self.place(a, b)
+        return pose(translation, Rotation.from_matrix(matrix, assume_valid=True))
+
+    def place(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return a_from_b as translation [m] (…, 3) and rotation matrix (…, 3, 3): the same as `pose`, and sooner."""
         up, down = self._path(a, b)
-        transform = RigidTransform.identity()
+        translation, matrix = np.zeros(3), np.eye(3)
         for name in up:
-            transform = transform * self._links[name].pose.inv()
+            link = self._links[name]
+            back = _back(link.matrix)
+            translation, matrix = (
+                translation - turned(matrix, turned(back, link.translation_m)),
+                np.matmul(matrix, back),
+            )
         for name in down:
-            transform = transform * self._links[name].pose
-        return transform
+            link = self._links[name]
+            translation, matrix = (
+                translation + turned(matrix, link.translation_m),
+                np.matmul(matrix, link.matrix),
+            )
+        return translation, matrix
 
     def link(self, a: str, b: str) -> Link:
         """Return pose and rates of b as a sees it: velocity in a's axes, angular velocity in b's."""

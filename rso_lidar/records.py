@@ -376,7 +376,9 @@ class Command:
     """What a controller may ask of the next flash; None keeps the scenario's demand. Pan left, tilt up positive.
 
     `focal_length_m` turns a zoom lens, `divergence_rad` (full angle) an actuated diffuser, `energy_j` is that of one pulse
-    and `gate_delay_s` the two-way delay at which a range gate opens.
+    and `gate_delay_s` the two-way delay at which a range gate opens. `inputs` are the u of state-space models, by the name
+    of the body whose motion it is (``follower``), or else whose attitude; where a body has both, its attitude's are
+    ``follower.attitude``.
     """
 
     pan_rad: float | None = None
@@ -385,3 +387,4 @@ class Command:
     divergence_rad: float | None = None
     energy_j: float | None = None
     gate_delay_s: float | None = None
+    inputs: Mapping[str, Any] | None = None

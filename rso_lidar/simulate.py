@@ -5,6 +5,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
@@ -60,17 +61,18 @@ def _fly(
 ) -> Iterator[Frame]:
     _ = scenario.surfaces, scenario.source, scenario.instrument  # worked out once, before workers share them
     with scenario.placed():
-        course = motion.truth(
-            scenario.bodies, scenario.epochs(numbers), local=scenario.local, sun_direction=scenario.world.sun_direction
+        world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+        course = motion.Course(scenario.bodies, scenario.epochs(numbers), commanded=controller is not None, **world)
+        aim = motion.Aim(
+            scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )
-        aim = motion.Aim(scenario.ptu, scenario.lidar.mount, scenario.bodies, *scenario.span, local=scenario.local)
     # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
     ahead, bands = (0, threads) if controller else (threads or os.cpu_count() or 1, 1)
     made: deque[Future[Frame]] = deque()
     command: Command | None = None
     with ThreadPoolExecutor(max(1, ahead), thread_name_prefix="flash") as workers:
         for row, k in enumerate(numbers.tolist()):
-            truth = aim.at(course.at(row), command, scenario.rng(k, POINTING))
+            truth = aim.at(course.at(row, command), command, scenario.rng(k, POINTING))
             lidar = scenario.instrument.at(truth.time_s, command)
             rng = scenario.rng(k, DETECTION)
             made.append(workers.submit(flash, scenario, truth, rng, bands, lidar=lidar, index=k, keep=keep))

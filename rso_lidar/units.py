@@ -15,11 +15,32 @@ ELEMENTARY_CHARGE_C = 1.602_176_634e-19
 EARTH_GM_M3_S2 = 3.986_004_418e14
 EARTH_RADIUS_M = 6_378_137.0
 
+# Zonal harmonics of EGM96, tide free (Lemoine et al. 1998): J_n = -sqrt(2 n + 1) C_n0, which belong to its own radius.
+EARTH_J2 = 1.082_626_683_6e-3
+EARTH_J3 = -2.532_656_485e-6
+EARTH_J4 = -1.619_621_591e-6
+EARTH_J5 = -2.272_960_83e-7
+EARTH_J6 = 5.406_812_39e-7
+EARTH_ZONAL_RADIUS_M = 6_378_136.3
+
+# IERS Conventions 2010, table 1.1, to the digits of WGS84.
+EARTH_ROTATION_RAD_S = 7.292_115e-5
+
+# DE430 (Folkner et al. 2014, IPN 42-196), table 8.
+SUN_GM_M3_S2 = 1.327_124_400_42e20
+MOON_GM_M3_S2 = 4.902_800_066e12
+
+# IAU working group on cartographic coordinates (2015): mean radius.
+MOON_RADIUS_M = 1.737_4e6
+
 # IAU 2012 resolution B2, exact.
 ASTRONOMICAL_UNIT_M = 149_597_870_700.0
 
 # IAU 2015 resolution B3, nominal.
 SUN_RADIUS_M = 6.957e8
+
+# IAU 2015 resolution B3, nominal irradiance at 1 AU, 1361 W/m2, over the speed of light: on what absorbs it.
+SOLAR_PRESSURE_N_M2 = 1361.0 / SPEED_OF_LIGHT_M_S
 
 DAY_S = 86_400.0
 

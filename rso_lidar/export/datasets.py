@@ -184,7 +184,7 @@ def values(frame: Frame) -> dict[str, Any]:
     quaternions = Rotation.from_matrix(np.array(rotations)).as_quat(canonical=True)
     for place, (name, matrix) in enumerate(seen.items()):
         link = truth.poses[name]
-        found[f"truth/{name}/parent_position"] = link.pose.translation
+        found[f"truth/{name}/parent_position"] = link.translation_m
         found[f"truth/{name}/parent_quaternion"] = quaternions[place]
         found[f"truth/{name}/velocity"] = link.velocity_m_s
         found[f"truth/{name}/angular_velocity"] = link.angular_velocity_rad_s

@@ -1,42 +1,63 @@
 """Where everything is, and how it is turned."""
 
+from rso_lidar.motion.aem import AttitudeTable
 from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
+from rso_lidar.motion.course import Course
 from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.epochs import Epochs, utc_text
-from rso_lidar.motion.hill import Hill
-from rso_lidar.motion.kepler import Kepler, State
+from rso_lidar.motion.joint import FixedAngle, FollowSun, Joint, PlannedAngle
 from rso_lidar.motion.point import FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.motion.ptu import FirstOrder, Ideal, Mount, PointingErrors, Ptu, SecondOrder, sense, start, step
-from rso_lidar.motion.sgp4_orbit import Tle
-from rso_lidar.motion.truth import truth
+from rso_lidar.motion.ptu import (
+    FirstOrder,
+    Ideal,
+    Mount,
+    PointingErrors,
+    Ptu,
+    SecondOrder,
+    StateSpaceDrive,
+    sense,
+    start,
+    step,
+)
+from rso_lidar.motion.slew import Slew
+from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.sunward import Nadir, SunPointing
+from rso_lidar.motion.truth import Chief, truth, unwarned
 
 __all__ = [
     "LIDAR_FROM_PTU",
     "Aim",
+    "AttitudeTable",
     "Axes",
     "Body",
-    "Epochs",
+    "Chief",
+    "Course",
     "FirstOrder",
     "Fixed",
+    "FixedAngle",
     "FixedAttitude",
     "FixedPoint",
-    "Hill",
+    "FollowSun",
     "Ideal",
-    "Kepler",
+    "Joint",
     "LookAt",
     "LvlhCcsds",
     "Mount",
+    "Nadir",
+    "PlannedAngle",
     "PointingErrors",
     "Ptu",
     "Rtn",
     "ScanPoint",
     "SecondOrder",
+    "Slew",
     "Spin",
-    "State",
+    "StateSpace",
+    "StateSpaceAttitude",
+    "StateSpaceDrive",
+    "SunPointing",
     "Table",
-    "Tle",
     "TrackPoint",
     "Tumble",
     "asked",
@@ -45,7 +66,7 @@ __all__ = [
     "start",
     "step",
     "truth",
-    "utc_text",
+    "unwarned",
     "with_lidar",
     "working_order",
 ]

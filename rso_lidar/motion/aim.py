@@ -1,16 +1,16 @@
 """From the follower to the lidar: what the PTU is asked, and the axes it and the lidar end up in."""
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.motion.body import Body
-from rso_lidar.motion.epochs import Epochs
 from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
 from rso_lidar.motion.ptu import Mount, Ptu, ptu_link, sense, start, step
-from rso_lidar.motion.truth import truth, unwarned
+from rso_lidar.motion.truth import Flights, truth, unwarned
+from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, turned
 from rso_lidar.records import Command, PtuAngles, Truth
 
@@ -18,16 +18,43 @@ from rso_lidar.records import Command, PtuAngles, Truth
 LIDAR_FROM_PTU = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
 
 
-def demand(ptu: Ptu, bodies: Sequence[Body], start_utc: datetime.datetime, end_s: float, *, local: bool) -> Demand:
-    """Return the pan and tilt that the scenario asks of the PTU, as a function of time up to `end_s` [s]."""
+def demand(
+    ptu: Ptu,
+    bodies: Sequence[Body],
+    start_utc: datetime.datetime,
+    end_s: float,
+    *,
+    local: bool,
+    sun_direction: Sequence[float] | None = None,
+    flights: Flights | None = None,
+) -> Demand:
+    """Return the pan and tilt that the scenario asks of the PTU, as a function of time up to `end_s` [s].
+
+    Where bodies fly under commands (`flights`), it may be asked up to the next flash only.
+    """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand
 
     def directions(time_s: np.ndarray) -> np.ndarray:
         with unwarned():
-            return _toward(ptu, bodies, truth(bodies, Epochs(start_utc, time_s), local=local))
+            there = truth(bodies, Epochs(start_utc, time_s), local=local, sun_direction=sun_direction, flights=flights)
+            return _toward(ptu, bodies, there)
 
-    return DemandCurve(directions, end_s)
+    return _followed(directions) if flights else DemandCurve(directions, end_s)
+
+
+def _followed(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
+    """Return a demand that asks for the directions of the very instants; pan goes on from where it was asked last."""
+    last_rad = 0.0
+
+    def follow(time_s: np.ndarray) -> np.ndarray:
+        nonlocal last_rad
+        pan, tilt = pan_tilt(directions(time_s))
+        pan = np.unwrap(np.append(last_rad, pan))[1:]
+        last_rad = float(pan[-1])
+        return np.stack([pan, tilt], axis=-1)
+
+    return follow
 
 
 def asked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
@@ -41,7 +68,7 @@ def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
-    from_follower = course.pose("follower", origins.get(ptu.point.at, ptu.point.at)).translation
+    from_follower, _ = course.poses.place("follower", origins.get(ptu.point.at, ptu.point.at))
     toward = turned(ptu.mount.rotation.inv(), from_follower - np.asarray(ptu.mount.position_m))
     return np.broadcast_to(toward, (len(course.time_s), 3))
 
@@ -58,11 +85,15 @@ class Aim:
         end_s: float,
         *,
         local: bool,
+        sun_direction: Sequence[float] | None = None,
+        flights: Flights | None = None,
     ) -> None:
         """Start at t = 0 with the PTU at rest on its demand; `mount` is the lidar's, `end_s` [s] the last flash's."""
         self._ptu, self._mount = ptu, mount
         if ptu is not None:
-            self._demand = demand(ptu, bodies, start_utc, end_s, local=local)
+            self._demand = demand(
+                ptu, bodies, start_utc, end_s, local=local, sun_direction=sun_direction, flights=flights
+            )
             self._state = start(ptu, self._demand)
 
     def at(self, course: Truth, command: Command | None, rng: np.random.Generator) -> Truth:

@@ -6,6 +6,7 @@ At one epoch the answer has the same bits whichever other epochs are asked for.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,6 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.free_rotation import free_rotation
+from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.part import Direction, Number, Part, Quaternion, Text, Vector
 from rso_lidar.pose import euler_zyx
 
@@ -49,6 +52,10 @@ class FixedAttitude(Part):
         """Return axes_from_body, single, and the body rates (…, 3) [rad/s], zero, at `time_s` (…) [s]."""
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned: in the root's axes where it orbits, in its host's elsewhere."""
+        return Turn(*self.orientation(here.epochs.time_s), in_origin=not here.orbits)
+
 
 class Rtn(Part):
     """Turned with the body's own rtn axes (x radially out, z along r x v, y = z x x), then by `euler_zyx_deg`."""
@@ -63,6 +70,10 @@ class Rtn(Part):
         array([0., 1., 0.])
         """
         return euler_zyx(self.euler_zyx_deg)
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned: it stands still in the axes of its orbit."""
+        return Turn(self.rtn_from_body(), np.zeros(3), in_origin=True)
 
 
 class LvlhCcsds(Part):
@@ -79,6 +90,10 @@ class LvlhCcsds(Part):
         """
         return RTN_FROM_LVLH_CCSDS * euler_zyx(self.euler_zyx_deg)
 
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned: it stands still in the axes of its orbit."""
+        return Turn(self.rtn_from_body(), np.zeros(3), in_origin=True)
+
 
 class LookAt(Part):
     """Body +x toward the name `at`, body +z as near `up` (root axes) as can be.
@@ -89,6 +104,12 @@ class LookAt(Part):
     type: Literal["look_at"] = "look_at"
     at: Text
     up: Direction | None = None
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned toward what it looks at."""
+        line, rate = here.line(self.at)
+        up = here.upward if self.up is None else np.array(self.up, dtype=float)
+        return Turn(*look_at(line, rate, np.broadcast_to(up, line.shape)))
 
 
 class Spin(Part):
@@ -113,9 +134,23 @@ class Spin(Part):
         >>> rotation.apply([1, 0, 0]).round(12)
         array([0., 1., 0.])
         """
-        rate = self.body_rate_rad_s
-        turned = Rotation.from_rotvec(np.multiply.outer(np.asarray(time_s, dtype=float), rate))
-        return Rotation.from_quat(self.quaternion_xyzw) * turned, np.broadcast_to(rate, (*np.shape(time_s), 3)).copy()
+        along, across, out, rate = self._rodrigues
+        angle = np.asarray(time_s, dtype=float)[..., None, None] * (self.rate_deg_s * units.DEG)
+        matrix = along + np.cos(angle) * across + np.sin(angle) * out
+        return Rotation.from_matrix(matrix, assume_valid=True), np.tile(rate, (*np.shape(time_s), 1))
+
+    @cached_property
+    def _rodrigues(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return what of the first matrix stays, what turns with the cosine and with the sine, and the rate [rad/s]."""
+        x, y, z = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
+        start = Rotation.from_quat(self.quaternion_xyzw).as_matrix()
+        along = np.matmul(start, np.outer((x, y, z), (x, y, z)))
+        out = np.matmul(start, np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+        return along, start - along, out, self.body_rate_rad_s
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned."""
+        return Turn(*self.orientation(here.epochs.time_s))
 
 
 def _three_or_nine(inertia: Any) -> Any:
@@ -167,9 +202,13 @@ class Tumble(Part):
         """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
         time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
         rate = np.asarray(self.body_rate_deg_s, dtype=float) * units.DEG
-        turned, rates = _free_rotation(self.inertia_tensor_kg_m2, rate, time)
+        turned, rates = free_rotation(self.inertia_tensor_kg_m2, rate, time)
         rotation = Rotation.from_quat(self.quaternion_xyzw) * turned
         return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned."""
+        return Turn(*self.orientation(here.epochs.time_s))
 
 
 def look_at(
@@ -218,142 +257,3 @@ def look_at(
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     product: np.ndarray = np.sum(a * b, axis=-1, keepdims=True)
     return product
-
-
-# ------------------------------------------------------------------------------------------------- free of torque
-
-
-def _free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tuple[Rotation, np.ndarray]:
-    """Return first_body_from_body (time) and body rates (time, 3) [rad/s] of a torque-free rigid body (Euler, Jacobi).
-
-    In principal axes a, b, c, right-handed, b the middle one and c the one that the body keeps circling (Landau &
-    Lifshitz, Mechanics, section 37): w_a = A cn u, w_b = B sn u, w_c = C dn u with u = lambda t + u0 and parameter m.
-    The attitude is a turn psi about the angular momentum after the least rotation that brings it from its place in the
-    body to axis c; then d psi / dt = w . (l + e_c) / (1 + l . e_c), with l its direction in the body, is regular for
-    every motion. It depends on dn alone, so that its integral over half a period is tabulated once.
-
-    Within rounding of the separatrix the last bit of the input decides when the next flip comes, as a breath would.
-    """
-    speed = float(np.linalg.norm(rate))
-    moments, axes = np.linalg.eigh(inertia / np.abs(inertia).max())  # rising moments
-    w = axes.T @ (rate / speed) if speed else np.zeros(3)
-    least, middle, most = moments
-    circling_most = most * (most - middle) * w[2] ** 2
-    circling_least = least * (middle - least) * w[0] ** 2
-    if circling_most == circling_least == 0.0:  # a sphere, no rate, or a spin about a principal axis
-        return Rotation.from_rotvec(np.multiply.outer(time, rate)), np.broadcast_to(rate, (time.size, 3)).copy()
-
-    a, b, c = (0, 1, 2) if circling_most >= circling_least else (2, 1, 0)
-    sign_c = 1.0 if w[c] >= 0.0 else -1.0  # c points along the momentum
-    e_a, e_c = axes[:, a], axes[:, c] * sign_c
-    e_b = np.cross(e_c, e_a)
-    i_a, i_b, i_c = moments[[a, b, c]]
-    w_a, w_b, w_c = (float(e @ rate) / speed for e in (e_a, e_b, e_c))
-
-    # Amplitudes from the first integrals; each sum has terms of one sign, so nothing cancels.
-    amplitude_a = np.sqrt(w_a**2 + w_b**2 * (i_b * (i_c - i_b)) / (i_a * (i_c - i_a)))
-    amplitude_b = amplitude_a * np.sqrt(i_a * (i_c - i_a) / (i_b * (i_c - i_b))) * np.sign(i_c - i_a)
-    amplitude_c = np.sqrt(w_c**2 + w_b**2 * (i_b * (i_b - i_a)) / (i_c * (i_c - i_a)))
-    slowness = np.sqrt((i_c - i_a) * (i_c - i_b) / (i_a * i_b)) * amplitude_c  # lambda
-    beyond = abs(circling_most - circling_least)
-    m1 = max(beyond / (i_c * abs(i_c - i_b) * amplitude_c**2), 1e-32)  # 1 - m; its floor is rounding, squared
-    m1 = min(m1, 1.0)
-
-    functions = _Jacobi(m1, i_c * amplitude_c)
-    sine, cosine = (w_b / amplitude_b, w_a / amplitude_a) if amplitude_a else (0.0, 1.0)
-    u0 = functions.argument(sine, cosine)
-    u = np.append(0.0, slowness * speed * time) + u0  # the first is t = 0
-    sn, cn, dn = functions.values(u)
-    momentum = np.stack([i_a * amplitude_a * cn, i_b * amplitude_b * sn, i_c * amplitude_c * dn], axis=-1)
-    size = float(np.linalg.norm(moments[[a, b, c]] * [w_a, w_b, w_c]))
-
-    # psi = L t / I_c + (2 E - L^2 / I_c) * integral of dt / (L + I_c w_c); the bracket as a sum of one sign
-    bracket = (i_a * (i_c - i_a) * w_a**2 + i_b * (i_c - i_b) * w_b**2) / i_c
-    integral = functions.integral(u, size)
-    psi = size / i_c * np.append(0.0, speed * time) + bracket / slowness * (integral - integral[0])
-
-    direction = momentum / np.linalg.norm(momentum, axis=-1, keepdims=True)
-    zero = np.zeros_like(psi)
-    least_turn = Rotation.from_quat(np.stack([direction[:, 1], -direction[:, 0], zero, 1.0 + direction[:, 2]], axis=-1))
-    momentum_from_principal = (
-        Rotation.from_quat(np.stack([zero, zero, np.sin(psi / 2), np.cos(psi / 2)], axis=-1)) * least_turn
-    )
-    body_from_principal = Rotation.from_matrix(np.stack([e_a, e_b, e_c], axis=-1))
-    first = body_from_principal * momentum_from_principal[0].inv()
-    turned = first * momentum_from_principal[1:] * body_from_principal.inv()
-    parts = momentum[1:] / (i_a, i_b, i_c) * speed
-    return turned, parts[:, :1] * e_a + parts[:, 1:2] * e_b + parts[:, 2:] * e_c
-
-
-class _Jacobi:
-    """Jacobi's sn, cn, dn of parameter 1 - m1 for any argument, and the integral of 1 / (size + weight dn)."""
-
-    NODES = 24  # in a panel of width 1 the integrand, analytic to |Im u| < pi/2, is met to 6.4^-24 < 1e-18
-
-    def __init__(self, m1: float, weight: float) -> None:
-        from scipy.special import ellipkm1
-
-        self.m1, self.weight = float(m1), float(weight)
-        self.quarter = float(ellipkm1(self.m1))  # K, a quarter of a period
-
-    def argument(self, sine: float, cosine: float) -> float:
-        """Return u where sn u = sine and cn u = cosine, in [-2K, 2K] (Carlson's R_F, DLMF 19.25.5)."""
-        from scipy.special import elliprf
-
-        u = sine * float(elliprf(cosine**2, cosine**2 + self.m1 * sine**2, sine**2 + cosine**2))
-        return u if cosine >= 0.0 else float(np.copysign(2.0 * self.quarter, sine)) - u
-
-    def reduced(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how many half periods to leave out of `u`, and what then remains in [-K, K]."""
-        turns = np.rint(u / (2.0 * self.quarter))
-        return turns, u - 2.0 * self.quarter * turns
-
-    def values(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sn, cn, dn at `u`."""
-        from scipy.special import ellipj
-
-        turns, v = self.reduced(u)
-        sign = 1.0 - 2.0 * np.mod(turns, 2.0)
-        if self.m1 >= 0.5:
-            sn, cn, dn, _ = ellipj(v, 1.0 - self.m1)
-            return sign * sn, sign * cn, dn
-        # Near the separatrix: fold at K/2, then Gauss's ascending steps until sech and tanh are exact (A&S 16.14).
-        far = np.abs(v) > self.quarter / 2
-        v_near = np.where(far, self.quarter - np.abs(v), np.abs(v))
-        roots, m1 = [], self.m1
-        while m1 > 1e-34:
-            root = m1 / (1.0 + np.sqrt(1.0 - m1)) ** 2
-            v_near = v_near / (1.0 + root)
-            roots.append(root)
-            m1 = root * root
-        sn, dn = np.tanh(v_near), 1.0 / np.cosh(v_near)
-        cn = dn
-        for root in reversed(roots):
-            sn, cn, dn = (
-                (1.0 + root) * sn * cn / dn,
-                (dn * dn - root) / ((1.0 - root) * dn),
-                (dn * dn + root) / ((1.0 + root) * dn),
-            )
-        k1 = np.sqrt(self.m1)
-        sn, cn, dn = np.where(far, cn / dn, sn), np.where(far, k1 * sn / dn, cn), np.where(far, k1 / dn, dn)
-        return sign * np.copysign(sn, v), sign * cn, dn
-
-    def integral(self, u: np.ndarray, size: float) -> np.ndarray:
-        """Return the integral of dv / (size + weight dn v) from 0 to `u`: panels over [0, K], then periods."""
-        from numpy.polynomial import chebyshev
-
-        panels = max(1, int(np.ceil(self.quarter)))
-        width = self.quarter / panels
-        nodes = chebyshev.chebpts1(self.NODES)
-        dn = self.values(((np.arange(panels)[:, None] + (nodes + 1.0) / 2.0) * width).ravel())[2]
-        values = (1.0 / (size + self.weight * dn)).reshape(panels, self.NODES)
-        pieces = chebyshev.chebint(chebyshev.chebfit(nodes, values.T, self.NODES - 1), lbnd=-1.0, scl=width / 2.0)
-        ends = np.cumsum(chebyshev.chebval(1.0, pieces))
-        pieces[0, 1:] += ends[:-1]
-
-        turns, v = self.reduced(u)
-        scaled = np.abs(v) / width
-        panel = np.minimum(scaled.astype(int), panels - 1)
-        part = chebyshev.chebval(2.0 * (scaled - panel) - 1.0, pieces[:, panel], tensor=False)
-        total: np.ndarray = 2.0 * ends[-1] * turns + np.copysign(part, v)
-        return total

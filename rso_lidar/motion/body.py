@@ -7,32 +7,59 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
+from rso_lidar.motion.attitude import LookAt, LvlhCcsds, Rtn
 from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.hill import Hill
-from rso_lidar.motion.kepler import Kepler, State
+from rso_lidar.motion.joint import Joint
+from rso_lidar.motion.laws import Law, no_bare_lvlh
 from rso_lidar.motion.ptu import Mount
-from rso_lidar.motion.sgp4_orbit import Tle
+from rso_lidar.motion.slew import Slew
+from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.sunward import Nadir
+from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.part import Name, Part
+from rso_lidar.rpo import (
+    Circumnavigation,
+    CoElliptic,
+    ForcedCircumnavigation,
+    Hill,
+    Hop,
+    Lambert,
+    Nonlinear,
+    RBarApproach,
+    RelativeElements,
+    RelativeMotion,
+    Rendezvous,
+    SafetyEllipse,
+    StationKeeping,
+    Teardrop,
+    VBarApproach,
+    Waypoints,
+    YamanakaAnkersen,
+)
 
 RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
-def _no_bare_lvlh(table: Any) -> Any:
-    tag = table.get("type") if isinstance(table, dict) else None
-    if tag in ("lvlh", "LVLH"):
-        raise ValueError(
-            "'lvlh' means two things: write 'rtn' (x radially out, z along the orbit normal) "
-            "or 'lvlh_ccsds' (z to nadir, y against the orbit normal)"
-        )
-    return table
-
-
-Orbit = (Tle, Kepler, State, Hill)
-Motion = Annotated[Tle | Kepler | State | Hill | Fixed | Table, Field(discriminator="type")]
+Orbit = Tle | Omm | Kepler | State | J2 | Numerical | Ephemeris
+Relative = Hill | YamanakaAnkersen | RelativeElements | Nonlinear
+Operation = (
+    StationKeeping
+    | VBarApproach
+    | RBarApproach
+    | Hop
+    | CoElliptic
+    | Circumnavigation
+    | SafetyEllipse
+    | Teardrop
+    | ForcedCircumnavigation
+    | Waypoints
+    | Rendezvous
+    | Lambert
+)
+Motion = Annotated[Orbit | Relative | Operation | StateSpace | Fixed | Table, Field(discriminator="type")]
 Attitude = Annotated[
-    Annotated[FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble, Field(discriminator="type")],
-    BeforeValidator(_no_bare_lvlh),
+    Annotated[Law | Slew | StateSpaceAttitude, Field(discriminator="type")],
+    BeforeValidator(no_bare_lvlh),
 ]
 
 
@@ -57,7 +84,18 @@ class Body(Part):
     @property
     def orbits(self) -> bool:
         """Return whether the body has an orbit, and so rtn axes of its own."""
-        return isinstance(self.motion, Orbit)
+        if isinstance(self.motion, StateSpace):
+            return self.motion.axes != "local"
+        return isinstance(self.motion, Orbit | RelativeMotion)
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Return the hinges of the body; what has parts says which."""
+        return ()
+
+    def joint_axes(self, joint: Joint) -> str:
+        """Return the name of a hinge's axes."""
+        return f"{self.name}.{joint.name}"
 
     @property
     def origin(self) -> str:
@@ -106,6 +144,10 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
             f"{body.name}.motion: '{motion.type}' needs an Earth, and [world] axes = \"local\" has none; "
             "use 'fixed' or 'table', or leave out [world]"
         )
+    if not local and isinstance(motion, StateSpace) and motion.axes == "local":
+        raise ScenarioError(
+            f'{body.name}.motion.axes: "local" is for a root without an Earth; write "inertial", or [world] axes = "local"'
+        )
     relative_to = getattr(motion, "relative_to", None)
     if relative_to is None:
         return []
@@ -115,7 +157,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
             f"{body.name}.motion.relative_to: no body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
         )
     chief = by_name[relative_to]
-    if not isinstance(motion, Hill):
+    if isinstance(motion, Fixed | Table):
         return [chief.name]
     if not chief.orbits:
         raise ScenarioError(
@@ -126,19 +168,34 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
 
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
-    attitude = body.attitude
-    if isinstance(attitude, Rtn | LvlhCcsds) and (local or not body.orbits):
-        raise ScenarioError(
-            f"{body.name}.attitude: '{attitude.type}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
-        )
-    if not isinstance(attitude, LookAt):
-        return []
-    if attitude.at in by_name:
-        if attitude.at == body.name:
+    needs = []
+    for law in _laws(body.attitude):
+        if isinstance(law, Rtn | LvlhCcsds | Nadir) and (local or not body.orbits):
+            raise ScenarioError(
+                f"{body.name}.attitude: '{law.type}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
+            )
+        if isinstance(law, LookAt):
+            needs.append(_seen(law.at, body, by_name, hosts))
+    if isinstance(body.motion, StateSpace) and body.motion.turns and body.attitude is not None:
+        raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
+    return needs
+
+
+def _laws(attitude: Any) -> list[Any]:
+    """Return an attitude law, or those that it goes between."""
+    if isinstance(attitude, Slew):
+        return [*_laws(attitude.first), *_laws(attitude.then)]
+    return [attitude]
+
+
+def _seen(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
+    """Return the name of the axes that a body looks at."""
+    if at in by_name:
+        if at == body.name:
             raise ScenarioError(f"{body.name}.attitude.at: a body cannot look at itself; name another")
-        return [by_name[attitude.at].origin]
-    if attitude.at in hosts:
-        return [hosts[attitude.at].name]
+        return by_name[at].origin
+    if at in hosts:
+        return hosts[at].name
     known = [*by_name, *hosts]
-    guess = did_you_mean(attitude.at, known)
-    raise ScenarioError(f"{body.name}.attitude.at: nothing is named '{attitude.at}'{guess} (known: {', '.join(known)})")
+    guess = did_you_mean(at, known)
+    raise ScenarioError(f"{body.name}.attitude.at: nothing is named '{at}'{guess} (known: {', '.join(known)})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Annotated, Literal, Self
 
@@ -9,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.motion.dynamics import Dynamics, Function, checked, file_of, found, in_words
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
@@ -76,6 +78,56 @@ class SecondOrder(_Drive):
     type: Literal["second_order"] = "second_order"
     natural_hz: Annotated[Positive, Field(le=1000)]
     damping: Annotated[NotNegative, Field(le=100)]
+
+
+class StateSpaceDrive(_Travel):
+    """A drive by a user's own x' = f(t, x, u) (seed eq. 6), by Runge and Kutta's fourth order from tick to tick of 1 ms.
+
+    x begins with pan, tilt [rad] and their rates [rad/s]; `further_state` is what follows at the start, the user's own.
+    u is what is asked: pan and tilt [rad]. `dynamics` is ``file.py:name``, ``package.module:name`` or a function.
+    """
+
+    type: Literal["state_space"] = "state_space"
+    dynamics: Dynamics
+    further_state: tuple[Number, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Return what to call the dynamics in errors."""
+        return in_words(self.dynamics)
+
+    @property
+    def file(self) -> str | None:
+        """Return the Python file that the dynamics are in, as named; None where they are not named by a file."""
+        return file_of(self.dynamics)
+
+    def in_file(self, file: str) -> StateSpaceDrive:
+        """Return the same drive with its dynamics in `file`."""
+        return self.replace(dynamics=f"{file}:{self.dynamics.rpartition(':')[2]}")
+
+    def steps(
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+    ) -> tuple[tuple[Pair, Pair], tuple[float, ...]]:
+        """Return (angle, rate) of pan and of tilt, and the further state, after each row of `held` [rad] for `dt` [s]."""
+        f = _function(self)
+        (pan, pan_rate), (tilt, tilt_rate) = axes
+        x, ends = np.array([pan, tilt, pan_rate, tilt_rate, *further]), self.travel_rad
+        for tick, u in enumerate(held):
+            t = begin_s + tick * dt
+            k1 = f(t, x, u)
+            k2 = f(t + 0.5 * dt, x + 0.5 * dt * k1, u)
+            k3 = f(t + 0.5 * dt, x + 0.5 * dt * k2, u)
+            x = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + f(t + dt, x + dt * k3, u))
+            for axis, (low, high) in enumerate(ends):
+                if not low <= x[axis] <= high:
+                    x[axis], x[axis + 2] = (low if x[axis] < low else high), 0.0
+        pan, tilt, pan_rate, tilt_rate, *more = x.tolist()
+        return ((pan, pan_rate), (tilt, tilt_rate)), tuple(more)
+
+
+@functools.lru_cache(maxsize=16)
+def _function(drive: StateSpaceDrive) -> Function:
+    return checked(found(drive.dynamics), drive.label, 4 + len(drive.further_state))
 
 
 def advance(

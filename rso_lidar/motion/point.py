@@ -144,6 +144,10 @@ class DemandCurve:
         knot = np.clip(np.floor(place).astype(int), 0, max(0, self._last - 1))
         s = (place - knot)[:, None]
         block_of = knot // self.BLOCK
+        if len(place) and (first := int(block_of.min())) == block_of.max():
+            values, slopes = self._block(first)
+            i = knot - first * self.BLOCK
+            return _hermite(values[i], values[i + 1], slopes[i], slopes[i + 1], s)
         angles = np.empty((len(place), 2))
         for block in sorted(set(block_of.tolist())):
             rows = block_of == block

@@ -24,14 +24,15 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, advance
+from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive, advance
 from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.part import GREATEST, NotNegative, Number, Part, Quaternion, Vector
 from rso_lidar.pose import Link, euler_zyx, pose
 from rso_lidar.records import Command, PtuAngles
 
 __all__ = [
-    "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "ptu_link", "sense", "start", "step"
+    "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "StateSpaceDrive", "ptu_link",
+    "sense", "start", "step",
 ]  # fmt: skip
 
 TICKS_PER_S = 1000
@@ -84,7 +85,7 @@ class Ptu(Part):
 
     mount: Mount = Mount()
     point: Annotated[FixedPoint | TrackPoint | ScanPoint, Field(discriminator="type")] = FixedPoint()
-    response: Annotated[Ideal | FirstOrder | SecondOrder, Field(discriminator="type")] = Ideal()
+    response: Annotated[Ideal | FirstOrder | SecondOrder | StateSpaceDrive, Field(discriminator="type")] = Ideal()
     errors: PointingErrors = PointingErrors()
 
 
@@ -101,9 +102,13 @@ def ptu_link(
     array([0.878, 0.   , 0.479])
     """
     pan, tilt, pan_rate, tilt_rate = np.broadcast_arrays(pan_rad, tilt_rad, pan_rate_rad_s, tilt_rate_rad_s)
-    turned = Rotation.from_euler("ZY", np.stack([pan, -tilt], axis=-1))
-    rates = np.stack([pan_rate * np.sin(tilt), -tilt_rate, pan_rate * np.cos(tilt)], axis=-1)
-    return mount.link * Link(pose(rotation=turned), np.zeros(3), rates)
+    cos_pan, sin_pan, cos_tilt, sin_tilt = np.cos(pan), np.sin(pan), np.cos(tilt), np.sin(tilt)
+    matrix = np.empty((*pan.shape, 3, 3))  # Rz(pan) Ry(-tilt)
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2] = cos_pan * cos_tilt, -sin_pan, -cos_pan * sin_tilt
+    matrix[..., 1, 0], matrix[..., 1, 1], matrix[..., 1, 2] = sin_pan * cos_tilt, cos_pan, -sin_pan * sin_tilt
+    matrix[..., 2, 0], matrix[..., 2, 1], matrix[..., 2, 2] = sin_tilt, 0.0, cos_tilt
+    rates = np.stack([pan_rate * sin_tilt, -tilt_rate, pan_rate * cos_tilt], axis=-1)
+    return mount.link * Link((np.zeros(3), matrix), np.zeros(3), rates)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +116,8 @@ class PtuState:
     """Where the drive stands: pan and tilt at `time_s`, and what it needs to go on from the tick before.
 
     `demand_rad` is what was asked for at `time_s`, before latency and the ends of travel. `grid` holds (angle, rate) of
-    pan and of tilt at `tick`; `commands` those that still matter, each with the tick from which the drive obeys it.
+    pan and of tilt at `tick`, `further` the rest of a state-space drive's state there; `commands` those that still
+    matter, each with the tick from which the drive obeys it.
     """
 
     time_s: float
@@ -121,13 +127,15 @@ class PtuState:
     tick: int
     grid: tuple[Pair, Pair]
     commands: tuple[tuple[int, Command], ...] = ()
+    further: tuple[float, ...] = ()
 
 
 def start(ptu: Ptu, demand: Demand) -> PtuState:
     """Return the state at t = 0: at rest on the demand, within the travel (an `Ideal` drive moves with it at once)."""
     asked = _pair(demand(np.zeros(1))[0])
     pan, tilt = (min(max(angle, low), high) for angle, (low, high) in zip(asked, ptu.response.travel_rad, strict=True))
-    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), asked, 0, ((pan, 0.0), (tilt, 0.0)))
+    further = ptu.response.further_state if isinstance(ptu.response, StateSpaceDrive) else ()
+    state = PtuState(0.0, (pan, tilt), (0.0, 0.0), asked, 0, ((pan, 0.0), (tilt, 0.0)), further=further)
     return step(ptu, state, demand, 0.0)
 
 
@@ -154,17 +162,26 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
         angle, rate = _ideal(ptu.response, demand, commands, until_s, latency)
         return PtuState(until_s, angle, rate, asked, tick, ((angle[0], 0.0), (angle[1], 0.0)), commands)
 
-    grid = state.grid
+    grid, further = state.grid, state.further
     for first in range(state.tick, tick, CHUNK):
         held = _held(demand, commands, first, min(first + CHUNK, tick), latency, travel)
-        grid = advance(ptu.response, TICK_S, grid, held)
-    here = (
-        advance(ptu.response, rest_s, grid, _held(demand, commands, tick, tick + 1, latency, travel))
-        if rest_s
-        else grid
-    )
+        grid, further = _advanced(ptu, first, TICK_S, grid, further, held)
+    here = grid
+    if rest_s:
+        held = _held(demand, commands, tick, tick + 1, latency, travel)
+        here, _ = _advanced(ptu, tick, rest_s, grid, further, held)
     (pan, pan_rate), (tilt, tilt_rate) = here
-    return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands)
+    return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands, further)
+
+
+def _advanced(
+    ptu: Ptu, tick: int, dt: float, grid: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+) -> tuple[tuple[Pair, Pair], tuple[float, ...]]:
+    """Return (angle, rate) of pan and of tilt, and the further state, after each row of `held` for `dt` [s] from a tick."""
+    assert not isinstance(ptu.response, Ideal)
+    if isinstance(ptu.response, StateSpaceDrive):
+        return ptu.response.steps(tick / TICKS_PER_S, dt, grid, further, held)
+    return advance(ptu.response, dt, grid, held), further
 
 
 def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:

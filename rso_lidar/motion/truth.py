@@ -1,24 +1,33 @@
 """Where everything is at each epoch: the tree of axes (seed 3.1.1), for all epochs in one vectorised go."""
 
+from __future__ import annotations
+
 import math
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from rso_lidar import units
 from rso_lidar.errors import RsoLidarWarning, ScenarioError, placed
-from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble, look_at
+from rso_lidar.motion.attitude import FixedAttitude
 from rso_lidar.motion.body import Body, working_order
+from rso_lidar.motion.dynamics import Flight, open_loop
 from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.epochs import Epochs
-from rso_lidar.motion.hill import Hill, rtn_axes
-from rso_lidar.motion.kepler import semi_major_axis_m
-from rso_lidar.motion.sun import sun_position_m, sunlit_fraction
-from rso_lidar.pose import ROOT, Link, PoseTree, pose, turned
+from rso_lidar.motion.joint import sun_in_body
+from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
+from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.units import EARTH_GM_M3_S2
+from rso_lidar.rpo.hill import rtn_matrix
+from rso_lidar.rpo.relative import RelativeMotion
+
+Flights = Mapping[str, Flight]
 
 
 def truth(
@@ -27,49 +36,111 @@ def truth(
     *,
     local: bool = False,
     sun_direction: Sequence[float] | np.ndarray | None = None,
+    flights: Flights | None = None,
 ) -> Truth:
     """Return poses, rates and states of all bodies at all epochs, as one batch; ``truth.at(k)`` is one epoch of it.
 
     Each body has two nodes: its origin in axes that do not turn with it (``tdrs.rtn`` where it orbits, ``plate.origin``
-    where it does not), and under that its body axes. A relative motion hangs under the rtn axes of its chief, so that a
-    relative pose is composed without inertial coordinates. `local` says that the root has no Earth; only there a
-    `sun_direction` in root axes may be given, of any length, for a Sun that nothing hides.
+    where it does not), and under that its body axes; its hinges hang under those. A relative motion hangs under the rtn
+    axes of its chief, so that a relative pose is composed without inertial coordinates. `local` says that the root has no
+    Earth; only there a `sun_direction` in root axes may be given, of any length, for a Sun that nothing hides. `flights`
+    are those of commanded state-space models, by the names that `Command.inputs` has.
     """
+    sky = _Sky(tuple(bodies), epochs, local, _direction(sun_direction, local), flights or {})
     tree = PoseTree({}, {})
     states: dict[str, BodyState] = {}
     by_origin = {body.origin: body for body in bodies}
-    by_name = {body.name: body for body in bodies}
     for name in working_order(bodies, local=local):
         if name in by_origin:
             body = by_origin[name]
             with placed(f"{body.name}.motion"):
-                tree = _with_origin(tree, body, by_name, epochs)
+                tree = _with_origin(tree, body, sky)
             states[body.name] = _state(tree, name, len(epochs))
         else:
             with placed(f"{name}.attitude"):
-                tree = _with_attitude(tree, by_name[name], by_name, epochs)
+                tree = _with_body(tree, sky.by_name[name], sky)
     states = {body.name: states[body.name] for body in bodies}
-    return Truth(epochs.time_s, tree, states, *_sun(states, epochs, local, sun_direction))
+    lit: dict[str, np.ndarray] = {}
+    if sky.sun_m is not None:
+        lit = {name: sky.sunlit(state) for name, state in states.items()}
+    return Truth(epochs.time_s, tree, states, sky.to_sun, None, lit)
 
 
-def _sun(
-    states: dict[str, BodyState], epochs: Epochs, local: bool, given: Sequence[float] | np.ndarray | None
-) -> tuple[np.ndarray, None, dict[str, np.ndarray]]:
-    """Return directions (time, 3) to the Sun, no pointing, and by body the share (time) of the Sun that it sees."""
-    shape = (len(epochs), 3)
-    if not local:
-        if given is not None:
-            raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
-        position = sun_position_m(epochs)
-        lit = {name: sunlit_fraction(state.position_m, position) for name, state in states.items()}
-        return position / np.linalg.norm(position, axis=1, keepdims=True), None, lit
+@dataclass(frozen=True, eq=False)
+class _Sky:
+    """What all bodies share: one another, the instants, and the Sun."""
+
+    bodies: tuple[Body, ...]
+    epochs: Epochs
+    local: bool
+    sun_direction: np.ndarray | None
+    flights: Flights
+    by_name: dict[str, Body] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.by_name.update({body.name: body for body in self.bodies})
+
+    @cached_property
+    def sun_m(self) -> np.ndarray | None:
+        """Return vectors (time, 3) from the root's origin to the Sun [m]; None without a Sun."""
+        if not self.local:
+            return sun_position_m(self.epochs)
+        if self.sun_direction is None:
+            return None
+        return np.broadcast_to(self.sun_direction * units.ASTRONOMICAL_UNIT_M, (len(self.epochs), 3))
+
+    @property
+    def to_sun(self) -> np.ndarray:
+        """Return unit vectors (time, 3) from the root's origin to the Sun; NaN without one."""
+        if self.sun_m is None:
+            return np.full((len(self.epochs), 3), np.nan)
+        if self.sun_direction is not None:
+            return np.broadcast_to(self.sun_direction, self.sun_m.shape)
+        direction: np.ndarray = self.sun_m / np.linalg.norm(self.sun_m, axis=1, keepdims=True)
+        return direction
+
+    def sunlit(self, state: BodyState) -> np.ndarray:
+        """Return the share (time) of the Sun that a body sees; in a local world nothing hides it."""
+        if self.local or self.sun_m is None:
+            return np.ones(len(self.epochs))
+        return sunlit_fraction(state.position_m, self.sun_m)
+
+    def elsewhere(self, epochs: Epochs, bodies: Sequence[Body]) -> Truth:
+        """Return where some of the bodies are at other instants."""
+        with unwarned():
+            return truth(bodies, epochs, local=self.local, sun_direction=self.sun_direction, flights=self.flights)
+
+
+class Chief:
+    """The trajectory of a body that others move about, however that body moves itself."""
+
+    def __init__(
+        self, bodies: Sequence[Body], name: str, *, local: bool = False, flights: Flights | None = None
+    ) -> None:
+        by_name = {body.name: body for body in bodies}
+        chain = [by_name[name]]
+        while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
+            chain.append(by_name[relative_to])
+        self._name, self._local, self._flights = name, local, flights
+        self._bare = [body.replace(attitude=None, axes=()) for body in chain]
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        with unwarned():
+            return truth(self._bare, epochs, local=self._local, flights=self._flights).states[self._name]
+
+
+def _direction(given: Sequence[float] | np.ndarray | None, local: bool) -> np.ndarray | None:
     if given is None:
-        return np.full(shape, np.nan), None, {}
+        return None
+    if not local:
+        raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
     direction = np.asarray(given, dtype=float)
     length = np.linalg.norm(direction)
     if direction.shape != (3,) or not 0.0 < length < math.inf:
         raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
-    return np.broadcast_to(direction / length, shape), None, {name: np.ones(len(epochs)) for name in states}
+    unit: np.ndarray = direction / length
+    return unit
 
 
 @contextmanager
@@ -83,103 +154,127 @@ def unwarned() -> Iterator[None]:
 def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
     link = tree.link(ROOT, origin)
     shape = (n_epochs, 3)
-    return BodyState(np.broadcast_to(link.pose.translation, shape), np.broadcast_to(link.velocity_m_s, shape))
+    return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
 
 
-def _with_origin(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
+# ---------------------------------------------------------------------------------------------------------- places
+
+
+def _with_origin(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
     """Return the tree with the axes at a body's origin."""
-    motion = body.motion
+    motion, time_s = body.motion, sky.epochs.time_s
     if isinstance(motion, Fixed | Table):
-        position, velocity = motion.positions(epochs.time_s)
-        return tree.with_node(body.origin, motion.relative_to or ROOT, Link(pose(position), velocity, np.zeros(3)))
-    if isinstance(motion, Hill):
-        return _with_hill(tree, body, by_name, epochs)
-    state = motion.states(epochs)
-    rotation, rate = rtn_axes(state.position_m, state.velocity_m_s)
-    return tree.with_node(body.origin, ROOT, Link(pose(state.position_m, rotation), state.velocity_m_s, rate))
-
-
-def mean_motion_rad_s(chief: Body, by_name: dict[str, Body], epochs: Epochs) -> float:
-    """Return the mean motion [rad/s] of a body's osculating orbit at start_utc."""
-    chain, link = [chief], chief
-    while isinstance(link.motion, Hill):
-        link = by_name[link.motion.relative_to]
-        chain.append(link)
-    bare = [body.replace(attitude=None, axes=()) for body in chain]
-    with unwarned():
-        start = truth(bare, Epochs(epochs.start_utc, np.zeros(1))).states[chief.name]
-    semi_major_m = float(semi_major_axis_m(start.position_m[0], start.velocity_m_s[0]))
-    if not 0.0 < semi_major_m < math.inf:
-        raise ScenarioError(
-            f"{chief.name}.motion: an open orbit has no mean motion for 'hill' about it; use 'state' or 'kepler'"
+        place = motion.positions(time_s)
+        return tree.with_node(
+            body.origin, motion.relative_to or ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3))
         )
-    return math.sqrt(EARTH_GM_M3_S2 / semi_major_m**3)
+    if isinstance(motion, StateSpace):
+        place = motion.place(_flight(body.name, motion, sky), time_s)
+        if motion.relative_to is not None:
+            return _about(tree, body, sky.by_name[motion.relative_to], *place)
+        if sky.local:
+            return tree.with_node(body.origin, ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3)))
+        return _in_orbit(tree, body, BodyState(*place))
+    if isinstance(motion, RelativeMotion):
+        chief = Chief(sky.bodies, motion.relative_to, local=sky.local, flights=sky.flights)
+        return _about(tree, body, sky.by_name[motion.relative_to], *motion.relative(sky.epochs, chief))
+    return _in_orbit(tree, body, motion.states(sky.epochs))
 
 
-def _with_hill(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
-    """Return the tree with a relative orbit under the rtn axes of its chief.
+def _in_orbit(tree: PoseTree, body: Body, state: BodyState) -> PoseTree:
+    """Return the tree with the rtn axes of an orbit under the root."""
+    matrix, rate = rtn_matrix(state.position_m, state.velocity_m_s)
+    return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), state.velocity_m_s, rate))
 
-    The mean motion is that of the chief's osculating semi-major axis at start_utc, whatever the chief's own model.
-    """
-    assert isinstance(body.motion, Hill)
-    chief = by_name[body.motion.relative_to]
-    relative_m, relative_m_s = body.motion.relative(epochs.time_s, mean_motion_rad_s(chief, by_name, epochs))
-    chief_link = tree.link(ROOT, chief.origin)
-    turn = chief_link.pose.rotation
-    rate = chief_link.angular_velocity_rad_s
-    position = chief_link.pose.translation + turned(turn, relative_m)
-    velocity = chief_link.velocity_m_s + turned(turn, relative_m_s + np.cross(rate, relative_m))
-    own_turn, own_rate = rtn_axes(position, velocity)
-    chief_from_own = turn.inv() * own_turn
-    link = Link(pose(relative_m, chief_from_own), relative_m_s, own_rate - turned(chief_from_own.inv(), rate))
+
+def _about(tree: PoseTree, body: Body, chief: Body, relative_m: np.ndarray, relative_m_s: np.ndarray) -> PoseTree:
+    """Return the tree with the rtn axes of an orbit under those of its chief, from position and velocity in them."""
+    there = tree.link(ROOT, chief.origin)
+    rate = there.angular_velocity_rad_s
+    position = there.translation_m + turned(there.matrix, relative_m)
+    velocity = there.velocity_m_s + turned(there.matrix, relative_m_s + cross(rate, relative_m))
+    own, own_rate = rtn_matrix(position, velocity)
+    chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
+    own_from_chief = np.swapaxes(chief_from_own, -1, -2)
+    link = Link((relative_m, chief_from_own), relative_m_s, own_rate - turned(own_from_chief, rate))
     return tree.with_node(body.origin, chief.origin, link)
 
 
-def _with_attitude(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> PoseTree:
-    """Return the tree with a body's axes under its origin's."""
-    rotation, rate, axes = _turn(tree, body, by_name, epochs)
-    if axes == ROOT:  # from the root's axes into those of the origin
+def _flight(name: str, model: StateSpace | StateSpaceAttitude, sky: _Sky) -> Flight:
+    return sky.flights.get(name) or open_loop(model)
+
+
+# ----------------------------------------------------------------------------------------------------------- turns
+
+
+def _with_body(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
+    """Return the tree with a body's axes under its origin's, and under those what is fixed or hinged to it."""
+    turn = _turn(tree, body, sky)
+    matrix, rate = turn.rotation.as_matrix(), turn.rate_rad_s
+    if not turn.in_origin:  # from the root's axes into those of the origin
         base = tree.link(ROOT, body.origin)
-        rotation = base.pose.rotation.inv() * rotation
-        rate = rate - turned(rotation.inv(), base.angular_velocity_rad_s)
-    tree = tree.with_node(body.name, body.origin, Link(pose(rotation=rotation), np.zeros(3), rate))
+        matrix = np.matmul(np.swapaxes(base.matrix, -1, -2), matrix)
+        rate = rate - turned(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
+    tree = tree.with_node(body.name, body.origin, Link((np.zeros(3), matrix), np.zeros(3), rate))
     for extra in body.axes:
         tree = tree.with_node(extra.name, body.name, extra.link)
+    if body.joints:
+        seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+        if sky.sun_m is not None:
+            whole = tree.link(ROOT, body.name)
+            seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, sky.to_sun)
+        for joint in body.joints:
+            tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(sky.epochs.time_s, *seen))
     return tree
 
 
-def _turn(tree: PoseTree, body: Body, by_name: dict[str, Body], epochs: Epochs) -> tuple[Rotation, np.ndarray, str]:
-    """Return axes_from_body, the body rate relative to those axes, and which they are: the root's or the origin's."""
-    attitude, motion = body.attitude, body.motion
+def _turn(tree: PoseTree, body: Body, sky: _Sky) -> Turn:
+    """Return how a body is turned."""
+    attitude, motion, time_s = body.attitude, body.motion, sky.epochs.time_s
+    if isinstance(attitude, StateSpaceAttitude):
+        name = body.name if not isinstance(motion, StateSpace) else f"{body.name}.attitude"
+        return Turn(*attitude.orientation(_flight(name, attitude, sky), time_s))
+    if isinstance(motion, StateSpace) and motion.turns:
+        rigid = motion.orientation(_flight(body.name, motion, sky), time_s)
+        if motion.relative_to is None:
+            return Turn(*rigid)
+        chief = tree.link(ROOT, sky.by_name[motion.relative_to].origin)
+        rotation = chief.rotation * rigid[0]
+        return Turn(rotation, rigid[1] + turned(rigid[0].inv(), chief.angular_velocity_rad_s))
     if attitude is None and isinstance(motion, Table):
-        turning = motion.orientations(epochs.time_s)
+        turning = motion.orientations(time_s)
         if turning is not None:
-            return *turning, body.origin
-    if attitude is None:
-        attitude = FixedAttitude()
-    if isinstance(attitude, Rtn | LvlhCcsds):
-        return attitude.rtn_from_body(), np.zeros(3), body.origin
-    if isinstance(attitude, LookAt):
-        return *_look(tree, body, attitude, by_name, epochs), ROOT
-    assert isinstance(attitude, FixedAttitude | Spin | Tumble)
-    fixed_to_host = isinstance(attitude, FixedAttitude) and not body.orbits
-    return *attitude.orientation(epochs.time_s), body.origin if fixed_to_host else ROOT
+            return Turn(*turning, in_origin=True)
+    return (attitude or FixedAttitude()).turn(_situation(tree, body, sky))
 
 
-def _look(
-    tree: PoseTree, body: Body, attitude: LookAt, by_name: dict[str, Body], epochs: Epochs
-) -> tuple[Rotation, np.ndarray]:
-    seen = by_name[attitude.at].origin if attitude.at in by_name else attitude.at
-    link, base = tree.link(body.origin, seen), tree.link(ROOT, body.origin)
-    relative_m = link.pose.translation
-    to_root = base.pose.rotation
-    line = turned(to_root, relative_m)
-    rate = turned(to_root, link.velocity_m_s + np.cross(base.angular_velocity_rad_s, relative_m))
-    if attitude.up is not None:
-        up = np.array(attitude.up, dtype=float)
-    elif body.orbits:
-        up = turned(to_root, np.array([0.0, 0.0, 1.0]))
-    else:
-        up = np.array([0.0, 0.0, 1.0])
-    shape = (len(epochs), 3)
-    return look_at(*(np.broadcast_to(vectors, shape) for vectors in (line, rate, up)))
+def _situation(tree: PoseTree, body: Body, sky: _Sky) -> Situation:
+    """Return what the attitude law of a body may look at."""
+    base = tree.link(ROOT, body.origin)
+    to_root = base.rotation
+    shape = (len(sky.epochs), 3)
+
+    def line(name: str) -> tuple[np.ndarray, np.ndarray]:
+        link = tree.link(body.origin, sky.by_name[name].origin if name in sky.by_name else name)
+        relative_m = link.translation_m
+        rate = link.velocity_m_s + cross(base.angular_velocity_rad_s, relative_m)
+        toward, moving = turned(to_root, relative_m), turned(to_root, rate)
+        return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
+
+    def at(epochs: Epochs) -> Situation:
+        untilted = [one.replace(attitude=None) if one.name == body.name else one for one in sky.bodies]
+        there = _Sky(tuple(untilted), epochs, sky.local, sky.sun_direction, sky.flights)
+        return _situation(sky.elsewhere(epochs, untilted).poses, body, there)
+
+    return Situation(
+        sky.epochs,
+        np.broadcast_to(base.translation_m, shape),
+        np.broadcast_to(base.velocity_m_s, shape),
+        body.orbits,
+        to_root,
+        np.broadcast_to(base.angular_velocity_rad_s, shape),
+        sky.sun_m,
+        sky.local,
+        line,
+        at,
+    )

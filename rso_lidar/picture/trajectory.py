@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 DRAWN = 600  # frames are read at most this often
 ORIGINS = (".rtn", ".origin")  # axes at a target's origin that do not turn with its body
 STRETCHED = 12.0  # above this ratio of the two extents the axes of a panel get scales of their own
+ARROW = 36.0  # length of the greatest impulse's arrow [points]
 CLOSED = 0.05  # ends nearer to one another than this share of the whole path have one label
 
 
@@ -79,11 +80,25 @@ def _axes(truth: Truth, name: str) -> str:
     return next((name + suffix for suffix in ORIGINS if name + suffix in truth.poses), name)
 
 
-def orbit_figure(source: Truth | Iterable[Frame], target: str | None = None) -> Figure:
-    """Return a figure of the lidar's relative orbit: in the orbit's plane, across it, and range over time.
+def orbit_figure(
+    source: Truth | Iterable[Frame],
+    target: str | None = None,
+    *,
+    impulses: Sequence[tuple[float, Any]] = (),
+    keep_out_m: float | None = None,
+    title: str = "",
+) -> Figure:
+    """Return a figure of the lidar's relative orbit: three planes of the target's rtn axes, and range over time.
 
-    In rtn axes along-track is to the right and radial is up; the target stands at the origin. `source` is a Truth
-    batched over epochs, or frames; `target` a name, by default the first.
+    In rtn axes along-track is to the right and radial is up; the target stands at the origin.
+
+    Parameters
+    ----------
+    source : a Truth batched over epochs, or frames.
+    target : a name (None: the first).
+    impulses : (time [s], change of velocity (3) [m/s] in the axes drawn in), each marked by an arrow.
+    keep_out_m : radius of a keep-out sphere about the target [m].
+    title : the heading (empty: that of the frames).
     """
     path = track(source, target)
     range_m = np.linalg.norm(path.position_m, axis=-1)
@@ -91,22 +106,55 @@ def orbit_figure(source: Truth | Iterable[Frame], target: str | None = None) -> 
     in_rtn = path.axes.endswith(".rtn")
     note = f"lidar in the axes {path.axes}   ·   "
     note += f"nearest {range_m[nearest]:,.1f} m at {path.time_s[nearest]:,.1f} s"
-    figure = new_figure(11.0, 6.6, path.title or "Relative orbit", note)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0))
-    plane, across, ranges = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    if impulses:
+        total = sum(float(np.linalg.norm(delta_v)) for _, delta_v in impulses)
+        note += f"   ·   {len(impulses)} impulse{'s' if len(impulses) > 1 else ''}, {total:.3g} m/s in all"
+    figure = new_figure(11.4, 8.4, title or path.title or "Relative orbit", note)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0), height_ratios=(1.25, 1.0))
+    plane, across, along, ranges = (figure.add_subplot(grid[row, col]) for row, col in ((0, 0), (1, 0), (0, 1), (1, 1)))
     drawn = _panel(plane, path, 1, 0, "In the orbit's plane" if in_rtn else f"Seen along z of {path.target}")
-    _panel(across, path, 1, 2, "Across it" if in_rtn else f"Seen along x of {path.target}")
+    _panel(across, path, 1, 2, "From above" if in_rtn else f"Seen along x of {path.target}")
+    _panel(along, path, 2, 0, "Along the track" if in_rtn else f"Seen along y of {path.target}")
+    for axes, right, up in ((plane, 1, 0), (across, 1, 2), (along, 2, 0)):
+        if keep_out_m:
+            _keep_out(axes, keep_out_m)
+        if impulses:
+            _impulses(axes, path, impulses, right, up)
     ranges.plot(path.time_s, range_m, color=hexed(QUIET), lw=1.0, zorder=1)
     ranges.scatter(path.time_s, range_m, c=path.time_s, cmap=RANGE_RAMP, s=7, lw=0, zorder=2)
+    for time_s, _ in impulses:
+        ranges.axvline(time_s, color=PARTS[3], lw=0.9, ls=(0, (2, 2)), zorder=0)
+    if keep_out_m:
+        ranges.axhspan(0, keep_out_m, color=PARTS[5], alpha=0.12, lw=0, zorder=0)
     ranges.set_ylim(bottom=0)
     in_thousands(ranges.xaxis, ranges.yaxis)
-    dress(ranges, "Range over time", "Time [s]", f"Range to {path.target} [m]")
-    bar = figure.colorbar(drawn, ax=[plane], location="bottom", fraction=0.035, pad=0.02, aspect=45)
+    dress(ranges, "Range over time", "Time [s]", f"Range to {path.target} [m]", "impulses dashed" if impulses else "")
+    bar = figure.colorbar(drawn, ax=[plane, across], location="bottom", fraction=0.03, pad=0.02, aspect=55)
     bar.set_label("Time [s]", fontsize=9, color=hexed(QUIET))
     in_thousands(bar.ax.xaxis)
     bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
     bar.outline.set_visible(False)
     return figure
+
+
+def _keep_out(axes: Axes, radius_m: float) -> None:
+    """Draw the outline of a keep-out sphere about the target."""
+    from matplotlib.patches import Circle
+
+    axes.add_patch(Circle((0, 0), radius_m, fc=PARTS[5], ec="none", alpha=0.12, zorder=0))
+    axes.add_patch(Circle((0, 0), radius_m, fc="none", ec=PARTS[5], lw=1.0, ls=(0, (4, 3)), zorder=1))
+
+
+def _impulses(axes: Axes, path: Track, impulses: Sequence[tuple[float, Any]], right: int, up: int) -> None:
+    """Draw an arrow along each impulse from where it is given; the greatest has a length of its own."""
+    most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
+    for time_s, delta_v in impulses:
+        x, y = (float(np.interp(time_s, path.time_s, path.position_m[:, k])) for k in (right, up))
+        axes.plot(x, y, "^", ms=5, color=PARTS[3], zorder=3)
+        step = (ARROW * float(delta_v[right]) / most, ARROW * float(delta_v[up]) / most)
+        if np.hypot(step[0], step[1]) > ARROW / 8:  # a shorter one is seen end on
+            arrow = {"arrowstyle": "<|-", "color": PARTS[3], "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", xy=(x, y), xytext=step, textcoords="offset points", arrowprops=arrow, zorder=3)
 
 
 def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> Any:
@@ -116,7 +164,7 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> Any:
     axes.axvline(0, color=hexed(LINE), lw=0.8, zorder=0)
     axes.plot(x, y, color=hexed(QUIET), lw=1.0, zorder=1)
     drawn = axes.scatter(x, y, c=path.time_s, cmap=RANGE_RAMP, s=11, lw=0, zorder=2)
-    closed = np.hypot(x[-1] - x[0], y[-1] - y[0]) < CLOSED * np.hypot(np.ptp(x), np.ptp(y))
+    closed = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= CLOSED * np.hypot(np.ptp(x), np.ptp(y))
     ends = ((0, "o", "start and end"), (-1, "s", "")) if closed else ((0, "o", "start"), (-1, "s", "end"))
     for k, marker, word in ends:
         axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hexed(INK), mew=1.3, zorder=3)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar import motion, units
 from rso_lidar.detector import Gsfl
-from rso_lidar.motion import Hill
-from rso_lidar.motion.hill import validity
-from rso_lidar.motion.kepler import elements
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
 from rso_lidar.optics.background import sun_photons_per_s_m2
+from rso_lidar.rpo.relative import RelativeMotion
+from rso_lidar.scenario.constraints import broken
+from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     """Return one line for each thing that is allowed and probably not meant."""
     seen = seen or preview(scenario)
     lines = list(seen.warned)
-    lines += _hill(scenario, seen)
+    lines += _models(scenario, seen)
     lines += _field(scenario, seen)
     lines += _window(scenario, seen)
     lines += _detector(scenario)
@@ -39,20 +39,22 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _beam(scenario, seen)
     lines += _clipping(scenario, seen)
     lines += _light_time(seen)
+    lines += environment_advice(scenario, seen, scenario.constraints)
+    if scenario.constraints is not None:
+        lines += broken(scenario.constraints, scenario, seen)
     if not scenario.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
     return lines
 
 
-def _hill(scenario: Scenario, seen: Preview) -> list[str]:
+def _models(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return where the model of a relative motion is stretched, and which is better."""
     lines = []
     for body in scenario.bodies:
-        if not isinstance(body.motion, Hill):
-            continue
-        chief = seen.states[body.motion.relative_to]
-        apart_m = seen.states[body.name].position_m - chief.position_m
-        eccentricity = elements(chief.position_m[0], chief.velocity_m_s[0]).eccentricity
-        lines += [f"{body.name}.motion: {line}" for line in validity(apart_m, eccentricity)]
+        if isinstance(body.motion, RelativeMotion):
+            chief = motion.Chief(scenario.bodies, body.motion.relative_to, local=scenario.local)
+            with motion.unwarned():
+                lines += [f"{body.name}.motion: {line}" for line in body.motion.validity(seen.epochs, chief)]
     return lines
 
 

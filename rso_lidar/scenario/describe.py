@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar import motion, units
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial, plate, trial
-from rso_lidar.motion import Tle, utc_text
-from rso_lidar.motion.kepler import elements
+from rso_lidar.orbit import Tle, utc_text
+from rso_lidar.orbit.kepler import elements
+from rso_lidar.orbit.omm import Omm
+from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.scenario.advice import advice
+from rso_lidar.scenario.environment import environment_lines
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, preview
 
 if TYPE_CHECKING:
@@ -33,6 +36,8 @@ def describe(scenario: Scenario) -> str:
     for number, sight in enumerate(seen.sights):
         lines += _target_lines(scenario, number, sight, seen)
     lines.append(f"follower    {_motion(scenario, len(scenario.target), seen)}")
+    lines += _plan_lines(scenario)
+    lines += environment_lines(scenario, seen)
     lines += _instrument_lines(scenario)
     for sight in seen.sights:
         lines += _budget_lines(scenario, sight, seen)
@@ -47,14 +52,17 @@ def _span(scenario: Scenario) -> str:
 
 
 def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) -> list[str]:
-    target, surface = scenario.target[number], scenario.surfaces[number]
-    size = surface.vertices[np.unique(surface.facets)]
+    target, surfaces = scenario.target[number], scenario.surfaces_of(number)
+    surface = surfaces[0]
+    origins = [(0.0, 0.0, 0.0), *(joint.position_m for joint in target.joints)]
+    size = np.concatenate([one.vertices[np.unique(one.facets)] + at for one, at in zip(surfaces, origins, strict=True)])
+    facets = sum(len(one.facets) for one in surfaces)
     sides = " x ".join(f"{side:.2f}" for side in size.max(axis=0) - size.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
     parts = len(surface.mesh.part_names)
     off = sight.off_boresight_rad.max() / units.DEG
     return [
-        f"target      {target.name}: model {target.model}, {sides} m, {len(surface.facets):,} facets{dropped}, "
+        f"target      {target.name}: model {target.model}, {sides} m, {facets:,} facets{dropped}, "
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
@@ -66,15 +74,14 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
 
 def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
     body = scenario.bodies[number]
-    motion = body.motion
-    text: str = motion.type
-    if isinstance(motion, Tle):
-        sets = motion.elements(scenario.time.start_utc)
-        text += (
-            f" {sets.norad_id} {sets.name}, {motion.epoch_age_days(scenario.epochs(np.array([0]))):.1f} days from epoch"
-        )
-    if getattr(motion, "relative_to", None):
-        text += f" relative to {motion.relative_to}"  # type: ignore[union-attr]
+    flown = body.motion
+    text: str = flown.type
+    if isinstance(flown, Tle | Omm):
+        sets = flown.elements(scenario.time.start_utc) if isinstance(flown, Tle) else flown.elements()
+        age_days = flown.epoch_age_days(scenario.epochs(np.array([0])))
+        text += f" {sets.norad_id} {sets.name}, {age_days:.1f} days from epoch"
+    if getattr(flown, "relative_to", None):
+        text += f" relative to {flown.relative_to}"  # type: ignore[union-attr]
     attitude = body.attitude.type if body.attitude else "as its motion"
     if body.orbits:
         state = seen.states[body.name]
@@ -84,6 +91,17 @@ def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
             f"i {orbit.inclination_rad / units.DEG:.3f}°, period {orbit.period_s / 60.0:.1f} min"
         )
     return f"{text}; attitude {attitude}"
+
+
+def _plan_lines(scenario: Scenario) -> list[str]:
+    """Return what the proximity operations of a scenario cost, and how safe they are."""
+    lines = []
+    for body in scenario.bodies:
+        if isinstance(body.motion, ProximityOperation):
+            chief = motion.Chief(scenario.bodies, body.motion.relative_to, local=scenario.local)
+            plan = body.motion.plan(scenario.time.start_utc, chief)
+            lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
+    return lines
 
 
 def _ends(values: np.ndarray, unit: str, digits: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numbers
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -251,28 +251,3 @@ def _with(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar:
             raise ScenarioError("gate_delay_s: the detector has no gate; add [lidar.detector.gate]")
         changes["detector"] = lidar.detector.replace(gate=gate.replace(delay_ns=values["gate_delay_ns"]))
     return lidar.replace(**changes)
-
-
-def with_files(part: Part, file: Callable[[str], Any]) -> Any:
-    """Return a part whose fields named `file` or `…_file` hold found paths, down through all parts it holds."""
-    changes: dict[str, Any] = {}
-    for name in type(part).model_fields:
-        value = getattr(part, name)
-        if isinstance(value, str) and (name == "file" or name.endswith("_file")):
-            changes[name] = str(file(value))
-        elif isinstance(value, Part):
-            found = with_files(value, file)
-            if found is not value:
-                changes[name] = found
-        elif isinstance(value, tuple) and any(isinstance(entry, Part) for entry in value):
-            found = tuple(with_files(entry, file) if isinstance(entry, Part) else entry for entry in value)
-            if any(new is not old for new, old in zip(found, value, strict=True)):
-                changes[name] = found
-    return part.replace(**changes) if changes else part
-
-
-def files_of(part: Part) -> list[str]:
-    """Return the files that a part and all parts it holds name, in the order of their fields."""
-    found: list[str] = []
-    with_files(part, lambda name: found.append(name) or name)  # type: ignore[func-returns-value]
-    return found

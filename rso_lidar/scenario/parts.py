@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
+from rso_lidar.motion.joint import Joint
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
 from rso_lidar.scene import Material
 
@@ -63,7 +64,8 @@ class Target(Body):
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `scale` turns its unit into
     metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
     seed's Lambertian 0.30; `part_materials` overrides by part. `smooth_parts` are curved: normals are interpolated
-    over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling.
+    over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling. Each `joint` turns
+    some parts about a hinge.
     """
 
     model: Text
@@ -74,6 +76,7 @@ class Target(Body):
     part_materials: dict[Text, Material] = Field(default_factory=dict)
     smooth_parts: tuple[Text, ...] = ()
     center_of_mass_m: Vector | None = None
+    joint: tuple[Joint, ...] = ()
 
     @model_validator(mode="after")
     def _allowed(self) -> Self:
@@ -81,7 +84,15 @@ class Target(Body):
             raise ValueError(f"name: '{self.name}' is reserved ({', '.join(RESERVED)}); choose another")
         if self.scale is not None and self.size_m is not None:
             raise ValueError("give scale or size_m, not both")
+        names = [joint.name for joint in self.joint]
+        if len(set(names)) < len(names):
+            raise ValueError(f"joint: two have the same name ({', '.join(names)}); rename one")
         return self
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Return the hinges of the body."""
+        return self.joint
 
     @property
     def is_path(self) -> bool:

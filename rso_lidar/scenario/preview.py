@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,10 @@ from rso_lidar import motion
 from rso_lidar.errors import RsoLidarWarning
 from rso_lidar.optics import Laser
 from rso_lidar.optics.budget import filled_pixel
-from rso_lidar.records import BodyState
+from rso_lidar.orbit import Epochs
+from rso_lidar.pose import PoseTree
+from rso_lidar.records import BodyState, Truth
+from rso_lidar.scene import Surface
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
@@ -44,10 +48,20 @@ class Sight:
 class Preview:
     """Geometry of a scenario at some of its epochs, the first and the last among them."""
 
-    time_s: np.ndarray
+    epochs: Epochs
     sights: tuple[Sight, ...]
-    states: dict[str, BodyState]
+    truth: Truth  # with ptu and lidar, on the PTU's demand
     warned: tuple[str, ...]
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Return the instants (time) [s]."""
+        return self.epochs.time_s
+
+    @property
+    def states(self) -> Mapping[str, BodyState]:
+        """Return the inertial states of the bodies, batched."""
+        return self.truth.states
 
 
 def preview(scenario: Scenario) -> Preview:
@@ -56,7 +70,7 @@ def preview(scenario: Scenario) -> Preview:
     epochs = scenario.epochs(numbers)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
-        surfaces = scenario.surfaces
+        _ = scenario.surfaces  # what building them warns of is told too
         with scenario.placed():
             course = motion.truth(
                 scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
@@ -67,28 +81,39 @@ def preview(scenario: Scenario) -> Preview:
     poses = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
     receivers = [scenario.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
     half_field = np.array([receiver.field_edge for receiver in receivers])
-    sights = []
-    for surface in surfaces:
-        seen = poses.pose("lidar", surface.name).translation
-        # The rate of range, without the PTU's own turning, which changes no distance.
-        link = poses.link("follower", surface.name)
-        apart = np.linalg.norm(link.pose.translation, axis=-1, keepdims=True)
-        toward = link.pose.translation / np.where(apart > 0.0, apart, np.inf)  # at the target itself there is no rate
-        rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
-        range_m = np.linalg.norm(seen, axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            tangent = np.abs(seen[..., :2] / seen[..., 2:])
-        in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
-        off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
-        range_m, rate, off, in_field = (
-            np.broadcast_to(values, (len(epochs),)) for values in (range_m, rate, off, in_field)
-        )
-        seat = poses.pose("lidar", surface.name)
-        hull_m = np.stack([np.linalg.norm(seat.apply(point), axis=-1) for point in surface.outline])
-        ends = (np.broadcast_to(end, (len(epochs),)) for end in (hull_m.min(axis=0), hull_m.max(axis=0)))
-        sights.append(Sight(surface.name, range_m, rate, off, in_field, surface.radius_m, *ends))
+    sights = [
+        _sight(target.name, scenario.surfaces_of(number), poses, half_field, len(epochs))
+        for number, target in enumerate(scenario.target)
+    ]
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
-    return Preview(epochs.time_s, tuple(sights), dict(course.states), tuple(lines))
+    return Preview(epochs, tuple(sights), replace(course, poses=poses), tuple(lines))
+
+
+def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int) -> Sight:
+    """Return how the lidar sees one target, of one surface or several; `half_field` (time, 2) is the lens's edge."""
+    seen, _ = poses.place("lidar", name)
+    # The rate of range, without the PTU's own turning, which changes no distance.
+    link = poses.link("follower", name)
+    apart = np.linalg.norm(link.translation_m, axis=-1, keepdims=True)
+    toward = link.translation_m / np.where(apart > 0.0, apart, np.inf)  # at the target itself there is no rate
+    rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
+    range_m = np.linalg.norm(seen, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangent = np.abs(seen[..., :2] / seen[..., 2:])
+    in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
+    off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
+    hull_m = []
+    radius_m = 0.0
+    for surface in surfaces:
+        seat = poses.pose("lidar", surface.name)
+        hull_m += [np.linalg.norm(seat.apply(point), axis=-1) for point in surface.outline]
+        hinge_m = np.linalg.norm(np.atleast_2d(poses.pose(name, surface.name).translation), axis=1).max()
+        radius_m = max(radius_m, float(hinge_m) + surface.radius_m)
+    ends = (np.min(np.broadcast_arrays(*hull_m), axis=0), np.max(np.broadcast_arrays(*hull_m), axis=0))
+    range_m, rate, off, in_field, nearest_m, farthest_m = (
+        np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field, *ends)
+    )
+    return Sight(name, range_m, rate, off, in_field, radius_m, nearest_m, farthest_m)
 
 
 def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s: float = 0.0) -> tuple[float, float]:

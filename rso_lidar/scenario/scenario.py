@@ -12,13 +12,16 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
-from rso_lidar.motion import Body, Epochs, Ptu, Table, Tle, TrackPoint, working_order
+from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
+from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
-from rso_lidar.scenario.lidar import Lidar, with_files
+from rso_lidar.scenario.constraints import Constraints
+from rso_lidar.scenario.files import with_files
+from rso_lidar.scenario.lidar import Lidar
 from rso_lidar.scenario.load import read_toml, validated
 from rso_lidar.scenario.parts import Follower, Target, Time, World
-from rso_lidar.scenario.surfaces import surface_of
+from rso_lidar.scenario.surfaces import surfaces_of
 from rso_lidar.scene import Surface
 from rso_lidar.shipped import find
 
@@ -38,6 +41,7 @@ class Scenario(Part):
     follower: Follower
     ptu: Ptu | None = None
     lidar: Lidar
+    constraints: Constraints | None = None
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
 
@@ -72,6 +76,9 @@ class Scenario(Part):
     def _consistent(self) -> Self:
         bodies: list[Body] = [*self.target, self.follower]
         working_order(bodies, local=self.local)
+        if self.constraints is not None:
+            sun = not self.local or self.world.sun_direction is not None
+            self.constraints.check(self.target, local=self.local, sun=sun)
         if self.ptu is not None and isinstance(self.ptu.point, TrackPoint):
             known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
             known.remove("follower")
@@ -93,15 +100,25 @@ class Scenario(Part):
         return tuple(self._found(body) for body in (*self.target, self.follower))
 
     def _found(self, body: Body) -> Body:
-        motion = body.motion
-        if not isinstance(motion, Tle | Table):
-            return body
-        with self.placed(f"{body.name}.motion"):
-            if motion.file is not None:
-                motion = motion.replace(file=str(self.file(motion.file)))
-            if isinstance(motion, Tle):
-                motion.elements(self.time.start_utc)  # a bad set is told now, with its place
-        return body.replace(motion=motion)
+        changes = {}
+        for place in ("motion", "attitude"):
+            part = getattr(body, place)
+            if part is None:
+                continue
+            with self.placed(f"{body.name}.{place}"):
+                found = with_files(part, self.file)
+                if isinstance(found, Tle):
+                    found.elements(self.time.start_utc)  # a bad set is told now, with its place
+            if found is not part:
+                changes[place] = found
+        return body.replace(**changes) if changes else body
+
+    @cached_property
+    def pan_tilt(self) -> Ptu | None:
+        """Return the PTU with the files that it names found."""
+        with self.placed("ptu"):
+            found: Ptu | None = with_files(self.ptu, self.file) if self.ptu else None
+        return found
 
     def placed(self, place: str = "") -> AbstractContextManager[None]:
         """Return a context that puts the scenario's name, and a place in it, before the messages of errors."""
@@ -117,12 +134,16 @@ class Scenario(Part):
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Return the targets' surfaces: meshes in body axes, with materials."""
-        surfaces = []
-        for target in self.target:
+        """Return the targets' surfaces: meshes in body axes, with materials; what a hinge carries is one of its own."""
+        surfaces: list[Surface] = []
+        for number, target in enumerate(self.target):
             with self.placed(f"target {target.name}"):
-                surfaces.append(surface_of(target, self.file, self.lidar.laser.wavelength_m))
+                surfaces += surfaces_of(target, number, self.file, self.lidar.laser.wavelength_m)
         return tuple(surfaces)
+
+    def surfaces_of(self, number: int) -> tuple[Surface, ...]:
+        """Return the surfaces of one target by number: its body's first, then those of its hinges."""
+        return tuple(surface for surface in self.surfaces if surface.target == number)
 
     @cached_property
     def instrument(self) -> Lidar:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 import hashlib
 import importlib.metadata
 import platform
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rso_lidar.motion import Table, Tle, utc_text
+from rso_lidar.orbit import Tle, utc_text
+from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
-from rso_lidar.scenario.lidar import files_of
+from rso_lidar.scenario.files import files_of
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target
@@ -50,15 +52,32 @@ def resolved(scenario: Scenario) -> str:
     tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
     tables = [*tree["target"], tree["follower"]]
     for table, body in zip(tables, scenario.bodies, strict=True):
-        if isinstance(body.motion, Tle):
-            table["motion"] = body.motion.inline(scenario.time.start_utc).model_dump(exclude_none=True)
+        written = _inline(body.motion, scenario.time.start_utc)
+        if written is not body.motion:
+            table["motion"] = written.model_dump(exclude_none=True)
     sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in _meshes(scenario)]
-    listed = [(body.name, body.motion.file) for body in scenario.bodies if isinstance(body.motion, Table)]
-    sums += [f"# table of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
+    parts: list[tuple[str, Part]] = [
+        (body.name, part) for body in scenario.bodies for part in (body.motion, body.attitude) if part is not None
+    ]
+    parts += [("the ptu", scenario.pan_tilt)] if scenario.pan_tilt else []
+    listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in files_of(part)]
+    sums += [f"# file {Path(file).name} of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
     sums += [
         f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(scenario.instrument)
     ]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])
+
+
+def _inline(part: Any, start_utc: datetime.datetime) -> Any:
+    """Return a motion with the element sets that it, or a part in it, names written out."""
+    if isinstance(part, Tle):
+        return part.inline(start_utc)
+    changes = {}
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, Part) and (written := _inline(value, start_utc)) is not value:
+            changes[name] = written
+    return part.replace(**changes) if changes else part
 
 
 def _sha256(file: str) -> str:
@@ -66,7 +85,7 @@ def _sha256(file: str) -> str:
 
 
 def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
-    return list(zip(scenario.target, scenario.surfaces, strict=True))
+    return [(target, scenario.surfaces_of(number)[0]) for number, target in enumerate(scenario.target)]
 
 
 def _in_words(material: Any) -> str:

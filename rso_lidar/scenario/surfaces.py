@@ -2,16 +2,24 @@
 
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
 from rso_lidar.scenario.parts import Target
-from rso_lidar.scene import Material, Scatterer, Surface, build_surface, load_mesh, warn_of_size
+from rso_lidar.scene import Hinged, Material, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
 from rso_lidar.scene.library import ModelEntry, materials, model
 
 _MATERIAL: TypeAdapter[Scatterer] = TypeAdapter(Material)
+
+
+def surfaces_of(target: Target, number: int, file: Callable[[str], Path], wavelength_m: float) -> tuple[Surface, ...]:
+    """Return the surfaces of the target of that number: what stands still in its body axes, and what each hinge carries."""
+    whole = replace(surface_of(target, file, wavelength_m), target=number)
+    hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
+    return articulated(whole, hinged)
 
 
 def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:

@@ -1,5 +1,6 @@
 """What is out there, and where rays meet it."""
 
+from rso_lidar.scene.articulated import Hinged, articulated
 from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
 from rso_lidar.scene.cast import cast
 from rso_lidar.scene.extent import extent
@@ -14,6 +15,7 @@ from rso_lidar.scene.surface import Surface, build_surface
 __all__ = [
     "ByWavelength",
     "Ggx",
+    "Hinged",
     "Lambertian",
     "Material",
     "Mesh",
@@ -23,6 +25,7 @@ __all__ = [
     "Scatterer",
     "Surface",
     "TableBrdf",
+    "articulated",
     "build_surface",
     "cast",
     "extent",

@@ -33,7 +33,7 @@ def cast(
     sun: bool = False,
     aperture_m: float = 0.0,
 ) -> Hits:
-    """Return the first facet that each ray meets, over all targets.
+    """Return the first facet that each ray meets, over the surfaces of all targets.
 
     `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
     `laser_from_m` (xyz) is where the laser is, in lidar axes [m]; None, or zeros, is in the lens. Beside it, incidence is
@@ -41,14 +41,14 @@ def cast(
     lens are averaged over its diameter `aperture_m` [m].
     """
     met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
-    ray, target, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
-    brdf, part, source_facet = _surface_of(surfaces, target, facet, cosine)
+    ray, number, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
+    brdf, part, source_facet = _surface_of(surfaces, number, facet, cosine)
     hits = Hits(
         rays=rays,
         ray=ray,
         pixel=rays.pixel[ray],
         weight=rays.weight[ray],
-        target=target,
+        target=_targets(surfaces)[number],
         facet=source_facet,
         part=part,
         range_m=range_m,
@@ -57,20 +57,26 @@ def cast(
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
     if sun or laser.any() or any(surface.smooth for surface in surfaces):
-        hits = _relit(hits, facet, surfaces, truth, threads, laser, sun=sun)
-    return _gathered(hits, facet, surfaces, laser, aperture_m)
+        hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
+    return _gathered(hits, number, surfaces, laser, aperture_m)
+
+
+def _targets(surfaces: Sequence[Surface]) -> np.ndarray:
+    """Return the number of the target of each surface."""
+    of = [k if surface.target is None else surface.target for k, surface in enumerate(surfaces)]
+    return np.array(of, dtype=np.int16)
 
 
 def _gathered(
-    hits: Hits, facet: np.ndarray, surfaces: Sequence[Surface], laser_from_m: np.ndarray, aperture_m: float
+    hits: Hits, number: np.ndarray, surfaces: Sequence[Surface], laser_from_m: np.ndarray, aperture_m: float
 ) -> Hits:
     """Return the hits with the lobes of retro-reflectors averaged over the lens."""
     retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.retro]
     if not retros or aperture_m <= 0.0:
         return hits
     brdf = hits.brdf_per_sr.copy()
-    for number, part, material in retros:
-        on = np.flatnonzero((hits.target == number) & (hits.part == part))
+    for k, part, material in retros:
+        on = np.flatnonzero((number == k) & (hits.part == part))
         direction, range_m = hits.rays.direction[hits.ray[on]], hits.range_m[on]
         to_laser = laser_from_m - direction * range_m[:, None]
         across = np.cross(direction, to_laser / np.linalg.norm(to_laser, axis=1, keepdims=True))
@@ -81,6 +87,7 @@ def _gathered(
 
 def _relit(
     hits: Hits,
+    number: np.ndarray,
     facet: np.ndarray,
     surfaces: Sequence[Surface],
     truth: Truth,
@@ -93,9 +100,9 @@ def _relit(
     cosine, brdf = hits.cos_incidence.copy(), hits.brdf_per_sr.copy()
     sunlight = np.zeros(len(facet)) if sun else None
 
-    def light(number: int, on: np.ndarray) -> None:
-        surface, direction = surfaces[number], hits.rays.direction[hits.ray[on]]
-        here = seen(surfaces, number, truth, direction, facet[on], hits.range_m[on], cosine[on])
+    def light(k: int, on: np.ndarray) -> None:
+        surface, direction = surfaces[k], hits.rays.direction[hits.ray[on]]
+        here = seen(surfaces, k, truth, direction, facet[on], hits.range_m[on], cosine[on])
         if laser_from_m.any():
             cosine[on], brdf[on] = from_laser(here, laser_from_m)
         elif surface.smooth:
@@ -104,32 +111,32 @@ def _relit(
             sunlight[on] = from_sun(here)
 
     pieces = []
-    for number in range(len(surfaces)):
-        on = np.flatnonzero(hits.target == number)
-        pieces += [(number, on[start : start + _BAND_RAYS]) for start in range(0, len(on), _BAND_RAYS)]
+    for k in range(len(surfaces)):
+        on = np.flatnonzero(number == k)
+        pieces += [(k, on[start : start + _BAND_RAYS]) for start in range(0, len(on), _BAND_RAYS)]
     if threads != 1 and len(pieces) > 1:
         list(_pool(threads).map(light, *zip(*pieces, strict=True)))
     else:
-        for number, on in pieces:
-            light(number, on)
+        for k, on in pieces:
+            light(k, on)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
 
 
 class _Met(NamedTuple):
-    """Where rays met one target: ray, facet, range [m] and cos α of each hit, in the order of the rays."""
+    """Where rays met one surface: ray, facet, range [m] and cos α of each hit, in the order of the rays."""
 
     ray: np.ndarray
     facet: np.ndarray
     range_m: np.ndarray
     cosine: np.ndarray
 
-    def of(self, target: int) -> tuple[np.ndarray, ...]:
-        """Return ray, target, facet, range and cos α, all on one target."""
-        return self.ray, np.full(len(self.ray), target, dtype=np.int16), self.facet, self.range_m, self.cosine
+    def of(self, number: int) -> tuple[np.ndarray, ...]:
+        """Return ray, number of the surface, facet, range and cos α, all on one surface."""
+        return self.ray, np.full(len(self.ray), number, dtype=np.int16), self.facet, self.range_m, self.cosine
 
 
 def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alone: bool) -> _Met:
-    """Return the hits on one target, as if it were alone."""
+    """Return the hits on one surface, as if it were alone."""
     target_from_lidar = truth.pose(surface.name, "lidar")
     direction, pixel, aimed = rays.direction, rays.pixel, None
     if not alone:
@@ -144,18 +151,18 @@ def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alo
 
 
 def _nearest(met: Sequence[_Met], n_rays: int) -> tuple[np.ndarray, ...]:
-    """Return ray, target, facet, range and cos α of the nearest hit of each ray that hits anything."""
+    """Return ray, surface, facet, range and cos α of the nearest hit of each ray that hits anything."""
     range_m = np.full(n_rays, np.inf)
     cosine = np.zeros(n_rays)
-    target = np.full(n_rays, -1, dtype=np.int16)
+    number = np.full(n_rays, -1, dtype=np.int16)
     facet = np.zeros(n_rays, dtype=np.int32)
-    for number, hits in enumerate(met):
+    for k, hits in enumerate(met):
         nearer = np.flatnonzero(hits.range_m < range_m[hits.ray])
         ray = hits.ray[nearer]
-        target[ray] = number
+        number[ray] = k
         range_m[ray], cosine[ray], facet[ray] = hits.range_m[nearer], hits.cosine[nearer], hits.facet[nearer]
-    ray = np.flatnonzero(target >= 0)
-    return ray, target[ray], facet[ray], range_m[ray], cosine[ray]
+    ray = np.flatnonzero(number >= 0)
+    return ray, number[ray], facet[ray], range_m[ray], cosine[ray]
 
 
 @lru_cache(maxsize=4)
@@ -216,12 +223,12 @@ def _meet(
 
 
 def _surface_of(
-    surfaces: Sequence[Surface], target: np.ndarray, facet: np.ndarray, cosine: np.ndarray
+    surfaces: Sequence[Surface], number: np.ndarray, facet: np.ndarray, cosine: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return BRDF [1/sr], part and the source file's facet number of each hit."""
     brdf, part, source_facet = np.zeros(len(facet)), np.zeros(len(facet), np.int16), np.zeros(len(facet), np.int32)
-    for number, surface in enumerate(surfaces):
-        on = np.flatnonzero(target == number) if len(surfaces) > 1 else slice(None)
+    for k, surface in enumerate(surfaces):
+        on = np.flatnonzero(number == k) if len(surfaces) > 1 else slice(None)
         brdf[on] = surface.brdf_per_sr(facet[on], cosine[on])
         part[on] = surface.part[facet[on]]
         source_facet[on] = surface.mesh.source_facet[facet[on]]

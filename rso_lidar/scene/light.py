@@ -90,7 +90,7 @@ def from_sun(hits: Seen) -> np.ndarray:
     """
     lit = np.zeros(len(hits.facet))
     sun = np.asarray(hits.truth.sun_direction, dtype=float)
-    share = float(np.asarray(hits.truth.sunlit.get(hits.surface.name, 1.0)))
+    share = float(np.asarray(hits.truth.sunlit.get(hits.surface.body, 1.0)))
     if not np.all(np.isfinite(sun)) or share <= 0.0 or not len(lit):
         return lit
     to_sun = hits.truth.pose(hits.surface.name, ROOT).rotation.apply(sun / np.linalg.norm(sun))

@@ -27,7 +27,9 @@ class Surface:
     """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
 
     `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts. `smooth`
-    are the numbers of parts that are curved in truth: their normals are interpolated over the facets.
+    are the numbers of parts that are curved in truth: their normals are interpolated over the facets. `target` is the
+    target's number (None: the place among all surfaces); `name` are the axes that the surface is in: the target's, or
+    those of a hinge, ``tdrs.array``.
     """
 
     name: str
@@ -35,6 +37,12 @@ class Surface:
     vertices: np.ndarray
     materials: tuple[Scatterer, ...]
     smooth: tuple[int, ...] = ()
+    target: int | None = None
+
+    @property
+    def body(self) -> str:
+        """Return the name of the target."""
+        return self.name.partition(".")[0]
 
     @property
     def facets(self) -> np.ndarray:

@@ -39,7 +39,7 @@ def burgled(tmp_path_factory):
     faults = {
         "units": "from rso_lidar.records import Frame",  # up the stairs
         "pose": "import rso_lidar",  # the root
-        "optics/planted": "from rso_lidar import scene\nimport h5py, embreex, trimesh, skyfield, matplotlib, typer",
+        "optics/planted": "from rso_lidar import orbit, scene\nimport h5py, embreex, trimesh, skyfield, matplotlib, typer",
     }
     for module, fault in faults.items():
         with (folder / "rso_lidar" / f"{module}.py").open("a") as file:
@@ -56,7 +56,8 @@ def burgled(tmp_path_factory):
         "Nothing inside imports the root package",
         "embreex lives in scene",
         "trimesh lives in scene and shapes",
-        "skyfield and sgp4 live in motion",
+        "skyfield and sgp4 live in orbit",
+        "Light and files know nothing of orbits: rooms beside motion take records",
         "h5py and its like live in export",
         "matplotlib and Pillow live in picture; a measured pattern is an image too",
         "typer and rich live in cli",

@@ -11,17 +11,21 @@ from rso_lidar.part import Part
 
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = """
-    m km s ns rad deg m_s deg_s deg_s2 hz mhz nm um mm mj kg kg_m2 n_m na nf ohm per_v per_sr per_s counts photons electrons
-    fraction
+    m km s ns rad deg m_s m_s2 deg_s deg_s2 rev_day rev_day2 rev_day3 kg m2 n per_earth_radius hz mhz nm um mm mj kg
+    kg_m2 n_m na nf ohm per_v per_sr per_s counts photons electrons fraction
 """
 SUFFIXES = tuple(f"_{unit}" for unit in UNITS.split())
 NO_SUFFIX = {  # name: why it needs none
+    "absolute_tolerance": "in the units of the state",
     "adc_bits": "a number of bits",
     "axis": "a direction, of any length",
     "camera_seed": "a number that only names a camera",
+    "coefficient": "a ratio",
     "counts_per_photon": "a ratio whose name says both units",
     "damping": "share of critical damping",
+    "degree": "of a polynomial",
     "diffuse": "share of the light",
+    "drag_coefficient": "a ratio",
     "eccentricity": "a ratio of lengths",
     "electrons_per_count": "a ratio whose name says both units",
     "excess_noise_factor": "a ratio of variances",
@@ -29,17 +33,23 @@ NO_SUFFIX = {  # name: why it needs none
     "f_number": "a ratio of lengths, and everybody's word for it",
     "false_alarm_probability": "a probability",
     "fraction": "share of a pulse's peak",
+    "further_state": "each entry has its own unit",
     "gain": "electrons for an electron",
+    "hops": "a number of hops",
+    "initial_state": "each entry has its own unit, that of the user's dynamics",
+    "inputs": "each entry has its own unit",
     "intensity_excess_noise_factor": "a ratio of variances",
     "ionisation_ratio": "a ratio of rates",
     "k1": "a coefficient of pure numbers",
     "k2": "a coefficient of pure numbers",
     "k3": "a coefficient of pure numbers",
+    "loops": "a number of loops",
     "max_returns": "a number of returns",
     "min_rays_per_target": "a number of rays",
     "n_cols": "a number of pixels",
     "n_rows": "a number of pixels",
     "norad_id": "a catalogue number",
+    "normal": "a direction, of any length",
     "p1": "a coefficient of pure numbers",
     "p2": "a coefficient of pure numbers",
     "pretrigger_samples": "a number of samples",
@@ -52,6 +62,8 @@ NO_SUFFIX = {  # name: why it needs none
     "reference_photons": "photons, as its first word says",
     "reflectance": "share of the light",
     "refractive_index": "a ratio of speeds",
+    "relative_tolerance": "a ratio",
+    "revolutions": "a number of revolutions",
     "roughness": "a ratio of lengths",
     "samples": "a number of samples",
     "scale": "a ratio of lengths",
@@ -61,6 +73,8 @@ NO_SUFFIX = {  # name: why it needs none
     "sun_direction": "a direction, of any length",
     "transmission": "share of the light",
     "up": "a direction, of any length",
+    "up_axis": "a direction, of any length",
+    "zonal_degree": "of a harmonic",
 }
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from rso_lidar import motion
+from rso_lidar import motion, orbit, rpo
 from rso_lidar.motion.attitude import Spin, Tumble, look_at
 from rso_lidar.units import DEG, EARTH_GM_M3_S2
 
@@ -256,13 +256,13 @@ def test_looking_along_the_track_turns_once_a_revolution(validation):
     radius = 42164e3
     n = math.sqrt(EARTH_GM_M3_S2 / radius**3)
     speed = n * radius * math.sqrt(0.5)
-    chief = motion.State(epoch_utc=epoch, position_m=(radius, 0, 0), velocity_m_s=(0, speed, speed))
-    behind = motion.Hill(relative_to="chief", position_m=(0, -300, 0), velocity_m_s=(0, 0, 0))
+    chief = orbit.State(epoch_utc=epoch, position_m=(radius, 0, 0), velocity_m_s=(0, speed, speed))
+    behind = rpo.Hill(relative_to="chief", position_m=(0, -300, 0), velocity_m_s=(0, 0, 0))
     bodies = [
         motion.Body(name="chief", motion=chief),
         motion.Body(name="follower", motion=behind, attitude=motion.LookAt(at="chief")),
     ]
-    course = motion.truth(bodies, motion.Epochs(epoch, np.linspace(0.0, math.tau / n, 145)))
+    course = motion.truth(bodies, orbit.Epochs(epoch, np.linspace(0.0, math.tau / n, 145)))
     rates = course.poses.link("inertial", "follower").angular_velocity_rad_s
     off = np.linalg.norm(rates - [0, 0, n], axis=1)
     worst = rates[np.argmax(off)]

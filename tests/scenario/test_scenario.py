@@ -107,7 +107,7 @@ class TestAdvice:
         ("settings", "words"),
         [
             (("time.start_utc=2025-06-01T12:00:00Z",), "days from its epoch"),
-            (("follower.motion.position_m=[0, -30000, 0]",), "Clohessy-Wiltshire"),
+            (("follower.motion.position_m=[0, -30000, 0]",), "hill: the separation"),
             (("follower.motion.position_m=[0, -30000, 0]",), "armed window"),
             (('ptu.point={ type = "fixed", pan_deg = 90.0 }',), "never in the field of view"),
             (

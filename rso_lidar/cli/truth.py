@@ -1,0 +1,200 @@
+"""`rso-lidar truth`: where everything is, without rendering a frame: a table, a picture, an ephemeris or a globe's file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from scipy.spatial.transform import Rotation
+
+from rso_lidar import orbit, picture
+from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.export.czml import Beam, Moving, packets, thinned, write_czml
+from rso_lidar.motion.aem import write_aem
+from rso_lidar.orbit.earth import itrs_from_gcrs
+from rso_lidar.orbit.oem import write_oem
+from rso_lidar.picture.angles import angles_figure, ptu_figure
+from rso_lidar.picture.orbit import inertial_figure
+from rso_lidar.picture.output import FIGURE_SUFFIXES, beside
+from rso_lidar.pose import ROOT, quaternion_xyzw
+from rso_lidar.records import Truth
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.timeline import columns, course, plan_of, utc
+
+FIGURES = ("relative", "orbit", "angles", "ptu")
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
+STEPPED = ("angles", "ptu")  # figures that show where the PTU really points
+
+
+def truth(
+    file: ScenarioFile,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="What to write: .png, .pdf, .svg, .csv, .oem, .aem or .czml, by its suffix."
+        ),
+    ],
+    figure: Annotated[
+        str | None, typer.Option("--figure", metavar="KIND", help="Of a picture: relative, orbit, angles or ptu.")
+    ] = None,
+    body: Annotated[
+        str | None,
+        typer.Option("--body", metavar="NAME", help="Body of an .oem or .aem (the follower); target of a picture."),
+    ] = None,
+    every_s: Annotated[
+        float | None, typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames.")
+    ] = None,
+    settings: Settings = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """Write or draw where everything is and where the PTU points, without rendering a frame."""
+    suffix = _checked(output, overwrite)
+    kind = _kind(figure, suffix)
+    scenario = Scenario.load(file, tuple(settings or ()))
+    frames = np.arange(0, scenario.time.n_frames, _stride(every_s, scenario))
+    if suffix in FIGURE_SUFFIXES:
+        picture.save_figure(_figure(scenario, kind, body, frames), output)
+    elif suffix == ".csv":
+        table = columns(scenario, *course(scenario, frames))
+        _write(output, lambda draft: _csv(draft, table))
+    else:
+        if scenario.local:
+            raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
+        if suffix == ".czml":
+            document = _czml(scenario, course(scenario, frames[thinned(frames.size)])[0])
+            _write(output, lambda draft: write_czml(draft, document))
+        else:
+            _ephemeris(scenario, output, suffix, body, frames)
+    typer.echo(f"{output}")
+
+
+def _checked(output: Path, overwrite: bool) -> str:
+    """Return the suffix of an output that may be written."""
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
+        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES) or ';'} (known: {', '.join(SUFFIXES)})")
+    if output.is_dir():
+        raise ScenarioError(f"{output}: is a folder; name a file in it")
+    if output.exists() and not overwrite:
+        raise ScenarioError(f"{output}: exists already; give --overwrite or another name")
+    if not output.parent.is_dir():
+        raise ScenarioError(f"{output}: there is no folder {output.parent}; make it first")
+    return suffix
+
+
+def _kind(figure: str | None, suffix: str) -> str:
+    if figure is None:
+        return FIGURES[0]
+    if suffix not in FIGURE_SUFFIXES:
+        raise ScenarioError(f"--figure {figure}: is for pictures; end the output with .png, or leave --figure out")
+    if figure not in FIGURES:
+        guess = did_you_mean(figure, FIGURES) or ";"
+        raise ScenarioError(f"--figure {figure}: no such picture{guess} (known: {', '.join(FIGURES)})")
+    return figure
+
+
+def _stride(every_s: float | None, scenario: Scenario) -> int:
+    """Return how many frames lie from row to row."""
+    if every_s is None:
+        return 1
+    if not 0.0 < every_s < np.inf:
+        raise ScenarioError(f"--every {every_s:g}: needs seconds above 0")
+    step_s = 1.0 / scenario.time.frame_rate_hz
+    if every_s < step_s * (1.0 - 1e-9):
+        raise ScenarioError(
+            f"--every {every_s:g}: frames are {step_s:g} s apart; ask for as much, or --set time.frame_rate_hz"
+        )
+    return round(every_s / step_s)
+
+
+def _named(name: str, known: list[str]) -> str:
+    if name not in known:
+        raise ScenarioError(
+            f"--body {name}: nothing has that name{did_you_mean(name, known)} (known: {', '.join(known)})"
+        )
+    return name
+
+
+def _write(output: Path, write: Callable[[Path], Any]) -> None:
+    with beside(output) as draft:
+        write(draft)
+
+
+def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
+    """Return one of the figures."""
+    if kind == "ptu" and scenario.ptu is None:
+        raise ScenarioError("--figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
+    if not scenario.target and kind != "orbit":
+        raise ScenarioError(f"--figure {kind}: the scenario has no target to look at; add [[target]]")
+    targets = [target.name for target in scenario.target]
+    target = _named(body, targets) if body else next(iter(targets), None)
+    place, angles = course(scenario, frames, drive=kind in STEPPED)
+    if kind == "orbit":
+        return inertial_figure(place, scenario.name)
+    if kind == "ptu":
+        assert scenario.ptu is not None
+        response = scenario.ptu.response
+        return ptu_figure(
+            (place.time_s, angles),
+            scenario.name,
+            travel_rad=response.travel_rad,
+            max_rate_rad_s=getattr(response, "max_rate_rad_s", None),
+        )
+    if kind == "angles":
+        edges = scenario.instrument.at(0.0).receiver.field_edge
+        return angles_figure(place, target, scenario.name, half_field_rad=float(np.arctan(np.min(edges))))
+    impulses, keep_out_m = plan_of(scenario, target)
+    return picture.orbit_figure(place, target, impulses=impulses, keep_out_m=keep_out_m, title=scenario.name)
+
+
+def _csv(path: Path, table: dict[str, np.ndarray]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
+
+
+def _czml(scenario: Scenario, place: Truth) -> list[dict[str, Any]]:
+    """Return the document: bodies with their orientation, lines of sight, and the lidar's boresight."""
+    time_s = place.time_s
+    fixed = itrs_from_gcrs(orbit.Epochs(scenario.time.start_utc, time_s))
+    bodies = []
+    for name, state in place.states.items():
+        turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
+        itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
+        bodies.append(Moving(name, state.position_m, _quaternion(itrs_from_body)))
+    targets = [target.name for target in scenario.target]
+    beams = []
+    if targets:
+        nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
+        ahead = np.zeros((time_s.size, 3))
+        ahead[:, 2] = nearest
+        beams.append(Beam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
+    start, end = utc(scenario, np.array([0.0, time_s[-1]]))
+    lines = [("follower", name) for name in targets]
+    return packets(scenario.name, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+
+
+def _quaternion(matrix: np.ndarray) -> np.ndarray:
+    return quaternion_xyzw(Rotation.from_matrix(matrix))
+
+
+def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
+    """Write the motion of a body as OEM, or how axes are turned in inertial ones as AEM."""
+    wanted = body or "follower"
+    place, _ = course(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
+    name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))
+    epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
+    if suffix == ".oem":
+        with beside(output) as draft:
+            write_oem(draft, name, name, epochs, place.states[name], overwrite=True)
+        return
+    turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
+    with beside(output) as draft:
+        write_aem(draft, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)

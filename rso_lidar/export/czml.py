@@ -1,0 +1,230 @@
+"""CZML: bodies, their orientation and the lidar's line of sight over time, for globes in a browser such as Cesium.
+
+Positions are in inertial axes, which such globes take for ICRF; orientations are in Earth-fixed axes, as the format has
+them, each the rotation that takes body coordinates to Earth-fixed ones (CZML wiki, Orientation). Times are elapsed seconds
+since the start.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+
+MOST_SAMPLES = 2000
+DEGREE = 5  # of the interpolation between positions
+COLOURS = ((213, 94, 0), (0, 114, 178), (0, 158, 115), (204, 121, 167), (230, 159, 0))
+BEAM = (255, 122, 24)
+UM = 6  # decimal places of metres
+NS = 9  # decimal places of seconds
+QUATERNION = 12  # decimal places
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A body over time: `position_m` (time, 3) in GCRS axes, and where known `itrs_from_body` (time, 4), x, y, z, w."""
+
+    name: str
+    position_m: np.ndarray
+    itrs_from_body: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """A line from the body `of` to a point `tip_m` (time, 3) in GCRS axes, such as where the lidar's boresight ends."""
+
+    name: str
+    of: str
+    tip_m: np.ndarray
+
+
+def thinned(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
+    """Return at most `most` indices below `n`, evenly spread, both ends included.
+
+    >>> thinned(10, 4)
+    array([0, 3, 6, 9])
+    """
+    if most < 2:
+        raise RecordingError(f"czml: {most} samples are too few to move by; ask for 2 or more")
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
+
+
+def packets(
+    title: str,
+    time_s: np.ndarray,
+    bodies: Sequence[Moving],
+    start_utc: str,
+    end_utc: str,
+    *,
+    lines: Sequence[tuple[str, str]] = (),
+    beams: Sequence[Beam] = (),
+    most: int = MOST_SAMPLES,
+) -> list[dict[str, Any]]:
+    """Return the packets of a CZML document: one for the document, one for each body, line and beam.
+
+    Parameters
+    ----------
+    time_s : instants (time) [s since start_utc].
+    start_utc, end_utc : ISO UTC text of the first instant's zero and of the last instant.
+    lines : (name, name) of two bodies that a thin line joins, such as the follower and its target.
+    beams : lines that end in space.
+    most : samples kept of each, at most.
+    """
+    time_s = np.asarray(time_s, dtype=float)
+    names = [body.name for body in bodies]
+    _sound(time_s, bodies, names, lines, beams)
+    chosen = thinned(time_s.size, most)
+    at_s = time_s[chosen]
+    span = f"{start_utc}/{end_utc}"
+    document = {
+        "id": "document",
+        "name": title,
+        "version": "1.0",
+        "clock": {
+            "interval": span,
+            "currentTime": start_utc,
+            "multiplier": max(1.0, round(float(np.ptp(time_s)) / 60.0)),
+            "range": "LOOP_STOP",
+            "step": "SYSTEM_CLOCK_MULTIPLIER",
+        },
+    }
+    made: list[dict[str, Any]] = [document]
+    for k, body in enumerate(bodies):
+        colour = {"rgba": [*COLOURS[k % len(COLOURS)], 255]}
+        packet: dict[str, Any] = {
+            "id": body.name,
+            "name": body.name,
+            "availability": span,
+            "position": _position(at_s, body.position_m[chosen], start_utc),
+            "point": {
+                "pixelSize": 8,
+                "color": colour,
+                "outlineColor": {"rgba": [255, 255, 255, 255]},
+                "outlineWidth": 1,
+            },
+            "label": {
+                "text": body.name,
+                "font": "12pt sans-serif",
+                "fillColor": colour,
+                "horizontalOrigin": "LEFT",
+                "pixelOffset": {"cartesian2": [12, -12 - 16 * k]},
+            },
+            "path": {
+                "material": {"solidColor": {"color": colour}},
+                "width": 2,
+                "leadTime": float(at_s[-1] - at_s[0]),
+                "trailTime": float(at_s[-1] - at_s[0]),
+                "resolution": max(1.0, round(float(at_s[-1] - at_s[0]) / MOST_SAMPLES, 3)),
+            },
+        }
+        if body.itrs_from_body is not None:
+            packet["orientation"] = _orientation(at_s, body.itrs_from_body[chosen], start_utc)
+        made.append(packet)
+    made += [_line(f"{a}-{b}", a, b, span, (*_grey(), 160), 1) for a, b in lines]
+    for beam in beams:
+        tip = f"{beam.name} tip"
+        position = _position(at_s, beam.tip_m[chosen], start_utc, degree=1)
+        made.append({"id": tip, "availability": span, "position": position})
+        made.append(_line(beam.name, beam.of, tip, span, (*BEAM, 220), 2))
+    return made
+
+
+def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]]) -> Path:
+    """Return the path of a CZML file, written whole or not at all."""
+    place = Path(path)
+    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
+    draft = place.with_name(f"{place.name}.part")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(place)
+    except OSError as error:
+        raise RecordingError(f"{place}: cannot be written ({error.strerror}); choose another place") from None
+    finally:
+        draft.unlink(missing_ok=True)
+    return place
+
+
+def _sound(
+    time_s: np.ndarray,
+    bodies: Sequence[Moving],
+    names: list[str],
+    lines: Sequence[tuple[str, str]],
+    beams: Sequence[Beam],
+) -> None:
+    """Raise `RecordingError` for what would make a document that nothing reads."""
+    if not bodies or time_s.size < 1:
+        raise RecordingError("czml: there is no body, or no instant, to write; check the choice")
+    if len(set(names)) < len(names):
+        raise RecordingError(f"czml: two bodies have one name ({', '.join(names)}); ids must differ")
+    if np.any(np.diff(time_s) <= 0.0):
+        raise RecordingError("czml: the instants do not rise; sort them")
+    for what, values in [(body.name, body.position_m) for body in bodies] + [(beam.name, beam.tip_m) for beam in beams]:
+        if values.shape != (time_s.size, 3) or not np.all(np.isfinite(values)):
+            raise RecordingError(f"czml: {what}: needs a finite position (x, y, z) at each of {time_s.size} instants")
+    for body in bodies:
+        if body.itrs_from_body is not None and body.itrs_from_body.shape != (time_s.size, 4):
+            raise RecordingError(
+                f"czml: {body.name}: needs a quaternion (x, y, z, w) at each of {time_s.size} instants"
+            )
+    for name in {*(name for pair in lines for name in pair), *(beam.of for beam in beams)} - set(names):
+        raise RecordingError(f"czml: a line is tied to '{name}', which is no body here; known: {', '.join(names)}")
+
+
+def _grey() -> tuple[int, int, int]:
+    return (160, 164, 172)
+
+
+def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
+    """Return time-tagged samples in one row; one sample alone is a constant without a time."""
+    if at_s.size == 1:
+        return [round(float(value), digits) for value in values[0]]
+    rows = zip(at_s.tolist(), values.tolist(), strict=True)
+    return [number for time_s, row in rows for number in (round(time_s, NS), *(round(value, digits) for value in row))]
+
+
+def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int = DEGREE) -> dict[str, Any]:
+    return {
+        "interpolationAlgorithm": "LAGRANGE" if degree > 1 else "LINEAR",
+        "interpolationDegree": min(degree, max(at_s.size - 1, 1)),
+        "referenceFrame": "INERTIAL",
+        "epoch": epoch,
+        "cartesian": _samples(at_s, position_m, UM),
+    }
+
+
+def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[str, Any]:
+    """Return the orientation, its quaternions with the sign that keeps each near the one before."""
+    flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
+    smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+    return {
+        "interpolationAlgorithm": "LINEAR",
+        "interpolationDegree": 1,
+        "epoch": epoch,
+        "unitQuaternion": _samples(at_s, smooth, QUATERNION),
+    }
+
+
+def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: int) -> dict[str, Any]:
+    return {
+        "id": name,
+        "name": name,
+        "availability": span,
+        "polyline": {
+            "positions": {"references": [f"{_id(a)}#position", f"{_id(b)}#position"]},
+            "arcType": "NONE",
+            "width": width,
+            "material": {"solidColor": {"color": {"rgba": list(rgba)}}},
+        },
+    }
+
+
+def _id(name: str) -> str:
+    """Return a name as references write it: a backslash before what would end it."""
+    return name.replace("\\", "\\\\").replace("#", "\\#").replace(".", "\\.")

@@ -1,0 +1,290 @@
+"""Attitudes from a table, in and out: CCSDS AEM (504.0-B, keyword = value or XML) and CSV.
+
+A CCSDS quaternion "from A to B" turns coordinates: v_B = M(q) v_A with M Wertz's matrix, so that, read as a rotation of
+vectors, the same four numbers are a_from_b. Which of them is the scalar the file says, or its format's version.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation, RotationSpline, Slerp
+
+from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.motion.attitude import RTN_FROM_LVLH_CCSDS
+from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.orbit import ccsds
+from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000, known_frame
+from rso_lidar.orbit.epochs import Epochs, utc_text
+from rso_lidar.orbit.oem import EDGE_S
+from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable
+from rso_lidar.part import UNIT_NORM_WITHIN, Part, Text
+from rso_lidar.pose import quaternion_xyzw
+
+_TURN = (("qx", "qy", "qz", "qw"),)
+_ORBITAL = ("RTN", "RSW", "QSW", "RIC")
+_KINDS = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
+
+
+class AttitudeTable(Part):
+    """Attitude by a table of quaternions: a CCSDS AEM (keyword = value or XML), or CSV, told apart by content.
+
+    AEM: type QUATERNION (rates and derivatives beside it are left out), between SC_BODY and GCRF, ICRF, EME2000 or RTN, in
+    either direction; UTC, TAI, TT or GPS time; `object` is one's name or id where a file has several. CSV: time_s (of the
+    run), or utc or epoch; qx, qy, qz, qw, which turn body axes into `axes`: "inertial" (the root's), "rtn" or "lvlh_ccsds".
+    `interpolation` is "spline" (scipy's RotationSpline through all rows of a segment: rate and acceleration continuous)
+    or "slerp" (constant rate between rows). Rows must be less than half a turn apart: nothing can tell a longer way.
+    """
+
+    type: Literal["table"] = "table"
+    file: Text
+    object: Text | None = None
+    axes: Literal["inertial", "rtn", "lvlh_ccsds"] | None = None
+    interpolation: Literal["spline", "slerp"] = "spline"
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned; epochs outside the table raise `PropagationError`."""
+        epochs, arcs = here.epochs, self._arcs()
+        which = np.full(len(epochs), -1)
+        for number, arc in enumerate(arcs):
+            time_s = elapsed_s(epochs, arc.start_utc)
+            which[(time_s >= arc.begin_s - EDGE_S) & (time_s <= arc.end_s + EDGE_S)] = number
+        bad = which < 0
+        if bad.any():
+            at = epochs.time_s[np.argmax(bad)]
+            first, last = arcs[0], arcs[-1]
+            raise PropagationError(
+                f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}: it "
+                f"spans {utc_text(first.start_utc or epochs.start_utc, first.begin_s)} to "
+                f"{utc_text(last.start_utc or epochs.start_utc, last.end_s)}; shift or shorten the run",
+                bad,
+            )
+        if arcs[0].in_origin and not here.orbits:
+            raise ScenarioError(f"table {self.file}: is in rtn axes, and this body does not orbit: use inertial ones")
+        quaternion, rate = np.empty((len(epochs), 4)), np.empty((len(epochs), 3))
+        for number in np.unique(which):
+            rows = which == number
+            arc = arcs[number]
+            time_s = np.clip(elapsed_s(epochs, arc.start_utc)[rows], arc.begin_s, arc.end_s)
+            rotation, rate[rows] = arc.at(time_s, self.interpolation)
+            quaternion[rows] = rotation.as_quat()
+        return Turn(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)
+
+    def _arcs(self) -> tuple[TurnArc, ...]:
+        path = ccsds.found(self.file)
+        try:
+            status = path.stat()
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a file of text") from None
+        return _read(path, status.st_mtime_ns, status.st_size, self.object, self.axes)
+
+
+@dataclass(frozen=True, eq=False)
+class TurnArc:
+    """One segment: axes_from_body at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
+
+    where: str
+    start_utc: datetime.datetime | None
+    begin_s: float
+    end_s: float
+    time_s: np.ndarray
+    rotation: Rotation
+    in_origin: bool
+
+    @functools.cached_property
+    def _spline(self) -> Any:
+        return RotationSpline(self.time_s, self.rotation)
+
+    @functools.cached_property
+    def _slerp(self) -> tuple[Any, np.ndarray]:
+        """Return the interpolator, and its constant rates (row - 1, 3) [rad/s] between rows."""
+        steps = (self.rotation[:-1].inv() * self.rotation[1:]).as_rotvec()
+        return Slerp(self.time_s, self.rotation), steps / np.diff(self.time_s)[:, None]
+
+    def at(self, time_s: np.ndarray, interpolation: str) -> tuple[Rotation, np.ndarray]:
+        """Return axes_from_body and body rates (time, 3) [rad/s]; of slerp, at a row, the rate after it."""
+        if interpolation == "spline":
+            return self._spline(time_s), self._spline(time_s, 1)
+        slerp, rates = self._slerp
+        after = np.searchsorted(self.time_s, time_s, side="right") - 1
+        return slerp(time_s), rates[np.clip(after, 0, len(rates) - 1)]
+
+
+# --------------------------------------------------------------------------------------------------------- reading
+
+
+@functools.lru_cache(maxsize=16)
+def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None) -> tuple[TurnArc, ...]:
+    text = ccsds.read_text(path)
+    if not ccsds.is_message(text):
+        if wanted is not None:
+            raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+        return (_from_csv(text, str(path), axes or "inertial"),)
+    if axes is not None:
+        raise ScenarioError(f"{path}: an AEM says itself what its axes are: leave out axes '{axes}'")
+    message = ccsds.read_message(text, "AEM", str(path))
+    arcs: list[TurnArc] = []
+    for segment in ccsds.choose(message, wanted):
+        arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
+    if len({arc.in_origin for arc in arcs}) > 1:
+        raise ScenarioError(f"{path}: has segments in inertial axes and in rtn: write them in one")
+    arcs.sort(key=lambda arc: arc.begin_s)
+    for before, after in itertools.pairwise(arcs):
+        if after.begin_s < before.end_s - EDGE_S:
+            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
+    return tuple(arcs)
+
+
+def _from_csv(text: str, where: str, axes: str) -> TurnArc:
+    table = read_timetable(text, where, _TURN, _TURN)
+    quaternion = table.stack(_TURN[0])
+    assert quaternion is not None
+    rotation = _rotation(where, quaternion, table.lines)
+    if axes == "lvlh_ccsds":
+        rotation = RTN_FROM_LVLH_CCSDS * rotation
+    time_s = table.time_s
+    return TurnArc(where, table.start_utc, time_s[0], time_s[-1], time_s, rotation, axes != "inertial")
+
+
+def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
+    norms = np.linalg.norm(quaternion, axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
+    if len(wrong):
+        k = int(wrong[0])
+        raise ScenarioError(
+            f"{where}: line {lines[k]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it, or correct the row"
+        )
+    return Rotation.from_quat(quaternion)
+
+
+def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> TurnArc:
+    at = f"{message.where}: line {segment.line}"
+    kind = message.need(segment, "ATTITUDE_TYPE")
+    if kind.value.upper() not in _KINDS:
+        raise ScenarioError(
+            f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not known here: have it written as QUATERNION"
+        )
+    system = message.time_system(segment)
+    scalar_first = _scalar_first(message, segment)
+    if len(segment.rows) < 2:
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+    stamps, values, lines = [], [], []
+    for line, cells in segment.rows:
+        here = f"{message.where}: line {line}"
+        if len(cells) < 5 or (len(cells) > 5 and kind.value.upper() == "QUATERNION"):
+            raise ScenarioError(
+                f"{here}: has {len(cells)} words: a row of {kind.value} is an epoch and 4 numbers first"
+            )
+        stamps.append(ccsds.stamp_ps(cells[0], system, here))
+        values.append([ccsds.number(here, "the quaternion", cell) for cell in cells[1:5]])
+        lines.append(line)
+    ccsds.growing(message.where, stamps, lines)
+    numbers = np.array(values)
+    rotation = _rotation(message.where, np.roll(numbers, -1, axis=1) if scalar_first else numbers, lines)
+    axes, reverse = _axes(message, segment)
+    if reverse:
+        rotation = rotation.inv()
+    if axes == "eme2000":
+        rotation = Rotation.from_matrix(gcrs_from_eme2000()) * rotation
+    start, time_s = elapsed_from_ps(stamps, start_utc)
+    span = ccsds.useable_s(message, segment, system, stamps[0], time_s)
+    return TurnArc(at, start, *span, time_s, rotation, axes == "rtn")
+
+
+def _scalar_first(message: ccsds.Message, segment: ccsds.Segment) -> bool:
+    """Return whether the scalar stands first; from version 2.0 on it is last unless said."""
+    entry = segment.meta.get("QUATERNION_TYPE")
+    if entry is None:
+        if message.version.startswith("1"):
+            message.need(segment, "QUATERNION_TYPE")
+        return False
+    if entry.value.upper() not in ("FIRST", "LAST"):
+        raise ScenarioError(
+            f"{message.where}: line {entry.line}: QUATERNION_TYPE {entry.value}: write FIRST or LAST, where the scalar is"
+        )
+    return entry.value.upper() == "FIRST"
+
+
+def _axes(message: ccsds.Message, segment: ccsds.Segment) -> tuple[str, bool]:
+    """Return "gcrs", "eme2000" or "rtn", and whether the quaternion goes from the body to those axes."""
+    ends = {key: message.need(segment, f"REF_FRAME_{key}") for key in "AB"}
+    bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
+    if len(bodily) != 1:
+        raise ScenarioError(
+            f"{message.where}: line {ends['B'].line}: REF_FRAME_A {ends['A'].value}, REF_FRAME_B {ends['B'].value}: one of "
+            "them must be SC_BODY"
+        )
+    other = ends["A" if bodily == ["B"] else "B"]
+    if other.value.upper() in _ORBITAL:
+        axes = "rtn"
+    else:
+        axes = known_frame(other.value, f"{message.where}: line {other.line}")
+        if axes == "teme":
+            raise ScenarioError(f"{message.where}: line {other.line}: an attitude in TEME: have it written in GCRF")
+    entry = segment.meta.get("ATTITUDE_DIR")
+    direction = entry.value.upper() if entry is not None else "A2B"
+    if direction not in ("A2B", "B2A"):
+        line = entry.line if entry is not None else segment.line
+        raise ScenarioError(f"{message.where}: line {line}: ATTITUDE_DIR {direction}: write A2B or B2A")
+    return axes, (direction == "A2B") == (bodily == ["A"])
+
+
+# --------------------------------------------------------------------------------------------------------- writing
+
+
+def write_aem(
+    path: str | Path,
+    name: str,
+    object_id: str,
+    epochs: Epochs,
+    inertial_from_body: Rotation,
+    *,
+    originator: str = "RSO_LIDAR",
+    version: Literal["1.0", "2.0"] = "1.0",
+    created_utc: datetime.datetime | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write attitudes as one segment of an AEM (keyword = value; GCRF to SC_BODY_1, scalar last, UTC); return its path."""
+    rows, texts = _quaternions(epochs, inertial_from_body), ccsds.epoch_texts(epochs)
+    old = version == "1.0"
+    meta = {
+        "OBJECT_NAME": name,
+        "OBJECT_ID": object_id,
+        "CENTER_NAME": "EARTH",
+        "REF_FRAME_A": "GCRF",
+        "REF_FRAME_B": "SC_BODY_1",
+        **({"ATTITUDE_DIR": "A2B"} if old else {}),
+        "TIME_SYSTEM": "UTC",
+        "START_TIME": texts[0],
+        "STOP_TIME": texts[-1],
+        "ATTITUDE_TYPE": "QUATERNION",
+        **({"QUATERNION_TYPE": "LAST"} if old else {}),
+    }
+    lines = (f"{text} " + " ".join(f"{value:.15f}" for value in row) for text, row in zip(texts, rows, strict=True))
+    header = ccsds.header(originator, created_utc)
+    return ccsds.write_text(path, ccsds.kvn_text("AEM", version, header, meta, lines), overwrite=overwrite)
+
+
+def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:
+    """Write attitudes as CSV (utc, qx, qy, qz, qw) as `AttitudeTable` reads it; return its path."""
+    rows, texts = _quaternions(epochs, axes_from_body), ccsds.epoch_texts(epochs)
+    lines = [",".join(("utc", *_TURN[0]))]
+    lines += [
+        ",".join((f"{text}Z", *(f"{value:.15f}" for value in row))) for text, row in zip(texts, rows, strict=True)
+    ]
+    return ccsds.write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
+
+
+def _quaternions(epochs: Epochs, rotation: Rotation) -> list[list[float]]:
+    quaternion = quaternion_xyzw(rotation)
+    rows = np.broadcast_to(quaternion, (len(epochs), 4)) if quaternion.ndim == 1 else quaternion
+    if len(rows) != len(epochs) or len(rows) < 2 or not np.all(np.diff(epochs.time_s) >= 1e-9):
+        raise RecordingError("epochs: an attitude table needs two or more that grow by 1 ns or more, with a turn each")
+    values: list[list[float]] = rows.tolist()
+    return values

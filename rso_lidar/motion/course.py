@@ -1,0 +1,73 @@
+"""The course of a run: what nobody commands, worked out for all flashes at once; what is commanded, from flash to flash."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.motion.body import Body
+from rso_lidar.motion.dynamics import Flight
+from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.truth import truth
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.records import Command, Truth
+
+
+class Course:
+    """Where the bodies are at each flash, without PTU and lidar.
+
+    State-space models that a controller may command fly on from flash to flash under the inputs it gives; then everything
+    is worked out anew at each flash. Otherwise all flashes are worked out at once, and commands change nothing.
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        epochs: Epochs,
+        *,
+        local: bool,
+        sun_direction: Sequence[float] | None = None,
+        commanded: bool = False,
+    ) -> None:
+        self._bodies, self._epochs, self._local, self._sun = bodies, epochs, local, sun_direction
+        self.flights = _flights(bodies) if commanded else {}
+        self._whole = None if self.flights else self._at(epochs)
+        self._since_s = 0.0
+
+    def at(self, row: int, command: Command | None) -> Truth:
+        """Return the truth at one of the epochs by number; `command` was given at the flash before."""
+        if self._whole is not None:
+            return self._whole.at(row)
+        for name, inputs in ((command.inputs if command else None) or {}).items():
+            if name not in self.flights:
+                guess = did_you_mean(name, self.flights)
+                raise ScenarioError(
+                    f"command: inputs are given for '{name}', which has no state-space model{guess} "
+                    f"(known: {', '.join(self.flights)})"
+                )
+            self.flights[name].hold(self._since_s, _numbers(name, inputs))
+        self._since_s = float(self._epochs.time_s[row])
+        return self._at(self._epochs.at(row)).at(0)
+
+    def _at(self, epochs: Epochs) -> Truth:
+        return truth(self._bodies, epochs, local=self._local, sun_direction=self._sun, flights=self.flights)
+
+
+def _flights(bodies: Sequence[Body]) -> dict[str, Flight]:
+    flights = {}
+    for body in bodies:
+        if isinstance(body.motion, StateSpace):
+            flights[body.name] = Flight(body.motion)
+        if isinstance(body.attitude, StateSpaceAttitude):
+            name = f"{body.name}.attitude" if body.name in flights else body.name
+            flights[name] = Flight(body.attitude)
+    return flights
+
+
+def _numbers(name: str, inputs: object) -> np.ndarray:
+    try:
+        return np.array(inputs, dtype=float, ndmin=1)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"command: inputs for '{name}' are {inputs!r:.60}; give a row of numbers") from None

@@ -1,0 +1,216 @@
+"""A user's own x' = f(t, x, u) (seed eq. 6): where f is found, and how it is called, checked and integrated."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
+
+from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean
+from rso_lidar.orbit.integrate import Derivative, Solution
+from rso_lidar.part import Number, Part, Positive
+from rso_lidar.shipped import find
+
+Function = Callable[[float, np.ndarray, np.ndarray], Any]
+
+_PANEL_S = 60.0
+_KEPT = 1000  # pieces between two inputs that are remembered
+
+
+def _named_or_callable(value: Any) -> Any:
+    if isinstance(value, str):
+        place, colon, name = value.rpartition(":")
+        if not (colon and place and name.isidentifier()):
+            raise ValueError(f"'{value}' names no function: write 'file.py:name' or 'package.module:name'")
+    elif not callable(value):
+        raise ValueError(f"needs 'file.py:name', 'package.module:name' or a function f(t, x, u), not {value!r:.60}")
+    return value
+
+
+def in_words(value: Any) -> str:
+    """Return where a function can be found again."""
+    if isinstance(value, str):
+        return value
+    return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
+
+
+def file_of(dynamics: Any) -> str | None:
+    """Return the Python file that a function is named by; None where it is not."""
+    place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
+    return place if place.endswith(".py") else None
+
+
+Dynamics = Annotated[
+    Any,
+    BeforeValidator(_named_or_callable),
+    PlainSerializer(in_words, return_type=str),
+    WithJsonSchema({"type": "string", "description": "file.py:name or package.module:name"}),
+]
+
+
+class StateSpaceModel(Part):
+    """The base of what moves by a user's own x' = f(t, x, u) (seed eq. 6).
+
+    `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the function or object itself, called with
+    seconds since `start_utc`, the state (n,) and the inputs (m,), and giving (n,). `inputs` hold until a controller's
+    `Command.inputs` gives others. DOP853 to these tolerances for each step.
+    """
+
+    dynamics: Dynamics
+    initial_state: tuple[Number, ...]
+    inputs: tuple[Number, ...] = ()
+    relative_tolerance: Positive = 1e-10
+    absolute_tolerance: Positive = 1e-9
+
+    @property
+    def label(self) -> str:
+        """Return what to call the dynamics in errors."""
+        return in_words(self.dynamics)
+
+    @property
+    def file(self) -> str | None:
+        """Return the Python file that the dynamics are in, as named; None where they are not named by a file."""
+        return file_of(self.dynamics)
+
+    def in_file(self, file: str) -> StateSpaceModel:
+        """Return the same model with its dynamics in `file`."""
+        return self.replace(dynamics=f"{file}:{self.dynamics.rpartition(':')[2]}")
+
+    def function(self) -> Function:
+        """Return the function of the dynamics, wrapped so that what goes wrong in it is one line."""
+        return checked(found(self.dynamics), self.label, len(self.initial_state))
+
+    def solution(self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0) -> Solution:
+        """Return x(t - start_s) from `state` at `start_s` [s] on, under constant inputs."""
+        function = self.function()
+
+        def derivative(t: float, x: np.ndarray) -> np.ndarray:
+            return np.asarray(function(t + start_s, x, inputs))
+
+        steady: Derivative = derivative
+        return Solution(
+            steady,
+            state,
+            panel_s=_PANEL_S,
+            rtol=max(self.relative_tolerance, 1e-13),
+            atol=self.absolute_tolerance,
+            name=self.label,
+        )
+
+
+class Flight:
+    """x(t) of one model, under inputs that are held from one instant to the next."""
+
+    def __init__(self, model: StateSpaceModel) -> None:
+        self.model = model
+        self._inputs = np.array(model.inputs, dtype=float)
+        self._pieces = [(0.0, model.solution(np.array(model.initial_state, dtype=float), self._inputs))]
+
+    def hold(self, time_s: float, inputs: np.ndarray) -> None:
+        """Hold other inputs from `time_s` [s] on, which is not before the instant of the last ones."""
+        inputs = np.array(inputs, dtype=float, ndmin=1)
+        if inputs.shape != self._inputs.shape or not np.all(np.isfinite(inputs)):
+            raise ScenarioError(
+                f"command: inputs of {self.model.label} are {inputs.tolist()!s:.60}: it takes {len(self._inputs)} finite "
+                "numbers, as many as its `inputs`"
+            )
+        if np.array_equal(inputs, self._inputs):
+            return
+        state = self(np.array([time_s]))[0]
+        if self._pieces[-1][0] == time_s:
+            del self._pieces[-1]
+        self._inputs = inputs
+        self._pieces.append((time_s, self.model.solution(state, inputs, time_s)))
+        del self._pieces[1:-_KEPT]
+
+    def __call__(self, time_s: np.ndarray) -> np.ndarray:
+        """Return x (time, n) at `time_s` (time,) [s]."""
+        times = np.asarray(time_s, dtype=float)
+        begins = np.array([begin for begin, _ in self._pieces])
+        piece = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+        states = np.empty((len(times), len(self.model.initial_state)))
+        for number in np.unique(piece):
+            begin, solution = self._pieces[number]
+            rows = piece == number
+            states[rows] = solution(times[rows] - begin)
+        return states
+
+
+@functools.lru_cache(maxsize=64)
+def open_loop(model: StateSpaceModel) -> Flight:
+    """Return the flight of a model that nobody commands, worked out once."""
+    return Flight(model)
+
+
+def checked(function: Function, label: str, n: int) -> Function:
+    """Return a function of dynamics whose errors, and answers that are no (n,) finite numbers, are one line."""
+
+    def asked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        try:
+            rates = np.asarray(function(t, x, u), dtype=float)
+        except RsoLidarError:
+            raise
+        except Exception as error:
+            raise ScenarioError(
+                f"{label}: failed at t = {t:g} s with {type(error).__name__}: {error}; mend the dynamics"
+            ) from error
+        if rates.shape != (n,):
+            raise ScenarioError(f"{label}: gave a shape of {rates.shape} at t = {t:g} s; the state has {n} entries")
+        if not np.all(np.isfinite(rates)):
+            raise ScenarioError(f"{label}: gave {rates.tolist()!s:.60} at t = {t:g} s; the state has left what f knows")
+        return rates
+
+    return asked
+
+
+def found(dynamics: Any) -> Function:
+    """Return the function that a part names, or the one that it is."""
+    if not isinstance(dynamics, str):
+        function: Function = dynamics
+        return function
+    place, _, name = dynamics.rpartition(":")
+    module = _module(place)
+    here: Any = getattr(module, name, None)
+    if not callable(here):
+        known = [word for word in vars(module) if not word.startswith("_") and callable(vars(module)[word])]
+        guess = did_you_mean(name, known)
+        what = "nothing" if here is None else "no function"
+        raise ScenarioError(f"{place}: {what} is named '{name}' there{guess or '; correct the name'}")
+    named: Function = here
+    return named
+
+
+def _module(place: str) -> Any:
+    if not place.endswith(".py"):
+        try:
+            return importlib.import_module(place)
+        except Exception as error:
+            raise ScenarioError(f"{place}: cannot be imported ({type(error).__name__}: {error}); check it") from None
+    path = find(place)
+    if path is None:
+        raise ScenarioError(f"{place}: no such file; check the path of the dynamics")
+    status = path.stat()
+    return _file_module(path.resolve(), status.st_mtime_ns, status.st_size)
+
+
+@functools.lru_cache(maxsize=32)
+def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
+    spec = importlib.util.spec_from_file_location(f"rso_lidar_dynamics_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        line = getattr(error, "lineno", None)
+        where = f"line {line}: " if line else ""
+        raise ScenarioError(
+            f"{path.name}: {where}cannot be imported ({type(error).__name__}: {error}); mend it"
+        ) from None
+    return module

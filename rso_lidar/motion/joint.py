@@ -1,0 +1,117 @@
+"""Hinges: parts of a body that turn in its axes, such as a solar array that follows the Sun."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Direction, Name, NotNegative, Number, Part, Text, Vector
+from rso_lidar.pose import Link, cross, turned
+
+
+class FixedAngle(Part):
+    """A hinge that stands at an angle, or turns on from it at a constant rate."""
+
+    type: Literal["fixed"] = "fixed"
+    angle_deg: Number = 0.0
+    rate_deg_s: Number = 0.0
+
+
+class FollowSun(Part):
+    """A hinge that turns `normal` (body axes, at angle zero) toward the Sun as nearly as its axis allows.
+
+    Where the Sun stands along the axis every angle is as good; the hinge then stands at zero. In eclipse it goes on.
+    """
+
+    type: Literal["follow_sun"] = "follow_sun"
+    normal: Direction
+
+
+class PlannedAngle(Part):
+    """A hinge that goes through planned angles, linearly from each to the next, and stands still outside them."""
+
+    type: Literal["planned"] = "planned"
+    time_s: tuple[NotNegative, ...]
+    angle_deg: tuple[Number, ...]
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Self:
+        if len(self.time_s) != len(self.angle_deg) or not self.time_s:
+            raise ValueError("time_s and angle_deg: need as many entries as one another, at least one: add the missing")
+        if any(after <= before for before, after in zip(self.time_s, self.time_s[1:], strict=False)):
+            raise ValueError("time_s: must rise from entry to entry: sort it")
+        return self
+
+
+class Joint(Part):
+    """A hinge of a target: its `parts` turn about `axis` through `position_m`, both in body axes, right-handed.
+
+    Its axes, named ``<body>.<name>``, have their origin at `position_m` and are the body's at angle zero.
+    """
+
+    name: Name
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)]
+    position_m: Vector = (0.0, 0.0, 0.0)
+    axis: Direction
+    angle: Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        if self.name in ("rtn", "origin"):
+            raise ValueError(f"name: '{self.name}' is the name of a body's own axes; choose another")
+        if isinstance(self.angle, FollowSun):
+            across = np.cross(self.axis, self.angle.normal)
+            if np.linalg.norm(across) < 1e-6 * np.linalg.norm(self.axis) * np.linalg.norm(self.angle.normal):
+                raise ValueError("angle.normal: is along the hinge's axis, so that no angle turns it; give another")
+        return self
+
+    def link(self, time_s: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None) -> Link:
+        """Return the hinge's axes in body axes at `time_s` (time,) [s].
+
+        `to_sun` (time, 3) is the direction to the Sun in body axes, of length 1, and `sun_rate` its rate [1/s] there.
+        """
+        axis = np.array(self.axis) / np.linalg.norm(self.axis)
+        angle, rate = self._angle(np.asarray(time_s, dtype=float), axis, to_sun, sun_rate)
+        rotation = Rotation.from_rotvec(angle[:, None] * axis)
+        return Link((np.array(self.position_m), rotation.as_matrix()), np.zeros(3), rate[:, None] * axis)
+
+    def _angle(
+        self, time_s: np.ndarray, axis: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return angle [rad] and rate [rad/s] (time)."""
+        law = self.angle
+        if isinstance(law, FixedAngle):
+            rate = np.full(len(time_s), law.rate_deg_s * units.DEG)
+            return law.angle_deg * units.DEG + rate * time_s, rate
+        if isinstance(law, PlannedAngle):
+            times, angles = np.array(law.time_s), np.array(law.angle_deg) * units.DEG
+            slopes = np.concatenate([[0.0], np.diff(angles) / np.diff(times), [0.0]])
+            return np.interp(time_s, times, angles), slopes[np.searchsorted(times, time_s, side="right")]
+        if to_sun is None or sun_rate is None:
+            raise ScenarioError(f"joint {self.name}: follows the Sun, and there is none; set world.sun_direction")
+        x = np.array(law.normal) - axis * (axis @ np.array(law.normal))
+        x /= np.linalg.norm(x)
+        y = np.cross(axis, x)
+        across, along = _on(to_sun, y), _on(to_sun, x)
+        square = across**2 + along**2
+        rate = (along * _on(sun_rate, y) - across * _on(sun_rate, x)) / np.where(square > 1e-12, square, np.inf)
+        return np.where(square > 1e-12, np.arctan2(across, along), 0.0), rate
+
+
+def _on(vectors: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the components (time) of vectors (time, 3) along a direction, epoch by epoch the same bits."""
+    component: np.ndarray = vectors[:, 0] * direction[0] + vectors[:, 1] * direction[1] + vectors[:, 2] * direction[2]
+    return component
+
+
+def sun_in_body(
+    root_from_body: Rotation, body_rate_rad_s: np.ndarray, to_sun: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the direction to the Sun and its rate [1/s] (time, 3) in body axes; the Sun's own way, 2e-7 rad/s, left out."""
+    seen = turned(root_from_body.inv(), to_sun)
+    return seen, -cross(np.broadcast_to(body_rate_rad_s, seen.shape), seen)

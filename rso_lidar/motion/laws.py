@@ -1,0 +1,26 @@
+"""The attitude laws that a slew may lead between: every attitude but a slew itself and one that is integrated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from rso_lidar.motion.aem import AttitudeTable
+from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
+from rso_lidar.motion.sunward import Nadir, SunPointing
+
+
+def no_bare_lvlh(table: Any) -> Any:
+    """Return a table of an attitude as it is, unless its type is the bare "lvlh", which means two things."""
+    tag = table.get("type") if isinstance(table, dict) else None
+    if tag in ("lvlh", "LVLH"):
+        raise ValueError(
+            "'lvlh' means two things: write 'rtn' (x radially out, z along the orbit normal) "
+            "or 'lvlh_ccsds' (z to nadir, y against the orbit normal)"
+        )
+    return table
+
+
+Law = FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble | SunPointing | Nadir | AttitudeTable
+OneLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(no_bare_lvlh)]

@@ -1,0 +1,55 @@
+"""What an attitude law may look at: where its body is among the others, in root axes, at some epochs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.pose import turned
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """How a body is turned: `rotation` is axes_from_body (single or (time)), `rate_rad_s` (…, 3) its rate in body axes.
+
+    The rate is relative to those axes. `in_origin` says that they are the axes at the body's origin (its rtn axes where
+    it orbits, its host's where it is fixed to something) and not the root's.
+    """
+
+    rotation: Rotation
+    rate_rad_s: np.ndarray
+    in_origin: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """One body among the others; vectors (time, 3) in root axes.
+
+    `orbits` says whether it has an orbit; `root_from_origin` and `origin_rate_rad_s` how the axes at its origin stand in the
+    root and turn (in their own axes); `sun_m` is the vector from the root's origin to the Sun [m], None without one.
+    In a `local` world, which has no Earth, that is a direction of length 1 AU, the same for every body.
+    """
+
+    epochs: Epochs
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    orbits: bool
+    root_from_origin: Rotation
+    origin_rate_rad_s: np.ndarray
+    sun_m: np.ndarray | None
+    local: bool
+    line: Callable[
+        [str], tuple[np.ndarray, np.ndarray]
+    ]  # to a name: vector [m] and its rate [m/s], (time, 3), root axes
+    at: Callable[[Epochs], Situation]  # the same body at other instants
+
+    @property
+    def upward(self) -> np.ndarray:
+        """Return what is up where nothing else is said (time, 3): the orbit normal, or the root's +z without an orbit."""
+        z = np.array([0.0, 0.0, 1.0])
+        up = turned(self.root_from_origin, z) if self.orbits else z
+        return np.broadcast_to(up, (len(self.epochs), 3))

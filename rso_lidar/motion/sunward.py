@@ -1,0 +1,129 @@
+"""Attitudes that know where the Sun is: an axis to the Sun, and nadir with the yaw steering of navigation satellites."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.motion.attitude import PARALLEL_RAD, RTN_FROM_LVLH_CCSDS, look_at
+from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.orbit.epochs import utc_text
+from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.part import Direction, Flag, Part, Vector
+from rso_lidar.pose import euler_zyx, turned
+
+_STEP_S = 64.0  # of the Sun's own rate by differences: 1e-15 rad/s off, from rounding
+
+
+class SunPointing(Part):
+    """Body `axis` toward the Sun as the body sees it, and body `up_axis` as near to `up` (root axes) as can be.
+
+    `up` is the orbit normal where it is left out, the root's +z without an orbit. The body rate is exact for an orbit
+    normal that stands still; a plane that turns by 1 degree a day adds 2e-7 rad/s that it leaves out.
+    """
+
+    type: Literal["sun_pointing"] = "sun_pointing"
+    axis: Direction = (1.0, 0.0, 0.0)
+    up_axis: Direction = (0.0, 0.0, 1.0)
+    up: Direction | None = None
+
+    @model_validator(mode="after")
+    def _two_directions(self) -> Self:
+        a, b = np.array(self.axis), np.array(self.up_axis)
+        if np.linalg.norm(np.cross(a, b)) <= PARALLEL_RAD * np.linalg.norm(a) * np.linalg.norm(b):
+            raise ValueError("axis and up_axis are parallel, which leaves the roll open: give an up_axis across axis")
+        return self
+
+    @property
+    def _body_from_triad(self) -> Rotation:
+        """Return how the axes x along `axis`, z nearest `up_axis` stand in the body's."""
+        return look_at(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned, in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
+        line, line_rate = sun_line(here, "sun_pointing")
+        up = here.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
+        _refuse(
+            here,
+            _sine(line, up) <= PARALLEL_RAD,
+            f"sun_pointing: the Sun is within {PARALLEL_RAD:g} rad of `up`",
+            "give an `up` (root axes) across it",
+        )
+        rotation, rate = look_at(line, line_rate, up)
+        body_from_triad = self._body_from_triad
+        return Turn(rotation * body_from_triad.inv(), turned(body_from_triad, rate))
+
+
+class Nadir(Part):
+    """Body +z to the Earth's centre (geocentric nadir), +x to the side of the velocity, then by `euler_zyx_deg`.
+
+    With `yaw_steering` the body turns about nadir so that +x is on the Sun's side and +y, a solar array's hinge, stands
+    across the Sun: psi = atan2(-tan beta, sin mu) from the velocity's side, mu counted from orbit midnight (Bar-Sever 1996;
+    Montenbruck et al. 2015, eq. 3). Near noon and midnight it turns at up to mu' / tan beta, without a bound as the Sun
+    enters the orbit's plane, and within 1e-6 rad of zenith or nadir it has no answer. A real craft turns slower there:
+    this is the nominal law.
+    """
+
+    type: Literal["nadir"] = "nadir"
+    yaw_steering: Flag = False
+    euler_zyx_deg: Vector = (0.0, 0.0, 0.0)
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned, in rtn axes."""
+        if not here.orbits:
+            raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
+        after = euler_zyx(self.euler_zyx_deg)
+        if not self.yaw_steering:
+            return Turn(RTN_FROM_LVLH_CCSDS * after, np.zeros(3), in_origin=True)
+        line, line_rate = sun_line(here, "nadir")
+        lvlh_from_root = (here.root_from_origin * RTN_FROM_LVLH_CCSDS).inv()
+        spin = turned(RTN_FROM_LVLH_CCSDS.inv(), here.origin_rate_rad_s)
+        s = turned(lvlh_from_root, line)
+        s_rate = turned(lvlh_from_root, line_rate) - np.cross(spin, s)
+        across = s[:, 0] ** 2 + s[:, 1] ** 2
+        _refuse(
+            here,
+            np.sqrt(across) <= PARALLEL_RAD * np.linalg.norm(s, axis=1),
+            f"nadir: the Sun is within {PARALLEL_RAD:g} rad of zenith or nadir, where yaw steering has no answer",
+            "shift the run, or leave out yaw_steering",
+        )
+        yaw = np.arctan2(s[:, 1], s[:, 0])
+        rate = np.zeros((len(yaw), 3))
+        rate[:, 2] = (s[:, 0] * s_rate[:, 1] - s[:, 1] * s_rate[:, 0]) / across
+        half = np.zeros((len(yaw), 4))
+        half[:, 2], half[:, 3] = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
+        return Turn(RTN_FROM_LVLH_CCSDS * Rotation.from_quat(half) * after, turned(after.inv(), rate), in_origin=True)
+
+
+def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return vectors (time, 3) [m] from a body to the Sun and their rates [m/s] in root axes.
+
+    The Sun of a local world is a direction: it stands still, and is the same for every body.
+    """
+    if here.sun_m is None:
+        raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")
+    if here.local:
+        return here.sun_m, np.zeros_like(here.sun_m)
+    after, before = (sun_position_m(here.epochs.shifted(step)) for step in (_STEP_S, -_STEP_S))
+    return here.sun_m - here.position_m, (after - before) / (2.0 * _STEP_S) - here.velocity_m_s
+
+
+def _sine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    sine: np.ndarray = np.linalg.norm(np.cross(a, b), axis=-1) / (
+        np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    )
+    return sine
+
+
+def _refuse(here: Situation, bad: np.ndarray, what: str, cure: str) -> None:
+    if bad.any():
+        at = here.epochs.time_s[np.argmax(bad)]
+        raise PropagationError(
+            f"{what} at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
+            f"({utc_text(here.epochs.start_utc, at)}): {cure}",
+            bad,
+        )

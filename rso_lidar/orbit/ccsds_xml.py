@@ -1,0 +1,90 @@
+"""CCSDS navigation messages in XML (505.0-B) as the same `Message` that their keyword = value text gives."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.parsers import expat
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds import Entry, Message, Segment
+
+# One data row: its cells are the leaves in it, in the order that the other notation has.
+_ROWS = ("stateVector", "attitudeState")
+_ORDER = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT", "Q1", "Q2", "Q3", "QC")
+_SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
+_LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; those of a quaternion have none
+
+
+def read_xml(text: str, kind: str, where: str) -> Message:
+    """Return the message of an XML text; a document type (and so entities of its own) is refused."""
+    reader = _Reader(kind, where)
+    parser = expat.ParserCreate()
+    reader.parser = parser
+    parser.StartElementHandler = reader.start
+    parser.EndElementHandler = reader.end
+    parser.CharacterDataHandler = reader.text
+    parser.StartDoctypeDeclHandler = reader.doctype
+    try:
+        parser.Parse(text.strip().encode(), True)
+    except expat.ExpatError as error:
+        what = expat.ErrorString(error.code)
+        raise ScenarioError(f"{where}: line {error.lineno}: is not well-formed XML ({what}): correct it") from None
+    if not reader.message.version:
+        raise ScenarioError(f"{where}: holds no <{kind.lower()}>: name a file with an {kind}")
+    return reader.message
+
+
+class _Reader:
+    """What expat calls: it keeps the path of open elements and the words of the leaf that is open."""
+
+    def __init__(self, kind: str, where: str) -> None:
+        self.kind, self.where = kind, where
+        self.message = Message(where, "", {}, [])
+        self.parser: Any = None
+        self.path: list[str] = []
+        self.words: list[str] = []
+        self.row: dict[str, str] | None = None
+        self.row_line = 0
+
+    def doctype(self, *_: Any) -> None:
+        raise ScenarioError(f"{self.where}: has a DOCTYPE, which these messages do not: remove it")
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        self.path.append(tag)
+        self.words = []
+        if tag == self.kind.lower():
+            if self.message.version:
+                raise ScenarioError(f"{self.where}: holds several <{tag}>: split it into files of one each")
+            self.message.version = attributes.get("version", "(none)")
+        elif self.kind.lower() not in self.path:
+            return
+        elif tag == "segment":
+            self.message.segments.append(Segment(self.parser.CurrentLineNumber))
+        elif tag in _ROWS and self.message.segments:
+            self.row, self.row_line = {}, self.parser.CurrentLineNumber
+        elif self.row is not None and attributes.get("units", "") not in _LENGTHS:
+            raise ScenarioError(
+                f"{self.where}: line {self.parser.CurrentLineNumber}: {tag} in {attributes['units']}: write km and km/s"
+            )
+
+    def text(self, data: str) -> None:
+        self.words.append(data)
+
+    def end(self, tag: str) -> None:
+        self.path.pop()
+        value, line = " ".join("".join(self.words).split()), self.parser.CurrentLineNumber
+        self.words = []
+        if tag in _SKIPPED or any(tag in _SKIPPED for tag in self.path):
+            return
+        if tag in _ROWS and self.row is not None:
+            cells = [self.row[name] for name in _ORDER if name in self.row]
+            self.message.segments[-1].rows.append((self.row_line, cells))
+            if "QC" in self.row:
+                self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
+            self.row = None
+        elif self.row is not None and value:
+            self.row[tag] = value
+        elif "metadata" in self.path and value and self.message.segments:
+            self.message.segments[-1].meta[tag] = Entry(value, line)
+        elif "header" in self.path and value:
+            self.message.header[tag] = Entry(value, line)

@@ -1,0 +1,152 @@
+"""Classical osculating elements and states, both ways, for every conic and inclination; and the anomalies.
+
+Vallado 4th ed. alg. 9 and 10, without an inverse cosine: each angle is the argument of two components, so nothing is lost
+near the nodes, at perigee, on a circle or on the equator. Element by element, so that a state has the same bits in any
+company.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.orbit.anomaly import eccentric_from_true, mean_from_eccentric
+
+GM = units.EARTH_GM_M3_S2
+ROUND = 8.0 * float(np.finfo(float).eps)  # below this, an eccentricity or a sine of inclination is rounding: a zero
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Osculating elements, single or arrays of one shape.
+
+    On a circle the perigee stands at the node, on the equator the node at +x. `semi_latus_rectum_m` belongs to
+    `semi_major_axis_m` and `eccentricity` (a negative axis where e > 1); it is kept because near a parabola those two no
+    longer tell it, and worked out where it is left out.
+    """
+
+    semi_major_axis_m: np.ndarray | float
+    eccentricity: np.ndarray | float
+    inclination_rad: np.ndarray | float
+    raan_rad: np.ndarray | float
+    argument_of_perigee_rad: np.ndarray | float
+    true_anomaly_rad: np.ndarray | float
+    semi_latus_rectum_m: np.ndarray | float | None = None
+
+    @property
+    def _p(self) -> np.ndarray:
+        if self.semi_latus_rectum_m is not None:
+            return np.asarray(self.semi_latus_rectum_m, dtype=float)
+        e = np.asarray(self.eccentricity, dtype=float)
+        return np.asarray(self.semi_major_axis_m * (1.0 - e) * (1.0 + e))
+
+    @property
+    def period_s(self) -> np.ndarray | float:
+        """Return the period [s], infinite where the conic is open."""
+        a = np.asarray(self.semi_major_axis_m, dtype=float)
+        closed = (a > 0.0) & np.isfinite(a)
+        return _plain(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / GM), math.inf))
+
+    @property
+    def perigee_altitude_m(self) -> np.ndarray | float:
+        """Return the perigee's height [m] above the equatorial radius."""
+        return _plain(self._p / (1.0 + self.eccentricity) - units.EARTH_RADIUS_M)
+
+    @property
+    def apogee_altitude_m(self) -> np.ndarray | float:
+        """Return the apogee's height [m] above the equatorial radius, infinite where the conic is open."""
+        a = np.asarray(self.semi_major_axis_m, dtype=float)
+        perigee = self._p / (1.0 + self.eccentricity)
+        return _plain(np.where(a > 0.0, 2.0 * a - perigee - units.EARTH_RADIUS_M, math.inf))
+
+    @property
+    def mean_anomaly_rad(self) -> np.ndarray | float:
+        """Return the mean anomaly [rad]: e sinh H - H on a hyperbola, NaN on a parabola."""
+        anomaly = eccentric_from_true(self.true_anomaly_rad, self.eccentricity)
+        return _plain(mean_from_eccentric(anomaly, self.eccentricity))
+
+
+def elements(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Elements:
+    """Return the osculating elements of states (…, 3) [m, m/s] about the Earth, angles in [0, 2 pi)."""
+    r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
+    hx, hy, hz = _cross(r, v)
+    radius = _length(r)
+    h = np.sqrt(hx * hx + hy * hy + hz * hz)
+    p = h * h / GM
+    alpha = 2.0 / radius - (v[..., 0] ** 2 + v[..., 1] ** 2 + v[..., 2] ** 2) / GM
+    with np.errstate(divide="ignore"):
+        a = np.where(alpha == 0.0, math.inf, 1.0 / alpha)
+    # the eccentricity vector along the radius and across it: e cos nu and e sin nu
+    out = p / radius - 1.0
+    across = h / GM * (r[..., 0] * v[..., 0] + r[..., 1] * v[..., 1] + r[..., 2] * v[..., 2]) / radius
+    e = np.hypot(out, across)
+    circle = e < ROUND
+    sine = np.hypot(hx, hy) / h
+    flat = sine < ROUND
+    inclination = np.where(flat, np.where(hz < 0.0, math.pi, 0.0), np.arctan2(np.hypot(hx, hy), hz))
+    node_x, node_y = np.where(flat, 1.0, -hy), np.where(flat, 0.0, hx)
+    raan = np.arctan2(node_y, node_x)
+    # argument of latitude: in the orbit plane, from the node
+    cosine, node = np.cos(inclination), np.hypot(node_x, node_y)
+    ahead = node_x * r[..., 0] + node_y * r[..., 1]
+    aside = (node_x * r[..., 1] - node_y * r[..., 0]) * cosine + r[..., 2] * np.sin(inclination) * node
+    latitude = np.arctan2(aside, ahead)
+    anomaly = np.where(circle, latitude, np.arctan2(across, out))
+    perigee = np.where(circle, 0.0, latitude - anomaly)
+    return Elements(
+        _plain(a),
+        _plain(np.where(circle, 0.0, e)),
+        _plain(inclination),
+        _plain(_turn(raan)),
+        _plain(_turn(perigee)),
+        _plain(_turn(anomaly)),
+        _plain(p),
+    )
+
+
+def cartesian(of: Elements) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions [m] and velocities [m/s] (…, 3) of osculating elements (Vallado 4th ed. alg. 10)."""
+    p, e = of._p, np.asarray(of.eccentricity, dtype=float)
+    nu, argument = np.asarray(of.true_anomaly_rad), np.asarray(of.argument_of_perigee_rad)
+    raan, inclination = np.asarray(of.raan_rad), np.asarray(of.inclination_rad)
+    speed = np.sqrt(GM / p)
+    c, s = np.cos(nu), np.sin(nu)
+    radius = p / (1.0 + e * c)
+    x, y, u, w = radius * c, radius * s, -speed * s, speed * (e + c)
+    cw, sw, ci, si = np.cos(argument), np.sin(argument), np.cos(inclination), np.sin(inclination)
+    co, so = np.cos(raan), np.sin(raan)
+
+    def placed(along: np.ndarray, aside: np.ndarray) -> np.ndarray:
+        """Return a vector of the orbit plane, along perigee and 90 degrees ahead of it, in the elements' axes."""
+        ahead, up = cw * along - sw * aside, sw * along + cw * aside
+        return np.stack(np.broadcast_arrays(co * ahead - so * ci * up, so * ahead + co * ci * up, si * up), axis=-1)
+
+    return placed(x, y), placed(u, w)
+
+
+def _turn(angle: np.ndarray) -> np.ndarray:
+    """Return the angle in [0, 2 pi)."""
+    turned = np.where(angle < 0.0, angle + math.tau, angle)
+    turned = np.where(turned < 0.0, turned + math.tau, turned)
+    return np.where(turned >= math.tau, 0.0, turned)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return (
+        a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
+        a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
+        a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
+    )
+
+
+def _length(a: np.ndarray) -> np.ndarray:
+    length: np.ndarray = np.sqrt(a[..., 0] ** 2 + a[..., 1] ** 2 + a[..., 2] ** 2)
+    return length
+
+
+def _plain(value: np.ndarray) -> np.ndarray | float:
+    """Return an array, or a float where it holds one number."""
+    return float(value) if np.ndim(value) == 0 else value

@@ -1,0 +1,212 @@
+"""What pulls and pushes a body about the Earth: zonal harmonics, air, sunlight, Sun and Moon.
+
+Left out, with what each moves a low orbit in a day: the Earth's other harmonics (J22 and on: hundreds of metres to a
+kilometre), tides, light from the Earth and relativity (metres). The air of the table is a mean one: above 300 km the real
+one is thinner or denser by a factor of up to ten with the Sun's activity.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from rso_lidar import units
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sky import Sky
+from rso_lidar.orbit.sun import sunlit_fraction
+from rso_lidar.part import Flag, Part, Positive
+
+GM = units.EARTH_GM_M3_S2
+_ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
+_FLATTENING = 1.0 / 298.257_223_563  # WGS84
+_CORE_M = 0.5 * units.EARTH_RADIUS_M  # inside it the pull grows no more: nothing flies there
+Push = tuple[float, float, float]
+Pull = Callable[[float, Push, Push], tuple[Push, float]]
+
+# Vallado 4th ed. table 8-4: height [km], density there [kg/m3], scale height [km], up to the next row
+_AIR = (
+    (0.0, 1.225, 7.249),
+    (25.0, 3.899e-2, 6.349),
+    (30.0, 1.774e-2, 6.682),
+    (40.0, 3.972e-3, 7.554),
+    (50.0, 1.057e-3, 8.382),
+    (60.0, 3.206e-4, 7.714),
+    (70.0, 8.770e-5, 6.549),
+    (80.0, 1.905e-5, 5.799),
+    (90.0, 3.396e-6, 5.382),
+    (100.0, 5.297e-7, 5.877),
+    (110.0, 9.661e-8, 7.263),
+    (120.0, 2.438e-8, 9.473),
+    (130.0, 8.484e-9, 12.636),
+    (140.0, 3.845e-9, 16.149),
+    (150.0, 2.070e-9, 22.523),
+    (180.0, 5.464e-10, 29.740),
+    (200.0, 2.789e-10, 37.105),
+    (250.0, 7.248e-11, 45.546),
+    (300.0, 2.418e-11, 53.628),
+    (350.0, 9.518e-12, 53.298),
+    (400.0, 3.725e-12, 58.515),
+    (450.0, 1.585e-12, 60.828),
+    (500.0, 6.967e-13, 63.822),
+    (600.0, 1.454e-13, 71.835),
+    (700.0, 3.614e-14, 88.667),
+    (800.0, 1.170e-14, 124.64),
+    (900.0, 5.245e-15, 181.05),
+    (1000.0, 3.019e-15, 268.00),
+)
+_FLOORS_KM = [row[0] for row in _AIR]
+
+
+class Drag(Part):
+    """Drag in an exponential atmosphere that turns with the Earth."""
+
+    area_m2: Positive
+    mass_kg: Positive
+    drag_coefficient: Positive = 2.2
+
+
+class RadiationPressure(Part):
+    """Pressure of sunlight on a ball, in full light, penumbra or the Earth's shadow."""
+
+    area_m2: Positive
+    mass_kg: Positive
+    coefficient: Positive = 1.3
+
+
+class Forces(Part):
+    """What acts on a body besides the Earth's central pull: zonal harmonics, drag, radiation pressure, Sun and Moon."""
+
+    zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = 2
+    drag: Drag | None = None
+    radiation_pressure: RadiationPressure | None = None
+    sun: Flag = False
+    moon: Flag = False
+
+    @model_validator(mode="after")
+    def _degree(self) -> Self:
+        if self.zonal_degree == 1:
+            raise ValueError("zonal_degree: is 0 for a point mass, or 2 to 6: there is no J1; use 0 or 2")
+        return self
+
+    def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+        """Return the acceleration (time, 3) [m/s2] of states (time, 3) in GCRS axes, the central pull included."""
+        field = self.field(epochs.start_utc)
+        rows = zip(
+            epochs.time_s.tolist(), np.asarray(position_m).tolist(), np.asarray(velocity_m_s).tolist(), strict=True
+        )
+        return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
+
+    def field(self, start_utc: datetime.datetime) -> Pull:
+        """Return the acceleration [m/s2] as a function of seconds since `start_utc`, position [m] and velocity [m/s].
+
+        Its second value is the size [m/s2] of what has edges: drag (the rows of its table) and sunlight (shadow).
+        """
+        pressure = self.radiation_pressure
+        sky = Sky(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
+        zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
+        needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
+
+        def acceleration(t: float, r: Push, v: Push) -> tuple[Push, float]:
+            x, y, z = r
+            radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
+            pull = -GM / (radius * radius * radius)
+            total = (pull * x, pull * y, pull * z)
+            if not needs_sky:
+                return total, 0.0
+            rough = 0.0
+            pole, sun, moon = sky(t)
+            if zonals:
+                total = _sum(total, _zonal(zonals, r, radius, pole))
+            if drag:
+                push = _air_drag(drag, r, radius, v, pole)
+                total, rough = _sum(total, push), math.hypot(*push)
+            if pressure:
+                push = _light(pressure, r, radius, sun)
+                total, rough = _sum(total, push), rough + math.hypot(*push)
+            if self.sun:
+                total = _sum(total, _third(units.SUN_GM_M3_S2, r, sun))
+            if self.moon:
+                total = _sum(total, _third(units.MOON_GM_M3_S2, r, moon))
+            return total, rough
+
+        return acceleration
+
+
+def air_density_kg_m3(height_m: float) -> float:
+    """Return the density [kg/m3] of Vallado's mean exponential atmosphere (4th ed. table 8-4); none above 2500 km."""
+    height_km = height_m / units.KM
+    if height_km > 2500.0:
+        return 0.0
+    floor_km, density, scale_km = _AIR[max(bisect_right(_FLOORS_KM, height_km) - 1, 0)]
+    return density * math.exp(-(max(height_km, 0.0) - floor_km) / scale_km)
+
+
+def _zonal(zonals: tuple[float, ...], r: Push, radius: float, pole: Push) -> Push:
+    """Return the pull of zonal harmonics [m/s2]: GM/r^2 J_n (R/r)^n [P'_(n+1)(s) r^ - P'_n(s) k], s the sine of latitude.
+
+    The gradient of -GM/r J_n (R/r)^n P_n(s) (Montenbruck & Gill eq. 3.27), with (n + 1) P_n + s P'_n = P'_(n+1).
+    """
+    s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
+    ratio = units.EARTH_ZONAL_RADIUS_M / radius
+    before, here = s, 1.5 * s * s - 0.5  # P1, P2
+    slope_before, slope = 1.0, 3.0 * s  # P1', P2'
+    power = ratio
+    outward = along = 0.0
+    for n, j in enumerate(zonals, start=2):
+        power *= ratio
+        slope_next = slope_before + (2 * n + 1) * here
+        outward += j * power * slope_next
+        along += j * power * slope
+        before, here = here, ((2 * n + 1) * s * here - n * before) / (n + 1)
+        slope_before, slope = slope, slope_next
+    g = GM / (radius * radius)
+    out, up = g * outward / radius, -g * along
+    return out * r[0] + up * pole[0], out * r[1] + up * pole[1], out * r[2] + up * pole[2]
+
+
+def _air_drag(drag: Drag, r: Push, radius: float, v: Push, pole: Push) -> Push:
+    """Return drag [m/s2]; height above the ellipsoid to first order in the flattening, within 50 m (Vallado eq. 8-28)."""
+    s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
+    density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - _FLATTENING * s * s))
+    if density == 0.0:
+        return 0.0, 0.0, 0.0
+    w = units.EARTH_ROTATION_RAD_S
+    x = v[0] - w * (pole[1] * r[2] - pole[2] * r[1])
+    y = v[1] - w * (pole[2] * r[0] - pole[0] * r[2])
+    z = v[2] - w * (pole[0] * r[1] - pole[1] * r[0])
+    speed = math.sqrt(x * x + y * y + z * z)
+    k = -0.5 * density * drag.drag_coefficient * drag.area_m2 / drag.mass_kg * speed
+    return k * x, k * y, k * z
+
+
+def _light(pressure: RadiationPressure, r: Push, radius: float, sun: Push) -> Push:
+    """Return the push of sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth."""
+    to_sun = (sun[0] - r[0], sun[1] - r[1], sun[2] - r[2])
+    distance = math.sqrt(to_sun[0] ** 2 + to_sun[1] ** 2 + to_sun[2] ** 2)
+    lit = 1.0
+    ahead = (r[0] * to_sun[0] + r[1] * to_sun[1] + r[2] * to_sun[2]) / distance
+    aside = math.sqrt(max(radius * radius - ahead * ahead, 0.0))
+    # the penumbra widens by a hundredth of the way at most
+    if ahead < 0.1 * radius and aside < 1.01 * units.EARTH_RADIUS_M - 0.01 * ahead:
+        lit = float(sunlit_fraction(np.array([r]), np.array([sun]))[0])
+    k = lit * units.SOLAR_PRESSURE_N_M2 * pressure.coefficient * pressure.area_m2 / pressure.mass_kg
+    k *= -((units.ASTRONOMICAL_UNIT_M / distance) ** 2) / distance
+    return k * to_sun[0], k * to_sun[1], k * to_sun[2]
+
+
+def _third(gm: float, r: Push, body: Push) -> Push:
+    """Return what a third body pulls at r more than at the Earth [m/s2] (Montenbruck & Gill eq. 3.37)."""
+    x, y, z = body[0] - r[0], body[1] - r[1], body[2] - r[2]
+    near, far = x * x + y * y + z * z, body[0] ** 2 + body[1] ** 2 + body[2] ** 2
+    a, b = gm / (near * math.sqrt(near)), gm / (far * math.sqrt(far))
+    return a * x - b * body[0], a * y - b * body[1], a * z - b * body[2]
+
+
+def _sum(a: Push, b: Push) -> Push:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

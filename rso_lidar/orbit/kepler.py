@@ -1,0 +1,287 @@
+"""Two-body motion about the Earth: from osculating elements, or from a state; every conic.
+
+An ellipse is solved without a loop in the change of its eccentric anomaly; every other conic by the universal form of
+Kepler's equation with Stumpff functions (Battin, An Introduction to the Mathematics and Methods of Astrodynamics, 4.3 and
+4.5; Vallado 4th ed. alg. 8). Neither has a singular eccentricity or inclination. GM is `units.EARTH_GM_M3_S2`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+from scipy.spatial.transform import Rotation
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError
+from rso_lidar.orbit.anomaly import starter
+from rso_lidar.orbit.elements import Elements, elements
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.universal import inverse_axis, perigee_m, universal
+from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
+from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
+
+__all__ = [
+    "Elements",
+    "Kepler",
+    "OrbitElements",
+    "State",
+    "elements",
+    "propagate",
+    "propagate_each",
+    "semi_major_axis_m",
+]
+
+GM = units.EARTH_GM_M3_S2
+_BLOCK = 4_096  # epochs solved at a time: what fits a processor's cache
+_NEAR_PARABOLA = 1e-7  # perigee over semi-major axis, below which an ellipse is solved like an open orbit
+
+
+class OrbitElements(Part):
+    """The base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
+
+    epoch_utc: Instant
+    semi_major_axis_km: Number
+    eccentricity: NotNegative
+    inclination_deg: Number
+    raan_deg: Number
+    argument_of_perigee_deg: Number
+    true_anomaly_deg: Number | None = None
+    mean_anomaly_deg: Number | None = None
+
+    @model_validator(mode="after")
+    def _one_conic(self) -> Self:
+        a_km, e = self.semi_major_axis_km, self.eccentricity
+        if e == 1.0:
+            raise ValueError("eccentricity: a parabola has no semi-major axis: give its motion as type 'state'")
+        if a_km == 0.0 or (a_km > 0.0) != (e < 1.0):
+            sign = "positive for an ellipse (eccentricity < 1)" if e < 1.0 else "negative for a hyperbola"
+            raise ValueError(f"semi_major_axis_km: {a_km:g} with eccentricity {e:g}: make it {sign}")
+        if not 0.0 <= self.inclination_deg <= 180.0:
+            raise ValueError(
+                f"inclination_deg: {self.inclination_deg:g} is outside 0 to 180: turn raan_deg by 180 instead"
+            )
+        if (self.true_anomaly_deg is None) == (self.mean_anomaly_deg is None):
+            raise ValueError("needs exactly one of true_anomaly_deg and mean_anomaly_deg: give one of them")
+        if self.perigee_m < units.EARTH_RADIUS_M:
+            low_km = (units.EARTH_RADIUS_M - self.perigee_m) / units.KM
+            raise ValueError(
+                f"semi_major_axis_km: the perigee lies {low_km:.1f} km below the Earth's surface: raise it"
+            )
+        if self.true_anomaly_deg is not None and 1.0 + e * math.cos(self.true_anomaly_deg * units.DEG) <= 0.0:
+            limit = math.acos(-1.0 / e) / units.DEG
+            raise ValueError(f"true_anomaly_deg: lies beyond the asymptote: keep it within {limit:.3f} of perigee")
+        return self
+
+    @property
+    def perigee_m(self) -> float:
+        """Return the perigee's distance from the Earth's centre [m]."""
+        return self.semi_major_axis_km * units.KM * (1.0 - self.eccentricity)
+
+    def at_epoch(self) -> BodyState:
+        """Return the state at `epoch_utc` (Vallado 4th ed. alg. 10)."""
+        e = self.eccentricity
+        parameter = self.perigee_m * (1.0 + e)
+        anomaly = (self.true_anomaly_deg or 0.0) * units.DEG
+        c, s = math.cos(anomaly), math.sin(anomaly)
+        position = parameter / (1.0 + e * c) * np.array([c, s, 0.0])
+        velocity = math.sqrt(GM / parameter) * np.array([-s, e + c, 0.0])
+        if self.mean_anomaly_deg is not None:  # fly there from perigee
+            mean = self.mean_anomaly_deg if e > 1.0 else math.remainder(self.mean_anomaly_deg, 360.0)
+            time_s = mean * units.DEG * math.sqrt(abs(self.semi_major_axis_km * units.KM) ** 3 / GM)
+            positions, velocities = propagate(position, velocity, np.array([time_s]))
+            position, velocity = positions[0], velocities[0]
+        angles = np.array([self.raan_deg, self.inclination_deg, self.argument_of_perigee_deg]) * units.DEG
+        inertial_from_perifocal = Rotation.from_euler("ZXZ", angles)
+        return BodyState(turned(inertial_from_perifocal, position), turned(inertial_from_perifocal, velocity))
+
+
+class Kepler(OrbitElements):
+    """Two-body motion from osculating elements in GCRS axes at `epoch_utc`. A hyperbola has e > 1 and a negative a."""
+
+    type: Literal["kepler"] = "kepler"
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        start = self.at_epoch()
+        return BodyState(*propagate(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
+
+
+class State(Part):
+    """Two-body motion from a position and a velocity in GCRS axes at `epoch_utc`."""
+
+    type: Literal["state"] = "state"
+    epoch_utc: Instant
+    position_m: Vector
+    velocity_m_s: Vector
+
+    @model_validator(mode="after")
+    def _in_space(self) -> Self:
+        radius = float(np.linalg.norm(self.position_m))
+        if radius < units.EARTH_RADIUS_M:
+            raise ValueError(
+                f"position_m: is {radius:g} m from the Earth's centre, inside the Earth: give metres from the centre"
+            )
+        speed = float(np.linalg.norm(self.velocity_m_s))
+        if np.linalg.norm(np.cross(self.position_m, self.velocity_m_s)) <= 1e-9 * radius * speed:
+            raise ValueError("velocity_m_s: is along position_m, a fall through the Earth's centre: give it a side")
+        return self
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        position, velocity = np.array(self.position_m), np.array(self.velocity_m_s)
+        return BodyState(*propagate(position, velocity, epochs.since(self.epoch_utc)))
+
+
+def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+    """Return the osculating semi-major axis [m], negative on a hyperbola (vis-viva)."""
+    alpha = inverse_axis(np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float))
+    return 1.0 / alpha if alpha else math.inf
+
+
+def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions [m] and velocities [m/s] (time, 3) after `dt_s` (time) [s] of two-body motion, either way in time.
+
+    An epoch whose Kepler equation did not converge raises `PropagationError` with the mask of those.
+
+    >>> radius = 42_164e3
+    >>> speed = (units.EARTH_GM_M3_S2 / radius) ** 0.5
+    >>> quarter = 0.5 * math.pi * radius / speed
+    >>> there, _ = propagate(np.array([radius, 0, 0]), np.array([0, speed, 0]), np.array([quarter]))
+    >>> bool(np.allclose(there, [[0, radius, 0]], atol=1e-6))
+    True
+    """
+    r0_vector, v0_vector = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
+    dt = np.atleast_1d(np.asarray(dt_s, dtype=float))
+    alpha = inverse_axis(r0_vector, v0_vector)
+    positions, velocities, bad = np.empty((len(dt), 3)), np.empty((len(dt), 3)), np.zeros(len(dt), dtype=bool)
+    if alpha > 0.0 and alpha * perigee_m(r0_vector, v0_vector) > _NEAR_PARABOLA:
+        conic = _Ellipse(r0_vector[None, :], v0_vector[None, :])
+        for k in range(0, len(dt), _BLOCK):
+            rows = slice(k, k + _BLOCK)
+            bad[rows] = conic.fly(dt[rows], positions[rows], velocities[rows])
+        for row in np.flatnonzero(bad):
+            positions[row], velocities[row], bad[row] = _one(r0_vector, v0_vector, dt[row])
+    else:
+        positions, velocities, bad = universal(r0_vector, v0_vector, dt, alpha)
+    if bad.any():
+        raise _unanswered(bad, dt)
+    return positions, velocities
+
+
+def propagate_each(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions [m] and velocities [m/s] (n, 3) of n orbits, each after its own `dt_s` (n) [s] of two-body motion.
+
+    The bits of each are those of `propagate`.
+    """
+    r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
+    dt = np.broadcast_to(np.asarray(dt_s, dtype=float), len(r))
+    positions, velocities, bad = np.empty_like(r), np.empty_like(v), np.zeros(len(r), dtype=bool)
+    alpha = 2.0 / _length(r) - _dot(v, v) / GM
+    closed = (alpha > 0.0) & (alpha * _perigee_distance(r, v) > _NEAR_PARABOLA)
+    rows = np.flatnonzero(closed)
+    for k in range(0, len(rows), _BLOCK):
+        some = rows[k : k + _BLOCK]
+        x, u = np.empty((len(some), 3)), np.empty((len(some), 3))
+        bad[some] = _Ellipse(r[some], v[some]).fly(dt[some], x, u)
+        positions[some], velocities[some] = x, u
+    for row in np.flatnonzero(bad | ~closed):
+        positions[row], velocities[row], bad[row] = _one(r[row], v[row], dt[row])
+    if bad.any():
+        raise _unanswered(bad, dt)
+    return positions, velocities
+
+
+def _unanswered(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
+    first = float(dt_s[np.argmax(bad)])
+    return PropagationError(
+        f"kepler: no state at {int(bad.sum())} of {len(bad)} epochs, first {first:g} s from the epoch of the elements: "
+        "ask for epochs nearer to it",
+        bad,
+    )
+
+
+class _Ellipse:
+    """One ellipse, or one for each time, from states (1 or n, 3): Kepler's equation in the change x of eccentric anomaly.
+
+    n dt = x - e cos E0 sin x + e sin E0 (1 - cos x) (Battin eq. 4.43) has no singularity at e = 0. Markley's starting
+    value (1995) is within 1e-3; one step of fifth order, then one of Newton's: no loop.
+    """
+
+    def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
+        self.r, self.v = r, v
+        self.r0 = _length(r)
+        alpha = 2.0 / self.r0 - _dot(v, v) / GM
+        self.a = 1.0 / alpha
+        self.n = np.sqrt(GM * alpha) * alpha
+        self.sigma = _dot(r, v) / math.sqrt(GM)
+        self.es = self.sigma * np.sqrt(alpha)  # e sin E0
+        # 1 - e cos E0 is r0 / a: what is left of it is exact where it matters
+        self.less, self.ec = self.r0 * alpha, 1.0 - self.r0 * alpha
+        self.e = np.minimum(np.hypot(self.ec, self.es), 1.0 - 0.5 * _NEAR_PARABOLA)
+        self.e0 = np.arctan2(self.es, self.ec)
+        self.m0 = self.e0 - self.es
+
+    def fly(self, dt: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Fill positions [m] and velocities [m/s] (time, 3) after dt (time) [s]; return the mask of the unconverged."""
+        turn = math.tau / self.n
+        goal = self.n * (dt - turn * np.round(dt / turn))  # mean anomaly flown, within half a turn
+        mean = self.m0 + goal
+        whole = math.tau * np.round(mean / math.tau)
+        x = starter(mean - whole, self.e) + whole - self.e0
+        # one step of fifth order (Markley eqs. 21-25, on this form of the equation)
+        half = 0.5 * x
+        s, c = np.sin(half), np.cos(half)
+        sine, versine = 2.0 * s * c, 2.0 * s * s
+        second = self.ec * sine + self.es * (1.0 - versine)
+        slope = self.less + self.ec * versine + self.es * sine
+        third = 1.0 - slope
+        miss = self.less * sine + (x - sine) + self.es * versine - goal
+        d3 = -miss / (slope - 0.5 * miss * second / slope)
+        d4 = -miss / (slope + d3 * (0.5 * second + d3 * third / 6.0))
+        d5 = -miss / (slope + d4 * (0.5 * second + d4 * (third / 6.0 - d4 * second / 24.0)))
+        x = x + d5
+        # and one of Newton's
+        half = 0.5 * x
+        s, c = np.sin(half), np.cos(half)
+        sine, versine = 2.0 * s * c, 2.0 * s * s
+        slope = self.less + self.ec * versine + self.es * sine
+        left = (goal - (self.less * sine + (x - sine) + self.es * versine)) / slope
+        sine, versine = sine + left * (1.0 - versine), versine + left * sine
+        slope = self.less + self.ec * versine + self.es * sine
+        # Lagrange's coefficients
+        radius, root = self.a * slope, np.sqrt(GM * self.a)
+        f = 1.0 - versine / self.less
+        g = (self.less * sine + self.es * versine) / self.n
+        f_dot, g_dot = -root * sine / (radius * self.r0), 1.0 - versine / slope
+        for k in range(3):
+            positions[:, k] = f * self.r[:, k] + g * self.v[:, k]
+            velocities[:, k] = f_dot * self.r[:, k] + g_dot * self.v[:, k]
+        return ~(np.abs(left) < 1e-6)
+
+
+def _one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
+    position, velocity, bad = universal(r, v, np.array([dt_s]), inverse_axis(r, v))
+    return position[0], velocity[0], bool(bad[0])
+
+
+def _perigee_distance(r: np.ndarray, v: np.ndarray) -> np.ndarray:
+    h2 = _dot(r, r) * _dot(v, v) - _dot(r, v) ** 2
+    e = np.sqrt(np.maximum(1.0 + h2 / GM * (_dot(v, v) / GM - 2.0 / _length(r)), 0.0))
+    perigee: np.ndarray = h2 / GM / (1.0 + e)
+    return perigee
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    product: np.ndarray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return product
+
+
+def _length(a: np.ndarray) -> np.ndarray:
+    length: np.ndarray = np.sqrt(_dot(a, a))
+    return length

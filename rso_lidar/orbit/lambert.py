@@ -1,0 +1,288 @@
+"""Lambert's problem: the two-body orbits that join two positions in a given time, all revolutions, both branches.
+
+After Izzo, Revisiting Lambert's problem, Celest. Mech. Dyn. Astr. 121 (2015) (his equation numbers below): Lancaster and
+Blanchard's x is found by Householder steps inside a bracket, and velocities follow in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+
+Way = Literal["short", "long", "prograde", "retrograde"]
+Branch = Literal["low", "high"]
+
+_NEAR_PARABOLA = 0.1  # |x - 1| within which Battin's series replaces the closed form
+_STEPS = 100
+_EPS = float(np.finfo(float).eps)
+_PARALLEL = 1e-10  # sine of the transfer angle below which the positions span no plane
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """One orbit: velocities at departure and arrival (3) [m/s], whole `revolutions` before arrival, and which way.
+
+    `branch` tells the two orbits of several revolutions apart, `low` is that of the smaller semi-major axis; with less
+    than one revolution there is one orbit, and None. `way` is short for less than half a revolution (and whole ones).
+    """
+
+    departure_m_s: np.ndarray
+    arrival_m_s: np.ndarray
+    revolutions: int
+    branch: Branch | None
+    way: Literal["short", "long"]
+
+
+def lambert_all(
+    from_m: np.ndarray,
+    to_m: np.ndarray,
+    duration_s: float,
+    gm_m3_s2: float = units.EARTH_GM_M3_S2,
+    *,
+    normal: Sequence[float] | np.ndarray | None = None,
+) -> tuple[Transfer, ...]:
+    """Return every orbit from one position (3) [m] to another in `duration_s` [s]: short ways first, then by revolutions.
+
+    `normal` (3) is needed where the positions are in one line with the Earth's centre and span no plane of their own.
+
+    >>> radius = 7e6
+    >>> day = lambert_all(np.array([radius, 0, 0]), np.array([0, radius, 0]), 20_000.0)
+    >>> [(orbit.revolutions, orbit.branch, orbit.way) for orbit in day][:3]
+    [(0, None, 'short'), (1, 'low', 'short'), (1, 'high', 'short')]
+    """
+    arc = _Arc.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    ways: tuple[Literal["short", "long"], ...] = ("short", "long")
+    return tuple(
+        Transfer(*arc.velocities(x, way), revolutions, branch, way)
+        for way in ways
+        for revolutions, branch, x in _roots(arc.scaled_time, arc.share, arc.lam(way))
+    )
+
+
+def lambert(
+    from_m: np.ndarray,
+    to_m: np.ndarray,
+    duration_s: float,
+    *,
+    revolutions: int = 0,
+    branch: Branch = "low",
+    way: Way = "short",
+    normal: Sequence[float] | np.ndarray | None = None,
+    gm_m3_s2: float = units.EARTH_GM_M3_S2,
+) -> Transfer:
+    """Return one orbit from a position (3) [m] to another in `duration_s` [s].
+
+    `prograde` and `retrograde` are about `normal` (3), the Earth's axis +z where none is given. `branch` counts from one
+    revolution on. Raises `ScenarioError` where there is no such orbit, saying how many revolutions there is time for.
+    """
+    chosen: Literal["short", "long"]
+    if way in ("short", "long"):
+        chosen = "long" if way == "long" else "short"
+    else:
+        pole = np.array([0.0, 0.0, 1.0]) if normal is None else np.asarray(normal, dtype=float)
+        turns = float(np.sum(np.cross(np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float)) * pole))
+        chosen = "short" if (turns >= 0.0) == (way == "prograde") else "long"
+    found = [each for each in lambert_all(from_m, to_m, duration_s, gm_m3_s2, normal=normal) if each.way == chosen]
+    for each in found:
+        if each.revolutions == revolutions and each.branch in (None, branch):
+            return each
+    most = max((each.revolutions for each in found), default=0)
+    raise ScenarioError(
+        f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way: "
+        "ask for fewer, or give a longer duration"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Arc:
+    """The triangle of the problem: unit vectors, lengths [m], and the scaled time that Izzo solves in."""
+
+    outward: tuple[np.ndarray, np.ndarray]  # unit vectors to departure and arrival
+    pole: np.ndarray  # of the short way
+    radii_m: tuple[float, float]
+    chord_m: float
+    share: float  # q = chord / half perimeter = 1 - lambda^2
+    root: float  # |lambda|
+    scaled_time: float
+    speed_m_s: float
+
+    @staticmethod
+    def between(
+        from_m: np.ndarray,
+        to_m: np.ndarray,
+        duration_s: float,
+        gm_m3_s2: float,
+        normal: Sequence[float] | np.ndarray | None,
+    ) -> _Arc:
+        start, end = np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float)
+        if not duration_s > 0.0:
+            raise ScenarioError(f"duration_s: a transfer in {duration_s:g} s needs infinite speed: give more than zero")
+        r1, r2 = float(np.linalg.norm(start)), float(np.linalg.norm(end))
+        if min(r1, r2) == 0.0:
+            raise ScenarioError("lambert: a position is the Earth's centre: give positions from it, in metres")
+        u1, u2 = start / r1, end / r2
+        pole = np.cross(u1, u2)
+        sine, cosine = float(np.linalg.norm(pole)), float(np.sum(u1 * u2))
+        if sine < _PARALLEL:
+            if normal is None or cosine > 0.0:
+                angle = "whole revolutions" if cosine > 0.0 else "180 degrees"
+                cure = (
+                    "change the duration, or the positions" if cosine > 0.0 else "give a normal, or change the duration"
+                )
+                raise ScenarioError(f"lambert: the positions are {angle} apart and span no plane: {cure}")
+            given = np.asarray(normal, dtype=float)
+            pole = given - u1 * float(np.sum(given * u1))
+            if np.linalg.norm(pole) <= _PARALLEL * np.linalg.norm(given):
+                raise ScenarioError("lambert: the normal is along the positions: give one across them")
+        chord = float(np.linalg.norm(end - start))
+        half = 0.5 * (r1 + r2 + chord)
+        return _Arc(
+            (u1, u2),
+            pole / np.linalg.norm(pole),
+            (r1, r2),
+            chord,
+            chord / half,
+            0.5 * math.sqrt(r1 * r2) * float(np.linalg.norm(u1 + u2)) / half,  # exact near half a revolution too
+            math.sqrt(2.0 * gm_m3_s2 / half**3) * duration_s,
+            math.sqrt(0.5 * gm_m3_s2 * half),
+        )
+
+    def lam(self, way: str) -> float:
+        """Return Izzo's lambda, negative the long way."""
+        return -self.root if way == "long" else self.root
+
+    def velocities(self, x: float, way: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities (3) [m/s] at departure and arrival of the orbit of x (Izzo alg. 1)."""
+        lam = self.lam(way)
+        y = math.sqrt(self.share + lam * lam * x * x)
+        r1, r2 = self.radii_m
+        rho = (r1 - r2) / self.chord_m
+        sigma = math.sqrt(max(0.0, (1.0 - rho) * (1.0 + rho)))
+        across = self.speed_m_s * sigma * (y + lam * x)
+        out = (
+            self.speed_m_s * ((lam * y - x) - rho * (lam * y + x)),
+            -self.speed_m_s * ((lam * y - x) + rho * (lam * y + x)),
+        )
+        forward = [math.copysign(1.0, lam) * np.cross(self.pole, unit) for unit in self.outward]
+        departure, arrival = (
+            (out[k] * self.outward[k] + across * forward[k]) / radius for k, radius in enumerate(self.radii_m)
+        )
+        return departure, arrival
+
+
+def _time(x: float, q: float, lam: float, revolutions: int) -> float:
+    """Return the scaled time of flight T(x) (eqs. 18 and 20), without cancellation where lambda is near 1."""
+    y = math.sqrt(q + lam * lam * x * x)
+    eta = y - lam * x if lam * x <= 0.0 else q / (y + lam * x)
+    if abs(x - 1.0) < _NEAR_PARABOLA:
+        one_less = 1.0 - lam if lam <= 0.0 else q / (1.0 + lam)
+        at, term, series = 0.5 * (one_less - x * eta), 1.0, 1.0
+        for k in range(80):  # 2F1(3, 1; 5/2; at), |at| < 0.24
+            term *= (3.0 + k) / (2.5 + k) * at
+            series += term
+            if abs(term) < 0.1 * _EPS:
+                break
+        time = 0.5 * (4.0 / 3.0 * eta**3 * series + 4.0 * lam * eta)
+        return time if revolutions == 0 else time + revolutions * math.pi / (1.0 - x * x) ** 1.5
+    if x < 1.0:
+        root = math.sqrt((1.0 - x) * (1.0 + x))
+        angle = math.atan2(eta * root, x * y + lam * root * root) + revolutions * math.pi
+        return (angle / root - x + lam * y) / (root * root)
+    root = math.sqrt((x - 1.0) * (x + 1.0))
+    less = x - lam * y if lam <= 0.0 else q * ((1.0 + lam * lam) * x * x - lam * lam) / (x + lam * y)
+    return (less - math.asinh(eta * root) / root) / (root * root)
+
+
+def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, float]:
+    """Return T', T'' and T''' at x, given T (eq. 22)."""
+    y = math.sqrt(q + lam * lam * x * x)
+    across = (1.0 - x) * (1.0 + x)
+    if abs(across) < 1e-7:  # the limit at the parabola is enough for a step
+        return 0.4 * (lam**5 - 1.0), 1.0, 0.0
+    first = (3.0 * time * x - 2.0 + 2.0 * lam**3 * x / y) / across
+    second = (3.0 * time + 5.0 * x * first + 2.0 * q * lam**3 / y**3) / across
+    third = (7.0 * x * second + 8.0 * first - 6.0 * q * lam**5 * x / y**5) / across
+    return first, second, third
+
+
+def _roots(time: float, q: float, lam: float) -> list[tuple[int, Branch | None, float]]:
+    """Return revolutions, branch and x of every orbit that takes the scaled `time`."""
+    roots: list[tuple[int, Branch | None, float]] = [(0, None, _single(time, q, lam))]
+    for revolutions in range(1, int(time / math.pi) + 1):
+        least_x = _fastest(q, lam, revolutions)
+        if time < _time(least_x, q, lam, revolutions):
+            break
+        turn = revolutions * math.pi
+        slow = ((turn + math.pi) / (8.0 * time)) ** (2.0 / 3.0)
+        fast = (8.0 * time / turn) ** (2.0 / 3.0)
+        pair = [
+            _solve(time, q, lam, revolutions, (slow - 1.0) / (slow + 1.0), (-1.0, least_x), -1.0),
+            _solve(time, q, lam, revolutions, (fast - 1.0) / (fast + 1.0), (least_x, 1.0), 1.0),
+        ]
+        pair.sort(key=abs)  # the energy is (x^2 - 1) gm / s
+        roots += [(revolutions, "low", pair[0]), (revolutions, "high", pair[1])]
+    return roots
+
+
+def _single(time: float, q: float, lam: float) -> float:
+    """Return x of the orbit of less than one revolution; T falls from infinity at x = -1 to 0 at infinity."""
+    at_0, at_1 = _time(0.0, q, lam, 0), _time(1.0, q, lam, 0)
+    if time >= at_0:
+        start = (at_0 / time) ** (2.0 / 3.0) - 1.0
+    elif time > at_1:
+        start = 2.0 ** (math.log(time / at_0) / math.log(at_1 / at_0)) - 1.0
+    else:
+        start = 1.0 + 2.5 * at_1 * (at_1 - time) / (time * max(1.0 - lam**5, _EPS))
+    beyond = max(2.0, 2.0 * start)
+    while _time(beyond, q, lam, 0) > time:
+        beyond *= 4.0
+    return _solve(time, q, lam, 0, start, (-1.0, beyond), -1.0)
+
+
+def _solve(
+    time: float, q: float, lam: float, revolutions: int, start: float, bracket: tuple[float, float], slope: float
+) -> float:
+    """Return x with T(x) = `time` inside a bracket where T rises or falls as `slope` says: Householder's third order."""
+    low, high = bracket
+    x = start if low < start < high else 0.5 * (low + high)
+    for _ in range(_STEPS):
+        now = _time(x, q, lam, revolutions)
+        miss = now - time
+        if (miss > 0.0) == (slope > 0.0):
+            high = x
+        else:
+            low = x
+        first, second, third = _slopes(x, now, q, lam)
+        below = first * (first * first - miss * second) + third * miss * miss / 6.0
+        after = x - miss * (first * first - 0.5 * miss * second) / below if below else math.nan
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if abs(after - x) <= 2.0 * _EPS * max(abs(x), 1e-3) or miss == 0.0:
+            return x if miss == 0.0 else after
+        x = after
+    return x
+
+
+def _fastest(q: float, lam: float, revolutions: int) -> float:
+    """Return x of the least T with whole revolutions: T' = 0, where T'' > 0 throughout."""
+    low, high, x = -1.0, 1.0, 0.0
+    for _ in range(_STEPS):
+        first, second, third = _slopes(x, _time(x, q, lam, revolutions), q, lam)
+        if first > 0.0:
+            high = x
+        else:
+            low = x
+        after = x - 2.0 * first * second / (2.0 * second * second - first * third)  # Halley
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if abs(after - x) <= 4.0 * _EPS:
+            return after
+        x = after
+    return x

@@ -1,0 +1,129 @@
+"""Thrust: impulses, which change the velocity at once, and burns, which take their time.
+
+Their axes, at the instant itself: `rtn` (x radially out, z along r x v, y = z x x), `vnc` (x along the velocity, y along
+r x v, z = x x y, which is outward on a circle) or `inertial` (GCRS).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from rso_lidar.part import NotNegative, Part, Positive, Vector
+
+STANDARD_GRAVITY_M_S2 = 9.806_65  # CGPM 1901, which specific impulse is counted in
+Axes3 = Literal["rtn", "vnc", "inertial"]
+
+
+class Impulse(Part):
+    """A change of velocity at `at_s` seconds after the start; at the start itself, change the initial state instead."""
+
+    type: Literal["impulse"] = "impulse"
+    at_s: Positive
+    delta_v_m_s: Vector
+    axes: Axes3 = "rtn"
+
+    @property
+    def size_m_s(self) -> float:
+        """Return the delta-v [m/s]."""
+        return math.hypot(*self.delta_v_m_s)
+
+    def apply(self, state: np.ndarray) -> np.ndarray:
+        """Return the state after it: position [m], velocity [m/s] in the first six of a row."""
+        after = np.array(state, dtype=float)
+        values = after.tolist()
+        after[3:6] += in_inertial(self.delta_v_m_s, self.axes, values[:3], values[3:6])
+        return after
+
+
+class Burn(Part):
+    """Thrust from `from_s` for `duration_s`: a constant `acceleration_m_s2`, or `thrust_n` on `mass_kg`.
+
+    With `isp_s` the mass at ignition shrinks by thrust / (g0 isp) a second; without, it stays.
+    """
+
+    type: Literal["burn"] = "burn"
+    from_s: NotNegative
+    duration_s: Positive
+    acceleration_m_s2: Vector | None = None
+    thrust_n: Vector | None = None
+    mass_kg: Positive | None = None
+    isp_s: Positive | None = None
+    axes: Axes3 = "rtn"
+
+    @model_validator(mode="after")
+    def _one_push(self) -> Self:
+        if (self.acceleration_m_s2 is None) == (self.thrust_n is None):
+            raise ValueError("needs exactly one of acceleration_m_s2 and thrust_n: give one of them")
+        if (self.thrust_n is None) != (self.mass_kg is None):
+            raise ValueError("mass_kg: belongs to thrust_n: give both, or neither")
+        if self.isp_s is not None and self.thrust_n is None:
+            raise ValueError("isp_s: belongs to thrust_n and mass_kg: give those, or leave it out")
+        if self.mass_kg is not None and self._flow_kg_s * self.duration_s >= self.mass_kg:
+            last = self.mass_kg / self._flow_kg_s
+            raise ValueError(f"duration_s: all {self.mass_kg:g} kg are gone after {last:g} s: burn for less")
+        return self
+
+    @property
+    def _flow_kg_s(self) -> float:
+        if self.thrust_n is None or self.isp_s is None:
+            return 0.0
+        return math.hypot(*self.thrust_n) / (STANDARD_GRAVITY_M_S2 * self.isp_s)
+
+    @property
+    def until_s(self) -> float:
+        """Return when it ends [s]."""
+        return self.from_s + self.duration_s
+
+    @property
+    def size_m_s(self) -> float:
+        """Return the delta-v [m/s] (Tsiolkovsky's where mass flows)."""
+        if self.acceleration_m_s2 is not None:
+            return math.hypot(*self.acceleration_m_s2) * self.duration_s
+        assert self.thrust_n is not None
+        assert self.mass_kg is not None
+        if self.isp_s is None:
+            return math.hypot(*self.thrust_n) / self.mass_kg * self.duration_s
+        left = 1.0 - self._flow_kg_s * self.duration_s / self.mass_kg
+        return -STANDARD_GRAVITY_M_S2 * self.isp_s * math.log(left)
+
+    def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
+        """Return the acceleration [m/s2] in inertial axes while it burns, `time_s` counted from the start of the run."""
+        if self.acceleration_m_s2 is not None:
+            return in_inertial(self.acceleration_m_s2, self.axes, r, v)
+        assert self.thrust_n is not None
+        assert self.mass_kg is not None
+        mass = self.mass_kg - self._flow_kg_s * min(max(time_s - self.from_s, 0.0), self.duration_s)
+        x, y, z = self.thrust_n
+        return in_inertial((x / mass, y / mass, z / mass), self.axes, r, v)
+
+
+def in_inertial(vector: Vector, axes: Axes3, r: list[float], v: list[float]) -> tuple[float, float, float]:
+    """Return a vector given in `axes` of the state r [m], v [m/s] as components in inertial axes."""
+    if axes == "inertial":
+        return vector
+    h = (r[1] * v[2] - r[2] * v[1], r[2] * v[0] - r[0] * v[2], r[0] * v[1] - r[1] * v[0])
+    first, second = (r, h) if axes == "rtn" else (v, h)
+    x = _unit(first)
+    normal = _unit(second)
+    if axes == "rtn":  # x, y = z x x, z = normal
+        y, z = _cross(normal, x), normal
+    else:
+        y, z = normal, _cross(x, normal)
+    return (
+        vector[0] * x[0] + vector[1] * y[0] + vector[2] * z[0],
+        vector[0] * x[1] + vector[1] * y[1] + vector[2] * z[1],
+        vector[0] * x[2] + vector[1] * y[2] + vector[2] * z[2],
+    )
+
+
+def _unit(a: list[float] | tuple[float, float, float]) -> tuple[float, float, float]:
+    size = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return a[0] / size, a[1] / size, a[2] / size
+
+
+def _cross(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

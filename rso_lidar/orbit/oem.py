@@ -1,0 +1,291 @@
+"""Ephemerides, in and out: CCSDS OEM (502.0-B, keyword = value or XML) and CSV, with a stated interpolation.
+
+Hermite's polynomial meets positions and velocities of the rows around an instant, and its derivative is the velocity;
+Lagrange's goes through the positions, and another through the velocities where there are any.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.orbit import ccsds
+from rso_lidar.orbit.ccsds_frames import gcrs_from, known_frame
+from rso_lidar.orbit.epochs import Epochs, utc_text
+from rso_lidar.orbit.interpolation import GREATEST_DEGREE, hermite, lagrange
+from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable
+from rso_lidar.part import Part, Text, Whole
+from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
+
+DEGREE = 7
+EDGE_S = 1e-8  # an epoch this near outside an edge is on it: dates are rounded
+ROUGH_M = 1.0
+_PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
+_SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
+
+
+class Ephemeris(Part):
+    """Motion by a table of states: a CCSDS OEM (keyword = value or XML), or CSV, told apart by content.
+
+    OEM: about the Earth, in GCRF, ICRF, EME2000 or TEME; UTC, TAI, TT or GPS time. Of several segments each has its
+    useable span; nothing is interpolated across an edge, and where two meet the later one holds. CSV: GCRS axes; time_s
+    (of the run), or utc or epoch; x_m, y_m, z_m, or x_km ...; where known vx_m_s ... or vx_km_s .... `object` is the name or
+    id of one where a file has several. `interpolation` and `degree` (of the polynomial) are the file's where left out,
+    else "hermite" with velocities, "lagrange" without, and 7. States hold 3 cm at 5 minute steps and 1 um at 1 minute
+    in low orbits with Hermite's 7; `validity` estimates it for any table.
+    """
+
+    type: Literal["ephemeris"] = "ephemeris"
+    file: Text
+    object: Text | None = None
+    interpolation: Literal["hermite", "lagrange"] | None = None
+    degree: Annotated[Whole, Field(ge=1, le=GREATEST_DEGREE)] | None = None
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; epochs outside raise `PropagationError`."""
+        return self._states(epochs, 0)
+
+    def span_utc(self, start_utc: datetime.datetime) -> tuple[str, str]:
+        """Return the first and the last instant of the ephemeris as UTC text; `start_utc` is that of the run."""
+        arcs = self._arcs()
+        first, last = arcs[0], arcs[-1]
+        return (
+            utc_text(first.start_utc or start_utc, first.begin_s),
+            utc_text(last.start_utc or start_utc, last.end_s),
+        )
+
+    def validity(self, epochs: Epochs) -> list[str]:
+        """Return a sentence where a polynomial of two degrees more differs by more than a metre: the rows are far apart."""
+        states, other = self._states(epochs, 0), self._states(epochs, 2)
+        off_m = float(np.linalg.norm(states.position_m - other.position_m, axis=1).max(initial=0.0))
+        if off_m <= ROUGH_M:
+            return []
+        return [
+            f"ephemeris {self.file}: its rows are far apart: interpolation may be off by some {off_m:.3g} m; take a finer "
+            "table, or 'numerical' from one of its states"
+        ]
+
+    def _states(self, epochs: Epochs, more: int) -> BodyState:
+        """Return the states by polynomials of so many degrees more (or less, where the rows do not suffice)."""
+        arcs = self._arcs()
+        position, velocity = np.full((len(epochs), 3), np.nan), np.full((len(epochs), 3), np.nan)
+        which = np.full(len(epochs), -1)
+        for number, arc in enumerate(arcs):
+            time_s = elapsed_s(epochs, arc.start_utc)
+            which[(time_s >= arc.begin_s - EDGE_S) & (time_s <= arc.end_s + EDGE_S)] = number
+        bad = which < 0
+        if bad.any():
+            first, last = self.span_utc(epochs.start_utc)
+            pieces = f" in {len(arcs)} segments" if len(arcs) > 1 else ""
+            at = epochs.time_s[np.argmax(bad)]
+            raise PropagationError(
+                f"ephemeris {self.file}: has no rows around {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
+                f"({utc_text(epochs.start_utc, at)}): it spans {first} to {last}{pieces}; shift or shorten the run",
+                bad,
+            )
+        for number in np.unique(which):
+            rows = np.flatnonzero(which == number)
+            some = epochs.at(rows)
+            place, speed = arcs[number].states(
+                elapsed_s(some, arcs[number].start_utc), self.interpolation, self.degree, more
+            )
+            matrix = gcrs_from(arcs[number].frame, some)
+            position[rows] = place if matrix is None else turned(matrix, place)
+            velocity[rows] = speed if matrix is None else turned(matrix, speed)
+        return BodyState(position, velocity)
+
+    def _arcs(self) -> tuple[Arc, ...]:
+        path = ccsds.found(self.file)
+        try:
+            status = path.stat()
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a file of text") from None
+        return _read(path, status.st_mtime_ns, status.st_size, self.object)
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """One segment: rows [m, m/s] at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
+
+    where: str
+    start_utc: datetime.datetime | None
+    begin_s: float
+    end_s: float
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray | None
+    frame: str = "gcrs"
+    interpolation: str | None = None
+    degree: int | None = None
+
+    def states(
+        self, time_s: np.ndarray, interpolation: str | None, degree: int | None, more: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the segment's own frame."""
+        method = interpolation or self.interpolation or ("lagrange" if self.velocity_m_s is None else "hermite")
+        order = degree or self.degree or DEGREE
+        conditions = len(self.time_s) * (2 if method == "hermite" else 1)
+        order = order + more if order + more < conditions else max(min(order, conditions - 1) - more, 1)
+        inside = np.clip(time_s, self.begin_s, self.end_s)
+        if method == "lagrange":
+            place, speed = lagrange(inside, self.time_s, self.position_m, order)
+            if self.velocity_m_s is not None:
+                speed = lagrange(inside, self.time_s, self.velocity_m_s, order)[0]
+            return place, speed
+        if method != "hermite":
+            raise ScenarioError(
+                f"{self.where}: INTERPOLATION {method} is not known here: set `interpolation` to choose one"
+            )
+        if self.velocity_m_s is None:
+            raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
+        return hermite(inside, self.time_s, self.position_m, self.velocity_m_s, order)
+
+
+# --------------------------------------------------------------------------------------------------------- reading
+
+
+@functools.lru_cache(maxsize=16)
+def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[Arc, ...]:
+    text = ccsds.read_text(path)
+    if ccsds.is_message(text):
+        arcs = _from_message(ccsds.read_message(text, "OEM", str(path)), wanted)
+    elif wanted is not None:
+        raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
+    else:
+        arcs = [_from_csv(text, str(path))]
+    arcs.sort(key=lambda arc: arc.begin_s)
+    for before, after in itertools.pairwise(arcs):
+        if after.begin_s < before.end_s - EDGE_S:
+            raise ScenarioError(f"{after.where}: overlaps the segment of {before.where}: correct their USEABLE_ times")
+    return tuple(arcs)
+
+
+def _from_csv(text: str, where: str) -> Arc:
+    table = read_timetable(text, where, (*_PLACES, *_SPEEDS), _PLACES)
+    metres, kilometres = table.stack(_PLACES[0]), table.stack(_PLACES[1])
+    position = metres if metres is not None else np.asarray(kilometres) * units.KM
+    speeds = [table.stack(names) for names in _SPEEDS]
+    if speeds[0] is not None and speeds[1] is not None:
+        raise ScenarioError(f"{where}: has velocities in m/s and in km/s: keep one set of columns")
+    velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
+    time_s = table.time_s
+    return Arc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
+
+
+def _from_message(message: ccsds.Message, wanted: str | None) -> list[Arc]:
+    arcs: list[Arc] = []
+    for segment in ccsds.choose(message, wanted):
+        arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
+    return arcs
+
+
+def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> Arc:
+    at = f"{message.where}: line {segment.line}"
+    center = message.need(segment, "CENTER_NAME")
+    if center.value.upper() not in ("EARTH", "EARTH CENTER"):
+        raise ScenarioError(
+            f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is known here"
+        )
+    reference = message.need(segment, "REF_FRAME")
+    frame = known_frame(reference.value, f"{message.where}: line {reference.line}")
+    fixed = segment.meta.get("REF_FRAME_EPOCH")
+    if frame == "teme" and fixed is not None:
+        raise ScenarioError(
+            f"{message.where}: line {fixed.line}: TEME of a fixed epoch: only TEME of date is known here"
+        )
+    system = message.time_system(segment)
+    if len(segment.rows) < 2:
+        raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
+    stamps, values = [], []
+    for line, cells in segment.rows:
+        here = f"{message.where}: line {line}"
+        if len(cells) not in (7, 10):
+            raise ScenarioError(f"{here}: has {len(cells)} words: a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
+        stamps.append(ccsds.stamp_ps(cells[0], system, here))
+        names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+        values.append([ccsds.number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
+    ccsds.growing(message.where, stamps, [line for line, _ in segment.rows])
+    start, time_s = elapsed_from_ps(stamps, start_utc)
+    begin_s, end_s = ccsds.useable_s(message, segment, system, stamps[0], time_s)
+    numbers = np.array(values) * units.KM
+    method = segment.meta.get("INTERPOLATION")
+    degree = segment.meta.get("INTERPOLATION_DEGREE")
+    order = None
+    if degree is not None:
+        if not degree.value.isdigit() or not 1 <= int(degree.value) <= GREATEST_DEGREE:
+            raise ScenarioError(
+                f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}: write 1 to {GREATEST_DEGREE}"
+            )
+        order = int(degree.value)
+    word = method.value.lower() if method is not None else None
+    if word == "linear":
+        word, order = "lagrange", 1
+    return Arc(at, start, begin_s, end_s, time_s, numbers[:, :3], numbers[:, 3:], frame, word, order)
+
+
+# --------------------------------------------------------------------------------------------------------- writing
+
+
+def write_oem(
+    path: str | Path,
+    name: str,
+    object_id: str,
+    epochs: Epochs,
+    states: BodyState,
+    *,
+    originator: str = "RSO_LIDAR",
+    version: Literal["2.0", "3.0"] = "2.0",
+    created_utc: datetime.datetime | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write GCRS states as one segment of an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s; return its path."""
+    rows, texts = _rows(epochs, states), ccsds.epoch_texts(epochs)
+    meta = {
+        "OBJECT_NAME": name,
+        "OBJECT_ID": object_id,
+        "CENTER_NAME": "EARTH",
+        "REF_FRAME": "GCRF",
+        "TIME_SYSTEM": "UTC",
+        "START_TIME": texts[0],
+        "STOP_TIME": texts[-1],
+        "INTERPOLATION": "HERMITE",
+        "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(rows) - 1)),
+    }
+    lines = (
+        f"{text} " + " ".join(f"{value / units.KM:.9f}" for value in row[:3])
+        + " " + " ".join(f"{value / units.KM:.12f}" for value in row[3:])
+        for text, row in zip(texts, rows.tolist(), strict=True)
+    )  # fmt: skip
+    header = ccsds.header(originator, created_utc)
+    return ccsds.write_text(path, ccsds.kvn_text("OEM", version, header, meta, lines), overwrite=overwrite)
+
+
+def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:
+    """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s; return its path."""
+    rows, texts = _rows(epochs, states), ccsds.epoch_texts(epochs)
+    lines = [",".join(("utc", *_PLACES[0], *_SPEEDS[0]))]
+    for text, row in zip(texts, rows.tolist(), strict=True):
+        cells = [*(f"{value:.6f}" for value in row[:3]), *(f"{value:.9f}" for value in row[3:])]
+        lines.append(",".join((f"{text}Z", *cells)))
+    return ccsds.write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
+
+
+def _rows(epochs: Epochs, states: BodyState) -> np.ndarray:
+    rows: np.ndarray = np.concatenate([np.atleast_2d(states.position_m), np.atleast_2d(states.velocity_m_s)], axis=1)
+    if rows.shape != (len(epochs), 6) or not np.all(np.isfinite(rows)):
+        raise RecordingError(
+            f"states: an ephemeris needs finite states at all its {len(epochs)} epochs: leave out the others"
+        )
+    if len(epochs) < 2 or not np.all(np.diff(epochs.time_s) >= 1e-9):
+        raise RecordingError("epochs: an ephemeris needs two or more that grow by 1 ns or more: sort them")
+    return rows

@@ -1,0 +1,231 @@
+"""Orbit mean-elements messages (CCSDS 502.0-B-3) as text: JSON, CSV, XML and KVN, read record by record.
+
+Each reader returns the element sets, bad ones with their `problem`, and one line for each thing that is no record.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from rso_lidar.errors import CatalogError
+from rso_lidar.orbit.element_set import KNOWN, REQUIRED, ElementSet, from_omm
+
+Found = tuple[list[ElementSet], list[str]]
+
+_OBJECT = re.compile(r"\{[^{}]*(\})?")
+_KVN_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*=\s*(.*?)\s*")
+_UNIT = re.compile(r"\s*\[[^\]]*\]$")
+_FIRST_KEY = "CCSDS_OMM_VERS"
+_TWICE = "' stands there twice"
+
+
+def read_json(text: str, where: str) -> Found:
+    """Return the element sets of JSON: one object or a list of them, or those that can be saved from a broken file."""
+    try:
+        tree = json.loads(text, object_pairs_hook=_unique)
+    except (ValueError, RecursionError):
+        return _saved(text, where)
+    if isinstance(tree, dict) and "EPOCH" not in tree and len(tree) <= 2:
+        tree = next((value for value in tree.values() if isinstance(value, list)), tree)  # {"data": [...]}
+    records = tree if isinstance(tree, list) else [tree]
+    sets, junk = [], []
+    for k, record in enumerate(records, start=1):
+        place = f"{where}: record {k}"
+        if isinstance(record, dict):
+            sets.append(_from_object(record, place))
+        else:
+            junk.append(f"{place}: is no object with the keys of an OMM: remove it")
+    return sets, junk
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object with its keys in capitals; a key that stands there twice is told under '!'."""
+    found = {key.upper(): value for key, value in pairs}
+    if len(found) < len(pairs):
+        keys = [key.upper() for key, _ in pairs]
+        found["!"] = next(key for key in keys if keys.count(key) > 1)
+    return found
+
+
+def _from_object(record: dict[str, Any], place: str) -> ElementSet:
+    twice = record.get("!")
+    return from_omm(record, place, f"key '{twice}{_TWICE}" if twice else None)
+
+
+def _saved(text: str, where: str) -> Found:
+    """Return what can be read of broken JSON: every whole flat object, and a line for what is not."""
+    sets: list[ElementSet] = []
+    junk: list[str] = []
+    end, line, counted = 0, 1, 0
+    for found in _OBJECT.finditer(text):
+        between = text[end : found.start()].strip(" \t\r\n,[]")
+        line += text.count("\n", counted, found.start())
+        counted, end = found.start(), found.end()
+        place = f"{where}: line {line}"
+        if between:
+            junk.append(f"{place}: '{_short(between)}' before it is no JSON: remove it")
+        try:
+            if not found[1]:
+                raise ValueError("no end")
+            record = json.loads(found[0], object_pairs_hook=_unique)
+        except ValueError as error:
+            what = "is cut off" if not found[1] else f"is no JSON ({_short(getattr(error, 'msg', str(error)))})"
+            name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', found[0], re.IGNORECASE)
+            number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', found[0], re.IGNORECASE)
+            problem = f"{place}: this record {what}: fetch it again"
+            sets.append(
+                ElementSet(name[1] if name else "", int(number[1]) if number else 0, where=place, problem=problem)
+            )
+            continue
+        sets.append(_from_object(record, place))
+    after = text[end:].strip(" \t\r\n,[]}")
+    if after:
+        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_short(after)}' is no JSON: remove it")
+    return sets, junk
+
+
+def is_csv(line: str) -> bool:
+    """Return whether a line is the header of a table of OMM."""
+    return len(KNOWN.intersection(cell.strip(' "').upper() for cell in line.split(","))) >= 3
+
+
+def read_csv(text: str, where: str) -> Found:
+    """Return the element sets of a table: a header line with the keys of an OMM, and a line for each record."""
+    sets: list[ElementSet] = []
+    junk: list[str] = []
+    header: list[str] = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        place = f"{where}: line {number}"
+        # Line by line, so that a quote that is never closed spoils its own record only.
+        try:
+            cells = next(csv.reader([line]))
+        except csv.Error as error:
+            sets.append(_broken(place, f"cannot be read as CSV ({error})"))
+            continue
+        if is_csv(line):  # of this table, or of another one put behind it
+            header = [cell.strip().upper() for cell in cells]
+            _check_header(place, header)
+        elif len(cells) != len(header):
+            sets.append(
+                _broken(
+                    place, f"has {len(cells)} cells, the header {len(header)}", dict(zip(header, cells, strict=False))
+                )
+            )
+        else:
+            sets.append(from_omm(dict(zip(header, cells, strict=True)), place))
+    return sets, junk
+
+
+def _check_header(place: str, header: list[str]) -> None:
+    twice = next((name for name in header if name in KNOWN and header.count(name) > 1), None)
+    if twice:
+        raise CatalogError(f"{place}: column '{twice}{_TWICE}: remove one")
+    missing = [name for name in REQUIRED if name not in header]
+    if missing:
+        raise CatalogError(f"{place}: column {', '.join(missing)} is missing: an OMM needs {', '.join(REQUIRED)}")
+
+
+def _broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
+    fields = fields or {}
+    number = fields.get("NORAD_CAT_ID", "").strip()
+    identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0
+    name = fields.get("OBJECT_NAME", "").strip()
+    return ElementSet(name, identity, where=place, problem=f"{place}: {what}: correct the record, or fetch it again")
+
+
+def read_xml(text: str, where: str) -> Found:
+    """Return the element sets of XML: one `omm`, or several in an `ndm`."""
+    import xml.etree.ElementTree as ET
+
+    if re.search(r"<!\s*(?:DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise CatalogError(f"{where}: declares a DOCTYPE or entities, which no OMM needs: remove them")
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, ValueError, RecursionError) as error:
+        return _saved_xml(text, where, str(error))
+    messages = [node for node in root.iter() if _local(node.tag) == "OMM"]
+    return [_from_xml(node, f"{where}: record {k}") for k, node in enumerate(messages, start=1)], []
+
+
+def _saved_xml(text: str, where: str, error: str) -> Found:
+    """Return the messages of a broken file that are whole in themselves."""
+    import xml.etree.ElementTree as ET
+
+    sets: list[ElementSet] = []
+    starts = [found.start() for found in re.finditer(r"<(?:\w+:)?omm\b", text, re.IGNORECASE)]
+    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
+        place = f"{where}: line {text.count(chr(10), 0, start) + 1}"
+        piece = re.match(r"<(\w+:)?omm\b.*?</(?:\w+:)?omm\s*>", text[start:end], re.IGNORECASE | re.DOTALL)
+        if piece is None:
+            sets.append(_broken(place, "this message is cut off", _glimpsed(text[start:end])))
+            continue
+        try:
+            node = ET.fromstring(re.sub(r"(</?)\w+:", r"\1", piece[0]))
+        except ET.ParseError as wrong:
+            sets.append(_broken(place, f"this message is no XML ({wrong})", _glimpsed(piece[0])))
+            continue
+        sets.append(_from_xml(node, place))
+    junk = [] if any(entry.problem for entry in sets) else [f"{where}: is no whole XML ({error}): fetch it again"]
+    return sets, junk
+
+
+def _glimpsed(text: str) -> dict[str, str]:
+    return dict(re.findall(r"<(OBJECT_NAME|NORAD_CAT_ID)[^>]*>([^<]*)<", text))
+
+
+def _from_xml(node: Any, place: str) -> ElementSet:
+    fields: dict[str, str] = {}
+    twice: str | None = None
+    for leaf in node.iter():
+        key = _local(leaf.tag)
+        if key in KNOWN:
+            twice = twice or (key if key in fields else None)
+            fields.setdefault(key, (leaf.text or "").strip())
+    return from_omm(fields, place, f"key '{twice}{_TWICE}" if twice else None)
+
+
+def _local(tag: Any) -> str:
+    return str(tag).rpartition("}")[2].upper()
+
+
+class Kvn:
+    """Messages of lines `KEY = value`, collected from a file that may hold other things between them."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._fields: dict[str, str] = {}
+        self._place, self._wrong = "", ""
+
+    def take(self, number: int, line: str) -> Iterator[ElementSet] | None:
+        """Return the messages that end with a line, or None where the line is of no message."""
+        found = _KVN_LINE.fullmatch(line)
+        key = found[1].upper() if found else ""
+        if self._fields and (not line.strip() or line.lstrip().upper().startswith("COMMENT")):
+            return iter(())
+        if not found or not (self._fields or key in KNOWN or key == _FIRST_KEY):
+            return None
+        # A message begins with its version, or, where that was left out, with the key that the one before began with.
+        ended = list(self.end()) if key == _FIRST_KEY or key == next(iter(self._fields), None) else []
+        if not self._fields:
+            self._place, self._wrong = f"{self._where}: line {number}", ""
+        elif key in self._fields and key in KNOWN:
+            self._wrong = self._wrong or f"key '{key}{_TWICE}, again in line {number}"
+        self._fields.setdefault(key, found[2] if key == "OBJECT_NAME" else _UNIT.sub("", found[2]))
+        return iter(ended)
+
+    def end(self) -> Iterator[ElementSet]:
+        """Return the message that was begun, if any."""
+        if self._fields:
+            yield from_omm(self._fields, self._place, self._wrong or None)
+        self._fields = {}
+
+
+def _short(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= 40 else f"{text[:37]}..."

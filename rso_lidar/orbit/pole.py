@@ -1,0 +1,37 @@
+"""Where the Earth's axis points: precession (IAU 1976) with the four largest terms of nutation.
+
+Nutation after Meeus, Astronomical Algorithms 2nd ed., ch. 22. Within 0.2 arcsecond of IAU 2006/2000A (ERFA's pnm06a) from
+2000 to 2050, which through J2 moves a low orbit by less than a metre a day; without nutation it would be 10 arcseconds and
+30 m.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sun import _gcrs_from_mean_of_date
+
+_ARCSEC = units.DEG / 3600.0
+
+
+def pole_direction(epochs: Epochs) -> np.ndarray:
+    """Return unit vectors (time, 3) along the Earth's axis of date in GCRS axes."""
+    t = epochs.tt_centuries()
+    node = (125.044_52 - 1934.136_261 * t) * units.DEG
+    sun, moon = (280.4665 + 36_000.7698 * t) * units.DEG, (218.3165 + 481_267.8813 * t) * units.DEG
+    longitude = -17.20 * np.sin(node) - 1.32 * np.sin(2 * sun) - 0.23 * np.sin(2 * moon) + 0.21 * np.sin(2 * node)
+    obliquity = 9.20 * np.cos(node) + 0.57 * np.cos(2 * sun) + 0.10 * np.cos(2 * moon) - 0.09 * np.cos(2 * node)
+    mean_obliquity = (23.439_291 - 0.013_004_2 * t) * units.DEG
+    x, y = longitude * _ARCSEC * np.sin(mean_obliquity), obliquity * _ARCSEC
+    of_date = np.stack([x, y, np.sqrt(1.0 - x * x - y * y)], axis=-1)
+    return _gcrs_from_mean_of_date(of_date, t)
+
+
+def equator_axes(epochs: Epochs) -> np.ndarray:
+    """Return matrices (time, 3, 3) equator_from_gcrs: z along the pole of date, x where the least turn takes GCRS x."""
+    z = pole_direction(epochs)
+    x = np.stack([1.0 - z[:, 0] ** 2, -z[:, 0] * z[:, 1], -z[:, 0] * z[:, 2]], axis=-1)
+    x = x / np.sqrt(x[:, 0] ** 2 + x[:, 1] ** 2 + x[:, 2] ** 2)[:, None]
+    return np.stack([x, np.cross(z, x), z], axis=-2)

@@ -1,0 +1,141 @@
+"""Motion by the element sets of a catalogue and SGP4."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import warnings
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from rso_lidar.errors import CatalogError, RsoLidarWarning
+from rso_lidar.orbit import catalog
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.omm import Omm
+from rso_lidar.orbit.several_sets import Jump, SeveralSets, of_sets
+from rso_lidar.orbit.teme import STALE_DAYS, age_days, gcrs_from_teme, states, teme_states
+from rso_lidar.orbit.teme import teme as _teme
+from rso_lidar.part import Part, Text, Whole
+from rso_lidar.records import BodyState
+from rso_lidar.shipped import find, shipped
+
+__all__ = ["STALE_DAYS", "Jump", "SeveralSets", "Tle", "_teme", "gcrs_from_teme", "states", "teme_states"]
+
+
+class Tle(Part):
+    """Motion by element sets: from a `file` (TLE, 3LE or OMM), of `name` or `norad_id`, or from inline `lines`.
+
+    Of several sets of one object, `sets = "nearest"` flies the one nearest to the start of the run, `"all"` at each
+    instant the nearest, with a jump between sets that a warning tells of. Accuracy is that of element sets: about a
+    kilometre, growing by one to three a day.
+    """
+
+    type: Literal["tle"] = "tle"
+    file: Text | None = None
+    lines: Annotated[tuple[Text, ...], Field(min_length=2)] | None = None
+    messages: tuple[Omm, ...] = ()
+    name: Text | None = None
+    norad_id: Annotated[Whole, Field(ge=1, lt=10**9)] | None = None
+    sets: Literal["nearest", "all"] = "nearest"
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        inline = self.lines is not None or bool(self.messages)
+        if (self.file is None) != inline:
+            raise ValueError(
+                "needs exactly one of file and lines: give the path of a file of element sets, or the two lines of one"
+            )
+        if inline:
+            read = self._inline_sets()
+            junk = catalog.read_lines(self.lines, "lines")[1] if self.lines else []
+            wrong = next((entry.problem for entry in read if entry.problem), junk[0] if junk else None)
+            if wrong:
+                raise ValueError(wrong)
+            chosen = catalog.choose(read, "lines")
+            if self.norad_id not in (None, chosen.norad_id):
+                raise ValueError(f"lines: are of NORAD {chosen.norad_id}, not {self.norad_id}: correct norad_id")
+        return self
+
+    def _inline_sets(self) -> tuple[catalog.ElementSet, ...]:
+        read = _of_lines(self.lines, self.name) if self.lines is not None else ()
+        name = {"name": self.name} if self.name else {}
+        messages = (catalog.ElementSet(**{**omm.elements().__dict__, **name}) for omm in self.messages)
+        return (*read, *messages)
+
+    def _read(self, folder: Path | None) -> tuple[tuple[catalog.ElementSet, ...], str]:
+        """Return the sets of the object, bad ones included, and their source's name in errors."""
+        if self.file is None:
+            return self._inline_sets(), "lines"
+        path = find(self.file, folder)
+        if path is None:
+            places = f"in {folder or Path.cwd()} and among the shipped data in {shipped()}"
+            looked = "" if Path(self.file).expanduser().is_absolute() else f", looked for {places}"
+            raise CatalogError(f"{self.file}: no such file{looked}: check the path")
+        return catalog.read_object(path, self.file, self.name, self.norad_id), self.file
+
+    def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> catalog.ElementSet:
+        """Return the element set to fly, checked: of several epochs the nearest to `near_utc`, else the newest.
+
+        A relative `file` is looked up beside `folder` (the working folder if None), then among the shipped data.
+        """
+        read, where = self._read(folder)
+        if self.sets == "all":
+            read = tuple(entry for entry in read if entry.problem is None) or read
+        return catalog.choose(read, where, near_utc=near_utc)
+
+    def trajectory(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> SeveralSets:
+        """Return what is flown: one set, or all good ones of the object; a warning counts the bad ones left out."""
+        if self.sets == "nearest":
+            return of_sets((self.elements(near_utc, folder),))
+        read, _ = self._read(folder)
+        good = tuple(entry for entry in read if entry.problem is None)
+        if len(good) < len(read):
+            bad = [entry.problem for entry in read if entry.problem]
+            if not good:
+                raise CatalogError(str(bad[0]))
+            warnings.warn(
+                f"{good[0].label}: {len(bad)} of {len(read)} element sets are left out, the first is {bad[0]}",
+                RsoLidarWarning,
+                stacklevel=2,
+            )
+        return of_sets(good)
+
+    def inline(self, near_utc: datetime.datetime, folder: Path | None = None) -> Tle | Omm:
+        """Return the same motion without a file: its sets in `lines` or, where they came without, as messages."""
+        if self.file is None:
+            return self
+        flown = self.trajectory(near_utc, folder).sets
+        if len(flown) == 1 and not flown[0].line1:
+            return Omm.of(flown[0])
+        return Tle(
+            lines=tuple(line for entry in flown if entry.line1 for line in (entry.line1, entry.line2)) or None,
+            messages=tuple(Omm.of(entry) for entry in flown if not entry.line1),
+            name=flown[0].name or None,
+            norad_id=flown[0].norad_id or None,
+            sets=self.sets,
+        )
+
+    def jumps(self, epochs: Epochs) -> tuple[Jump, ...]:
+        """Return the switches between sets that the span of the epochs crosses."""
+        return self.trajectory(epochs.start_utc).jumps(epochs)
+
+    def epoch_age_days(self, epochs: Epochs) -> float:
+        """Return the largest time between an epoch asked for and that of the elements flown there [day]."""
+        if self.sets == "all":
+            return float(self.trajectory(epochs.start_utc).ages_days(epochs).max(initial=0.0))
+        return age_days(self.elements(epochs.start_utc), epochs)
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
+        if self.sets == "all":
+            return self.trajectory(epochs.start_utc).states(epochs)
+        return states(self.elements(epochs.start_utc), epochs)
+
+
+@functools.lru_cache(maxsize=64)
+def _of_lines(lines: tuple[str, ...], name: str | None) -> tuple[catalog.ElementSet, ...]:
+    """Return the element sets of inline lines, under the name that the part gives."""
+    read = catalog.parse_lines(lines, "lines")
+    return tuple(catalog.ElementSet(**{**entry.__dict__, "name": name or entry.name}) for entry in read)

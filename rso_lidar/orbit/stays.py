@@ -1,0 +1,211 @@
+"""Stays of objects near another, refined on SGP4 itself: entry, every minimum of range, exit.
+
+Where something may be inside, SGP4 itself is asked every 37.5 s. Each change of sign of the range rate
+(the central difference over 1 s of positions, since a minimum is one of positions) is a minimum or a maximum, each turn of
+it toward zero is looked at more closely, and roots are found to 0.1 ms. Between two neighbours of all these the range
+rises or falls, so that entry and exit are bracketed too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.orbit.fleet import Fleet
+
+ROOT_S = 1e-4
+_MOST_TURNS = 80
+_DIFFERENCE_S = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Stay:
+    """One time inside the limit, from `enter_s` to `leave_s` [s since the start], with the minima of range in it.
+
+    `entered` and `left` are False where the span begins or ends inside. A minimum may lie at such an end. `which` is the
+    object's number in the fleet.
+    """
+
+    which: int
+    enter_s: float
+    leave_s: float
+    entered: bool
+    left: bool
+    minima_s: np.ndarray
+    minima_m: np.ndarray
+
+    @property
+    def time_s(self) -> float:
+        """Return when it is nearest [s since the start]."""
+        return float(self.minima_s[np.argmin(self.minima_m)])
+
+    @property
+    def range_m(self) -> float:
+        """Return the least range [m]."""
+        return float(self.minima_m.min())
+
+
+class Pair:
+    """Relative positions of objects by number about the follower."""
+
+    def __init__(self, lead: Fleet, fleet: Fleet) -> None:
+        self._lead, self._fleet = lead, fleet
+
+    def relative(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Return positions (pair, 3) [m] of the objects from the follower."""
+        instants, place = np.unique(time_s, return_inverse=True)  # the follower is flown once for all objects
+        lead = self._lead.at(np.zeros(len(instants), dtype=int), instants)[0]
+        position: np.ndarray = self._fleet.at(which, time_s)[0] - lead[place]
+        return position
+
+    def square(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Return the range squared (pair) [m2]."""
+        rho = self.relative(which, time_s)
+        square: np.ndarray = np.einsum("ni,ni->n", rho, rho)
+        return square
+
+    def closing(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Return half the rate of the range squared (pair) [m2/s], a central difference of positions."""
+        after = self.relative(which, time_s + _DIFFERENCE_S)
+        before = self.relative(which, time_s - _DIFFERENCE_S)
+        rate: np.ndarray = np.einsum("ni,ni->n", after - before, after + before) / (4.0 * _DIFFERENCE_S)
+        return rate
+
+
+@dataclass(eq=False)
+class _Nodes:
+    """Instants at which SGP4 was asked, by object and time; `window` numbers the runs inside which they follow on."""
+
+    which: np.ndarray
+    window: np.ndarray
+    time_s: np.ndarray
+    square: np.ndarray
+    closing: np.ndarray
+
+    def with_more(self, pair: Pair, near: np.ndarray, time_s: np.ndarray) -> _Nodes:
+        """Return these and others, in the windows of the nodes `near`."""
+        which = self.which[near]
+        parts = (
+            (self.which, which),
+            (self.window, self.window[near]),
+            (self.time_s, time_s),
+            (self.square, pair.square(which, time_s)),
+            (self.closing, pair.closing(which, time_s)),
+        )
+        joined = [np.concatenate(part) for part in parts]
+        order = np.lexsort((joined[2], joined[1]))
+        return _Nodes(*(part[order] for part in joined))
+
+    @property
+    def follows(self) -> np.ndarray:
+        """Return whether each node but the last is followed by another of its window."""
+        after: np.ndarray = self.window[1:] == self.window[:-1]
+        return after
+
+
+def refined(pair: Pair, cells: np.ndarray, sub_s: float, last: int, within_m: float) -> list[Stay]:
+    """Return the stays of some objects in the sub-intervals (object, number) that may hold one."""
+    nodes = _sampled(pair, cells, sub_s, last)
+    nodes = _with_dips(pair, nodes, sub_s)
+    extrema = []
+    for sign in (1.0, -1.0):  # minima, maxima
+        rate = sign * nodes.closing
+        left = np.flatnonzero(nodes.follows & (rate[:-1] < 0.0) & (rate[1:] >= 0.0))
+        extrema.append((left, _roots(pair.closing, nodes, left, nodes.closing)))
+    (at_min, minima), (at_max, maxima) = extrema
+    nodes = nodes.with_more(pair, np.concatenate([at_min, at_max]), np.concatenate([minima, maxima]))
+    beyond = nodes.square - within_m**2
+    inside = beyond <= 0.0
+    crossing = np.flatnonzero(nodes.follows & (inside[:-1] != inside[1:]))
+    crossed = _roots(lambda which, time_s: pair.square(which, time_s) - within_m**2, nodes, crossing, beyond)
+    edge = dict(zip(crossing.tolist(), crossed.tolist(), strict=True))
+    linked = np.concatenate([[False], nodes.follows])  # to the node before
+    begins = np.flatnonzero(inside & ~(linked & np.concatenate([[False], inside[:-1]])))
+    ends = np.flatnonzero(inside & ~np.concatenate([linked[1:] & inside[1:], [False]]))
+    before = np.where(linked, np.concatenate([[np.inf], nodes.square[:-1]]), np.inf)
+    after = np.where(np.concatenate([linked[1:], [False]]), np.concatenate([nodes.square[1:], [np.inf]]), np.inf)
+    lower = (nodes.square < before) & (nodes.square <= after)
+    stays = []
+    for first, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        of = slice(first, end + 1)
+        # the same elements twice have no minimum: then the first of the least counts
+        at = first + (np.flatnonzero(lower[of]) if lower[of].any() else np.argmin(nodes.square[of], keepdims=True))
+        stays.append(
+            Stay(
+                which=int(nodes.which[first]),
+                enter_s=edge.get(first - 1, float(nodes.time_s[first])),
+                leave_s=edge.get(end, float(nodes.time_s[end])),
+                entered=first - 1 in edge,
+                left=end in edge,
+                minima_s=nodes.time_s[at],
+                minima_m=np.sqrt(nodes.square[at]),
+            )
+        )
+    return stays
+
+
+def _sampled(pair: Pair, cells: np.ndarray, sub_s: float, last: int) -> _Nodes:
+    """Return nodes at the ends of sub-intervals and of those beside them, both ends of the span included."""
+    width = last + 1
+    keys = cells[:, 0] * width
+    numbers = np.unique(np.concatenate([keys + np.clip(cells[:, 1] + shift, 0, last) for shift in (-1, 0, 1, 2)]))
+    which, number = numbers // width, numbers % width
+    window = np.cumsum(np.concatenate([[True], (np.diff(numbers) != 1) | (np.diff(which) != 0)]))
+    time_s = number * sub_s
+    square, closing = pair.square(which, time_s), pair.closing(which, time_s)
+    good = np.isfinite(square) & np.isfinite(closing)
+    if not good.all():  # decayed on the way: what is before and after does not follow on
+        window = window + np.cumsum(~good)
+    return _Nodes(*(part[good] for part in (which, window, time_s, square, closing)))
+
+
+def _with_dips(pair: Pair, nodes: _Nodes, sub_s: float) -> _Nodes:
+    """Return the nodes with more of them where the range rate turns back near zero: it may cross it twice."""
+    if len(nodes.time_s) < 3:
+        return nodes
+    before, rate, after = nodes.closing[:-2], nodes.closing[1:-1], nodes.closing[2:]
+    sign = np.sign(rate)
+    turned = nodes.follows[:-1] & nodes.follows[1:] & (sign != 0)
+    turned &= (sign * before >= sign * rate) & (sign * after >= sign * rate)
+    curve = before - 2.0 * rate + after
+    with np.errstate(divide="ignore", invalid="ignore"):
+        offset = np.clip(np.where(curve != 0.0, 0.5 * (before - after) / curve, 0.0), -1.0, 1.0)
+        vertex = rate - 0.125 * (after - before) ** 2 / np.where(curve != 0.0, curve, np.inf)
+    k = np.flatnonzero(turned & (sign * vertex < 0.5 * np.abs(rate))) + 1
+    parts = np.concatenate(
+        [np.tile([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75], (len(k), 1)), offset[k - 1][:, None]], axis=1
+    )
+    near = np.repeat(k, parts.shape[1])
+    times = nodes.time_s[near] + sub_s * parts.ravel()
+    new = (parts.ravel() != 0.0) & (times >= 0.0)
+    return nodes.with_more(pair, near[new], times[new]) if len(k) else nodes
+
+
+def _roots(
+    f: Callable[[np.ndarray, np.ndarray], np.ndarray], nodes: _Nodes, left: np.ndarray, value: np.ndarray
+) -> np.ndarray:
+    """Return the roots of f(which, time) between the nodes `left` and those after, to 0.1 ms (regula falsi, Illinois)."""
+    which = nodes.which[left]
+    a, b, fa, fb = nodes.time_s[left], nodes.time_s[left + 1], value[left], value[left + 1]
+    root: np.ndarray = np.where(fa == 0.0, a, b)
+    side = np.zeros(len(left))  # which end the last step kept: +1 the left one
+    live = np.flatnonzero((fa != 0.0) & (fb != 0.0))
+    for turn in range(_MOST_TURNS):
+        if not len(live):
+            break
+        la, lb, lfa, lfb = a[live], b[live], fa[live], fb[live]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            c = lb - lfb * (lb - la) / (lfb - lfa)
+        c = np.where((c > la) & (c < lb) & (turn % 8 != 7), c, 0.5 * (la + lb))
+        fc = f(which[live], c)
+        keeps_left = np.sign(fc) == np.sign(lfb)
+        moved = np.abs(c - root[live])
+        root[live] = c
+        fa[live] = np.where(keeps_left, np.where(side[live] > 0, 0.5 * lfa, lfa), fc)
+        fb[live] = np.where(keeps_left, fc, np.where(side[live] < 0, 0.5 * lfb, lfb))
+        a[live], b[live] = np.where(keeps_left, la, c), np.where(keeps_left, c, lb)
+        side[live] = np.where(keeps_left, 1.0, -1.0)
+        live = live[~((fc == 0.0) | (b[live] - a[live] < ROOT_S) | (moved < 0.01 * ROOT_S))]
+    return root

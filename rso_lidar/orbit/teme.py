@@ -1,0 +1,184 @@
+"""SGP4's states, and the only place that has heard of TEME.
+
+SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation (IAU 2000A
+nutation, IAU 2006 precession, the frame bias), taken at whole hours TT and interpolated by a cubic through the four
+hours around an epoch: within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The hours are absolute,
+so a state is the same bits whatever other epochs are asked for with it. Velocity is rotated only, as in skyfield: the
+axes turn by 1e-11 rad/s.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, RsoLidarWarning
+from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs, skyfield_tt
+from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
+
+STALE_DAYS = 7.0
+_LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may go on below the ground, and beyond the Moon
+# What the codes of Vallado's program mean.
+REASONS = {
+    1: "its mean eccentricity has left 0 to 1: drag has used the orbit up, or the set is of no orbit",
+    2: "its mean motion is not above 0: the set is of no orbit",
+    3: "its perturbed eccentricity has left 0 to 1: the set is of no orbit that lasts",
+    4: "its orbit has shrunk to nothing (the semi-latus rectum is below 0)",
+    5: "its orbit runs below the ground",
+    6: "it has decayed (its distance is less than the Earth's radius)",
+}
+_ASTRAY = "it has decayed or gone astray"
+
+
+def states(elements: ElementSet, epochs: Epochs) -> BodyState:
+    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes by SGP4; its failures raise `PropagationError`.
+
+    Validity: element sets are good to about a kilometre at their epoch, and lose one to three a day; a warning is given
+    beyond a week from it.
+    """
+    warn_stale(elements, age_days(elements, epochs))
+    position_m, velocity_m_s, error = teme(elements, epochs)
+    bad = failed(position_m, velocity_m_s, error)
+    if bad.any():
+        raise PropagationError(failure(elements, epochs, bad, error), bad)
+    rotation = gcrs_from_teme(epochs)
+    return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
+
+
+def age_days(elements: ElementSet, epochs: Epochs) -> float:
+    """Return the largest time between the elements' epoch and the epochs asked for [day]."""
+    return float(np.abs(epochs.since(elements.epoch_utc)).max(initial=0.0)) / units.DAY_S
+
+
+def warn_stale(elements: ElementSet, days: float) -> None:
+    """Warn where elements are flown more than a week from their epoch."""
+    if days > STALE_DAYS:
+        warnings.warn(
+            f"{elements.kind} {elements.label}: flown {days:.1f} days from its epoch {elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the run",
+            RsoLidarWarning,
+            stacklevel=3,
+        )
+
+
+def failed(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return the mask (time) of epochs at which SGP4 gave no state, or one that cannot be."""
+    bad: np.ndarray = (error != 0) | ~np.isfinite(position_m).all(axis=-1) | ~np.isfinite(velocity_m_s).all(axis=-1)
+    radius_m = np.linalg.norm(position_m, axis=-1)
+    bad |= ~((radius_m > _LOWEST_M) & (radius_m < _HIGHEST_M))  # decayed, or drag thrown off by years of flight
+    return bad
+
+
+def failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.ndarray) -> str:
+    """Return in words which satellite SGP4 cannot fly, when and why."""
+    first = int(np.argmax(bad))
+    code = int(error[first])
+    reason = f"{REASONS.get(code, _ASTRAY)}, SGP4 error {code}" if code else _ASTRAY
+    return (
+        f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
+        f"time_s = {epochs.time_s[first]:g}: {reason}: fly nearer to the elements' epoch "
+        f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
+    )
+
+
+def teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return SGP4's position [m] and velocity [m/s] (time, 3) in TEME axes, and its error codes (time), 0 = none."""
+    error, position_km, velocity_km_s = elements.satrec().sgp4_array(
+        *epochs.utc_julian(leap_seconds_at=elements.epoch_utc)
+    )
+    return position_km * units.KM, velocity_km_s * units.KM, error
+
+
+def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (satellite, time, 3) in TEME axes of many sgp4 Satrecs, and error codes.
+
+    The codes (satellite, time) are SGP4's, 0 where it gave a state. Leap seconds are counted as at each satellite's epoch.
+    """
+    from sgp4.api import SatrecArray
+
+    shape = (len(satrecs), len(epochs))
+    position, velocity = np.empty((*shape, 3)), np.empty((*shape, 3))
+    error = np.empty(shape, dtype=np.uint8)
+    for rows, (whole, fraction) in _by_leap_seconds(satrecs, epochs):
+        chosen = satrecs if len(rows) == len(satrecs) else [satrecs[row] for row in rows]
+        error_of, position_of, velocity_of = SatrecArray(chosen).sgp4(whole, fraction)
+        position_of *= units.KM
+        velocity_of *= units.KM
+        if len(rows) == len(satrecs):
+            return position_of, velocity_of, error_of
+        error[rows], position[rows], velocity[rows] = error_of, position_of, velocity_of
+    return position, velocity, error
+
+
+def _by_leap_seconds(satrecs: Sequence[Any], epochs: Epochs) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
+    """Return groups of satellites whose epochs have the same leap seconds, and the Julian dates to give to them."""
+    if not satrecs or not len(epochs):
+        return []
+    noon = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)
+    # To the minute: half a minute before or after a leap second is told apart by no element set.
+    minutes = np.array([round((model.jdsatepoch - 2_451_545.0 + model.jdsatepochF) * 1440.0) for model in satrecs])
+    one = epochs.at(0)
+
+    def counted(minute: int) -> float:
+        instant = noon + datetime.timedelta(minutes=minute)
+        return float(one.utc_julian(leap_seconds_at=instant)[1][0])
+
+    def dates(minute: int) -> tuple[np.ndarray, np.ndarray]:
+        return epochs.utc_julian(leap_seconds_at=noon + datetime.timedelta(minutes=minute))
+
+    distinct, which = np.unique(minutes, return_inverse=True)
+    first, last = int(distinct[0]), int(distinct[-1])
+    if counted(first) == counted(last):  # leap seconds only ever grew
+        return [(np.arange(len(satrecs)), dates(first))]
+    counts = np.array([counted(int(minute)) for minute in distinct])
+    groups = []
+    for count in np.unique(counts):
+        members = np.flatnonzero(counts == count)
+        groups.append((np.flatnonzero(np.isin(which, members)), dates(int(distinct[members[0]]))))
+    return groups
+
+
+def gcrs_from_teme(at: Epochs) -> np.ndarray:
+    """Return the rotation matrices (time, 3, 3) that take coordinates in TEME to coordinates in GCRS axes."""
+    whole, fraction = at.tt_julian()
+    in_hours = fraction * 24.0
+    hours = np.floor(in_hours)
+    first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # of the four hours around an epoch
+    wanted, row = np.unique(first, return_inverse=True)
+    nodes = np.array([[_node(int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
+    total = np.zeros((len(at), 3, 3))
+    for around, weight in zip(nodes, _lagrange(in_hours - hours), strict=True):
+        total += weight[:, None, None] * around[row]
+    return total
+
+
+def _lagrange(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the weights of values at -1, 0, 1, 2 for the cubic through them at u in [0, 1]."""
+    a, b, c, d = u + 1.0, u, u - 1.0, u - 2.0
+    return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
+
+
+def _node(hour: int) -> np.ndarray:
+    """Return gcrs_from_teme (3, 3) at a whole hour TT since J2000.0."""
+    matrix: np.ndarray = _day_of_nodes(hour // 24)[hour % 24]
+    return matrix
+
+
+@functools.lru_cache(maxsize=4096)
+def _day_of_nodes(day: int) -> np.ndarray:
+    """Return gcrs_from_teme (24, 3, 3) at the whole hours of one day since J2000.0; always a whole day, for equal bits."""
+    from skyfield.sgp4lib import TEME
+
+    time = skyfield_tt(np.full(24, J2000_TT_JD + day), np.arange(24) / 24.0)
+    teme_from_gcrs = TEME.rotation_at(time)  # (3, 3, time)
+    nodes: np.ndarray = np.ascontiguousarray(teme_from_gcrs.transpose(2, 1, 0))
+    nodes.flags.writeable = False
+    return nodes

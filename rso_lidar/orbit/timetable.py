@@ -1,0 +1,105 @@
+"""CSV tables whose rows carry a time: `time_s` counts from the start of the run, `utc` or `epoch` is ISO text."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.orbit.ccsds import PS_PER_S, growing, instant_ps, number, stamp_ps, start_near
+from rso_lidar.orbit.epochs import Epochs
+
+TIMES = ("time_s", "utc", "epoch")
+
+
+@dataclass(frozen=True, eq=False)
+class Timetable:
+    """Rows as read: `time_s` (row) from `start_utc`, or from the start of the run where that is None; columns by name."""
+
+    start_utc: datetime.datetime | None
+    time_s: np.ndarray
+    columns: dict[str, np.ndarray]
+    lines: list[int]
+
+    def stack(self, names: Sequence[str]) -> np.ndarray | None:
+        """Return columns side by side (row, n); None where they are not there."""
+        return np.stack([self.columns[name] for name in names], axis=-1) if names[0] in self.columns else None
+
+
+def elapsed_s(epochs: Epochs, start_utc: datetime.datetime | None) -> np.ndarray:
+    """Return the seconds (time) from a table's start to the epochs."""
+    return epochs.time_s if start_utc is None else epochs.since(start_utc)
+
+
+def elapsed_from_ps(
+    stamps: Sequence[int], start_utc: datetime.datetime | None = None
+) -> tuple[datetime.datetime, np.ndarray]:
+    """Return `start_utc`, or a UTC instant at the first of some instants [ps], and their seconds from there."""
+    if start_utc is None:
+        start, start_ps = start_near(stamps[0])
+    else:
+        start, start_ps = start_utc, instant_ps(start_utc)
+    return start, np.array([(stamp - start_ps) / PS_PER_S for stamp in stamps])
+
+
+def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> Timetable:
+    """Return a CSV table, checked.
+
+    Parameters
+    ----------
+    sets : the columns that may stand there; of each set all or none
+    needed : the sets of which exactly one must be there
+    """
+    try:
+        rows = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
+    except csv.Error as error:
+        raise ScenarioError(f"{where}: cannot be read as CSV ({error}): write plain rows of numbers") from None
+    at = f"{where}: line {rows[0][0]}"
+    header = [cell.strip() for cell in rows[0][1]]
+    time_column = _time_column(at, header, sets, needed)
+    if len(rows) < 3:
+        raise ScenarioError(f"{where}: has {len(rows) - 1} rows: a table needs at least two")
+    columns: dict[str, list[float]] = {name: [] for name in header if name != time_column}
+    stamps: list[int] = []
+    times: list[float] = []
+    for line, cells in rows[1:]:
+        at = f"{where}: line {line}"
+        if len(cells) != len(header):
+            raise ScenarioError(f"{at}: has {len(cells)} cells, the header {len(header)}: give one for each column")
+        for name, cell in zip(header, cells, strict=True):
+            if name != time_column:
+                columns[name].append(number(at, name, cell))
+            elif name == "time_s":
+                times.append(number(at, name, cell))
+                stamps.append(round(times[-1] * PS_PER_S))
+            else:
+                stamps.append(stamp_ps(cell.strip(), "UTC", at))
+    lines = [line for line, _ in rows[1:]]
+    growing(where, stamps, lines)
+    start, time_s = (None, np.array(times)) if times else elapsed_from_ps(stamps)
+    return Timetable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
+
+
+def _time_column(where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> str:
+    known = [*TIMES, *(name for group in sets for name in group)]
+    for name in header:
+        if name not in known:
+            guess = did_you_mean(name, known) or f"; known columns: {', '.join(known)}"
+            raise ScenarioError(f"{where}: unknown column '{name}'{guess}")
+        if header.count(name) > 1:
+            raise ScenarioError(f"{where}: column '{name}' stands there twice: remove one")
+    times = [name for name in TIMES if name in header]
+    if len(times) != 1:
+        raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}: keep one")
+    for group in sets:
+        missing = [name for name in group if name not in header]
+        if 0 < len(missing) < len(group):
+            raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: the header names {', '.join(group)}")
+    if sum(group[0] in header for group in needed) != 1:
+        choice = " or ".join(", ".join(group) for group in needed)
+        raise ScenarioError(f"{where}: needs the columns {choice}, one set of them: correct the header")
+    return times[0]

@@ -1,0 +1,233 @@
+"""Element sets in lines of text: TLE and 3LE, each line checked before it is believed.
+
+The sgp4 library accepts a wrong checksum in silence; here a bad set says what is wrong with it, file and line. Format:
+Hoots & Roehrich, Spacetrack Report 3; CelesTrak's FAQ on the checksum; Space-Track's Alpha-5 catalogue numbers.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+from typing import Any
+
+from rso_lidar.errors import CatalogError
+from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, impossible
+
+LINE_LENGTH = 69
+_ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10
+_HIGHEST_ALPHA5 = 339_999
+_ELEMENT_LINE = re.compile(r"\s*([12]) [ 0-9A-Za-z][ 0-9]{4}")
+# Vallado's verification set goes on after column 69 with start, stop and step in minutes.
+_SPAN = re.compile(r"(?:\s+-?\d+\.\d*){3}\s*")
+
+# Columns (from 0) that must be numbers, by line; those of `_PACKED` have an implied point and exponent.
+_NUMBERS = {
+    1: {"epoch year": (18, 20), "epoch day": (20, 32), "mean motion rate": (33, 43)},
+    2: {
+        "inclination": (8, 16),
+        "right ascension": (17, 25),
+        "eccentricity": (26, 33),
+        "argument of perigee": (34, 42),
+        "mean anomaly": (43, 51),
+        "mean motion": (52, 63),
+    },
+}
+_PACKED = {"mean motion acceleration": (44, 52), "drag term": (53, 61)}
+_BLANK = {1: (1, 8, 17, 32, 43, 52, 61, 63), 2: (1, 7, 16, 25, 33, 42, 51)}
+_NUMBER = re.compile(r" *[-+]?[0-9]*\.?[0-9]+ *")
+_PACKED_NUMBER = re.compile(r"[-+ ][0-9 ]{5}[-+ ][0-9]")
+_WORTH = bytes(int(chr(c)) if chr(c).isdigit() else int(chr(c) == "-") for c in range(128)) + bytes(128)
+
+
+def element_line(line: str) -> str | None:
+    """Return '1' or '2' where a line is that line of an element set, good or bad, else None."""
+    kind = _ELEMENT_LINE.match(line)
+    return kind[1] if kind else None
+
+
+def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tuple[ElementSet, int]:
+    """Return the element set that begins with the element line `at` of numbered `lines`, and the place after it."""
+    number, line = lines[at][0], lines[at][1].strip()
+    after = (lines[at + 1][0], lines[at + 1][1].strip()) if at + 1 < len(lines) else None
+    place = f"{where}: line {number}"
+    line1, line2, at = line, "", at + 1
+    if line[0] == "2":
+        line1, line2, problem = "", line, f"{place}: a line 2 without its line 1 before it: restore the missing line"
+    elif after is None:
+        problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
+    elif not after[1].startswith("2 "):
+        problem = f"{where}: line {after[0]}: line 2 of an element set must begin with '2 ', not '{after[1][:12]}'"
+    else:
+        line2, at = after[1], at + 1
+        if len(line2) > LINE_LENGTH and _SPAN.fullmatch(line2[LINE_LENGTH:]):
+            line2 = line2[:LINE_LENGTH]
+        problem = _problem(line1, number, line2, after[0], where) or ""
+    identity = norad_id((line1 or line2)[2:7]) or 0
+    if not problem:
+        found = ElementSet(name, identity, line1, line2, place, None, **_fields(line1, line2))
+        out = impossible(found)
+        if out is None:
+            return found, at
+        problem = f"{place}: {out}: fetch the set again"
+    try:
+        told = _fields(line1, line2)
+    except (ValueError, OverflowError, IndexError):
+        told = {}
+    return ElementSet(name, identity, line1, line2, place, problem, **told), at
+
+
+def _fields(line1: str, line2: str) -> dict[str, Any]:
+    ddot, bstar = line1[44:52], line1[53:61]
+    return {
+        "object_id": object_id(line1[9:17]),
+        "epoch_utc": _epoch(line1),
+        "mean_motion_rev_day": float(line2[52:63]),
+        "eccentricity": float("0." + line2[26:33].replace(" ", "0")),
+        "inclination_deg": float(line2[8:16]),
+        "raan_deg": float(line2[17:25]),
+        "argument_of_perigee_deg": float(line2[34:42]),
+        "mean_anomaly_deg": float(line2[43:51]),
+        "bstar_per_earth_radius": _unpacked(bstar),
+        "mean_motion_dot_rev_day2": float(line1[33:43]),
+        "mean_motion_ddot_rev_day3": _unpacked(ddot),
+        "ephemeris_type": int(line1[62]) if line1[62:63].isdigit() else 0,
+        "classification": line1[7].strip() or "U",
+        "element_set_no": _whole(line1[64:68]),
+        "rev_at_epoch": _whole(line2[63:68]),
+    }
+
+
+def _epoch(line1: str) -> datetime.datetime:
+    """Return the epoch of a line 1; two-digit years below 57 are of this century. 1e-8 day are 864 us, exactly."""
+    year, (day, _, decimals) = int(line1[18:20]), line1[20:32].strip().partition(".")
+    if not 1 <= int(day) <= 366:
+        return NO_EPOCH
+    first = datetime.datetime(year + (2000 if year < 57 else 1900), 1, 1, tzinfo=datetime.UTC)
+    microseconds = int(decimals or 0) * 86_400_000_000 // 10 ** len(decimals)
+    return first + datetime.timedelta(days=int(day) - 1, microseconds=microseconds)
+
+
+def _unpacked(field: str) -> float:
+    """Return the number of eight columns with an implied point and exponent, such as ' 55648-4'."""
+    digits = field[1:6].replace(" ", "0")
+    exponent = f"{field[6]}{field[7]}".replace(" ", "")
+    return float(f"{field[0].strip()}.{digits}e{exponent}")
+
+
+def _whole(field: str) -> int:
+    return int(field) if field.strip().isdigit() else 0
+
+
+def object_id(field: str) -> str:
+    """Return the international designator of eight columns as an OMM writes it.
+
+    >>> object_id("58002B  ")
+    '1958-002B'
+    """
+    text = field.strip()
+    if not re.fullmatch(r"\d{5}[A-Z]{1,3}", text):
+        return text
+    return f"{'20' if int(text[:2]) < 57 else '19'}{text[:2]}-{text[2:]}"
+
+
+def _problem(line1: str, number1: int, line2: str, number2: int, where: str) -> str | None:
+    """Return what is wrong with an element set, naming file and line, or None."""
+    for which, line, number in ((1, line1, number1), (2, line2, number2)):
+        wrong = _line_problem(which, line)
+        if wrong:
+            return f"{where}: line {number}: {wrong}"
+    if norad_id(line1[2:7]) != norad_id(line2[2:7]):
+        return (
+            f"{where}: line {number2}: is of object '{line2[2:7].strip()}', the line before it of "
+            f"'{line1[2:7].strip()}': restore the missing line"
+        )
+    return None
+
+
+def _line_problem(which: int, line: str) -> str | None:
+    """Return what is wrong with line 1 or 2 of an element set, or None."""
+    if not line.startswith(f"{which} "):
+        return f"should begin with '{which} ', not '{line[:2]}'"
+    if len(line) != LINE_LENGTH:
+        what = "is truncated" if len(line) < LINE_LENGTH else "is too long"
+        return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}: fetch the set again"
+    if not line.isascii():
+        return "holds a character that no element set has: fetch the set again"
+    expected = str(checksum(line))
+    if line[68] != expected:
+        return f"wrong checksum: its digits add up to {expected}, its last is '{line[68]}': fetch the set again"
+    if norad_id(line[2:7]) is None:
+        return f"'{line[2:7]}' is not a catalogue number: fetch the set again"
+    for column in _BLANK[which]:
+        if line[column] != " ":
+            return f"column {column + 1} is '{line[column]}' and should be blank (shifted columns): fetch the set again"
+    for what, (first, end) in _NUMBERS[which].items():
+        field = line[first:end]
+        if not _NUMBER.fullmatch(field.replace(" ", "0") if what == "eccentricity" else field):
+            return f"{what} '{field}' is not a number: fetch the set again"
+    if which == 1:
+        day = line[20:32].strip()
+        if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day) and 1.0 <= float(day) < 367.0):
+            return f"epoch '{line[18:32]}' is no year and day: fetch the set again"
+        for what, (first, end) in _PACKED.items():
+            if not _PACKED_NUMBER.fullmatch(line[first:end]):
+                return f"{what} '{line[first:end]}' is not a number: fetch the set again"
+    return None
+
+
+def checksum(line: str) -> int:
+    """Return the checksum of an element line: its digits, and 1 for each minus, over 68 columns, modulo 10."""
+    return sum(line[:68].encode("ascii", "replace").translate(_WORTH)) % 10
+
+
+def norad_id(field: str) -> int | None:
+    """Return a catalogue number from its five columns, Alpha-5 included, or None."""
+    text = field.strip()
+    if text.isascii() and text.isdigit():
+        return int(text)
+    if len(text) == 5 and text[0] in _ALPHA5 and text[1:].isascii() and text[1:].isdigit():
+        return (10 + _ALPHA5.index(text[0])) * 10_000 + int(text[1:])
+    return None
+
+
+def written(elements: ElementSet) -> tuple[str, str]:
+    """Return lines 1 and 2 of an element set: its own, or new ones, rounded to the digits that a TLE has."""
+    if elements.line1:
+        return elements.line1, elements.line2
+    number, code = elements.norad_id, f"{elements.norad_id:05d}"
+    if number > _HIGHEST_ALPHA5:
+        raise CatalogError(f"{elements.label}: its number is above {_HIGHEST_ALPHA5}, no TLE can name it: write .json")
+    if number > 99_999:
+        code = f"{_ALPHA5[number // 10_000 - 10]}{number % 10_000:04d}"
+    epoch, e = elements.epoch_utc, round(elements.eccentricity * 1e7)
+    midnight = epoch.replace(hour=0, minute=0, second=0, microsecond=0)
+    day, in_day = epoch.timetuple().tm_yday, round((epoch - midnight) / datetime.timedelta(microseconds=864))
+    designator = re.sub(r"^(?:19|20)(\d\d)-", r"\1", elements.object_id)[:8]
+    rate = f"{elements.mean_motion_dot_rev_day2:+.8f}".replace("+0.", " .").replace("-0.", "-.")
+    if len(rate) != 10 or e > 9_999_999 or in_day == 10**8 or elements.mean_motion_rev_day >= 100.0:
+        raise CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
+    line1 = (
+        f"1 {code}{elements.classification[:1]} {designator:8s} {epoch.year % 100:02d}{day:03d}.{in_day:08d} {rate} "
+        f"{_packed(elements.mean_motion_ddot_rev_day3)} {_packed(elements.bstar_per_earth_radius)} "
+        f"{elements.ephemeris_type % 10:d} {elements.element_set_no % 10_000:4d}"
+    )
+    angles = (elements.raan_deg % 360.0, elements.argument_of_perigee_deg % 360.0, elements.mean_anomaly_deg % 360.0)
+    line2 = (
+        f"2 {code} {elements.inclination_deg:8.4f} {angles[0]:8.4f} {e:07d} {angles[1]:8.4f} {angles[2]:8.4f} "
+        f"{elements.mean_motion_rev_day:11.8f}{elements.rev_at_epoch % 100_000:5d}"
+    )
+    return f"{line1}{checksum(line1)}", f"{line2}{checksum(line2)}"
+
+
+def _packed(value: float) -> str:
+    """Return a number in eight columns with an implied point and exponent."""
+    if abs(value) < 1e-14:
+        return " 00000+0" if value == 0.0 else " 00000-9"
+    exponent = max(math.floor(math.log10(abs(value))) + 1, -9)
+    digits = round(abs(value) / 10.0**exponent * 1e5)
+    if digits == 100_000:
+        digits, exponent = 10_000, exponent + 1
+    if exponent > 9:
+        raise CatalogError(f"{value:g} does not fit the columns of a TLE: write .json")
+    return f"{'-' if value < 0 else ' '}{digits:05d}{'-' if exponent < 0 else '+'}{abs(exponent)}"

@@ -1,0 +1,75 @@
+"""How a target is seen from the lidar over time: range and its rate, directions, and the angles of the Sun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rso_lidar.pose import ROOT, turned
+from rso_lidar.records import Truth
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The line of sight from the lidar's origin to a target's, over time (time) [SI]; the Sun's angles are NaN without one.
+
+    Azimuth (left positive) and elevation (up positive) are in the follower's body axes, NaN where there is none.
+    `off_boresight_rad` is the angle from the boresight to the target, `sun_off_boresight_rad` to the Sun; `phase_rad` the
+    angle Sun-target-lidar, 0 with the Sun behind the lidar. `sunlit` is the share of the Sun's disc that the target sees,
+    NaN where unknown.
+    """
+
+    time_s: np.ndarray
+    range_m: np.ndarray
+    range_rate_m_s: np.ndarray
+    azimuth_rad: np.ndarray
+    elevation_rad: np.ndarray
+    off_boresight_rad: np.ndarray
+    sun_off_boresight_rad: np.ndarray
+    phase_rad: np.ndarray
+    sunlit: np.ndarray
+
+
+def sight(truth: Truth, target: str) -> Sight:
+    """Return how `target` is seen at one epoch (arrays of length 1), or at a batch of them.
+
+    The lidar's own turning is in the relative velocity; it is across the line of sight and changes no range rate.
+    """
+    time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
+    shape = (time_s.size, 3)
+    line_m = np.broadcast_to(truth.pose("lidar", target).translation, shape)
+    velocity_m_s = np.broadcast_to(truth.rates("lidar", target)[0], shape)
+    range_m = np.sqrt(np.sum(line_m**2, axis=-1))
+    toward = line_m / np.where(range_m > 0.0, range_m, np.inf)[:, None]  # at the target itself there is no direction
+    in_follower = np.full(shape, np.nan)
+    if "follower" in truth.poses:
+        in_follower[:] = turned(truth.pose("follower", "lidar").rotation, toward)
+    x, y, z = in_follower.T
+    sun = turned(truth.pose("lidar", ROOT).rotation, truth.sun_direction)
+    sun = np.broadcast_to(sun, shape)
+    lit = truth.sunlit.get(target, np.nan)
+    return Sight(
+        time_s=time_s,
+        range_m=range_m,
+        range_rate_m_s=np.sum(toward * velocity_m_s, axis=-1),
+        azimuth_rad=np.arctan2(y, x),
+        elevation_rad=np.arctan2(z, np.hypot(x, y)),
+        off_boresight_rad=np.arctan2(np.hypot(toward[:, 0], toward[:, 1]), toward[:, 2]),
+        sun_off_boresight_rad=np.arctan2(np.hypot(sun[:, 0], sun[:, 1]), sun[:, 2]),
+        phase_rad=_between(-toward, sun),
+        sunlit=np.array(np.broadcast_to(np.asarray(lit, dtype=float), time_s.shape)),
+    )
+
+
+def sights(truths: Iterable[Truth], target: str) -> Sight:
+    """Return how `target` is seen at each of several single epochs, joined."""
+    seen = [sight(truth, target) for truth in truths]
+    return Sight(**{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(Sight)})
+
+
+def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the angles (time) [rad] between unit vectors (time, 3); exact near 0 and pi as well."""
+    angle: np.ndarray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return angle

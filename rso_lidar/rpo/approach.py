@@ -1,0 +1,151 @@
+"""Holding a place near a body, and coming nearer along its V-bar (+y, along-track) or R-bar (-x, toward the Earth)."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from rso_lidar.part import Count, Number, Positive, Vector
+from rso_lidar.rpo.operation import ProximityOperation
+from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
+from rso_lidar.rpo.two_impulse import departure_m_s
+
+
+class StationKeeping(ProximityOperation):
+    """A place held in rtn axes, for ever; `duration_s` is how long the totals count (none: one revolution).
+
+    Free on the V-bar. Elsewhere thrust must hold: 3 n^2 |x| radially and n^2 |z| across (Fehse ch. 3).
+    """
+
+    type: Literal["station_keeping"] = "station_keeping"
+    position_m: Vector
+    duration_s: Positive | None = None
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        duration_s = self.duration_s or 2.0 * np.pi / mean_motion_rad_s
+        return Plan(self.name, mean_motion_rad_s, duration_s, (line(0.0, np.array(self.position_m)),))
+
+
+class _AlongAnAxis(ProximityOperation):
+    """The base of approaches along one axis: a forced straight line, or hops."""
+
+    axis: ClassVar[int]
+    from_m: Number
+    to_m: Number
+    speed_m_s: Positive | None = None
+    duration_s: Positive | None = None
+    hops: Count | None = None
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        if self.from_m == self.to_m:
+            raise ValueError(
+                f"to_m: begins and ends at {self.to_m:g} m, so there is nothing to fly: change one of the two"
+            )
+        if self.speed_m_s is not None and self.duration_s is not None:
+            raise ValueError("needs one of speed_m_s and duration_s, not both: leave one out")
+        if self.hops is None:
+            if self.speed_m_s is None and self.duration_s is None:
+                raise ValueError("needs speed_m_s or duration_s (or hops, each of half a revolution): give one")
+            if self.from_m * self.to_m < 0.0:
+                raise ValueError(
+                    "to_m: the straight line goes through the body: stay on one side, or use hops or waypoints"
+                )
+        return self
+
+    def _at(self, along_m: float) -> np.ndarray:
+        place = np.zeros(3)
+        place[self.axis] = along_m
+        return place
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        n, way_m = mean_motion_rad_s, self.to_m - self.from_m
+        if self.duration_s is not None:
+            duration_s = self.duration_s
+        elif self.speed_m_s is not None:
+            duration_s = abs(way_m) / self.speed_m_s
+        else:
+            duration_s = (self.hops or 1) * np.pi / n
+        if self.hops is None:
+            velocity = self._at(way_m / duration_s)
+            legs: tuple[Leg, ...] = (line(0.0, self._at(self.from_m), velocity),)
+            impulses: tuple[Impulse, ...] = (Impulse(0.0, velocity), Impulse(duration_s, -velocity))
+        else:
+            legs, impulses = self._hopped(n, duration_s / self.hops, way_m / self.hops, self.hops)
+        return Plan(self.name, n, duration_s, (*legs, line(duration_s, self._at(self.to_m))), impulses)
+
+    def _hopped(self, n: float, each_s: float, step_m: float, hops: int) -> tuple[tuple[Leg, ...], tuple[Impulse, ...]]:
+        arrival, legs, impulses = np.zeros(3), [], []
+        for k in range(hops):
+            start = self._at(self.from_m + k * step_m)
+            departure = departure_m_s(start, self._at(self.from_m + (k + 1) * step_m), each_s, n)
+            legs.append(coast(k * each_s, start, departure, n))
+            impulses.append(Impulse(k * each_s, departure - arrival))
+            arrival = legs[-1].path(np.array([each_s]))[1][0]
+        return tuple(legs), (*impulses, Impulse(hops * each_s, -arrival))
+
+
+class VBarApproach(_AlongAnAxis):
+    """From one place on the V-bar to another (along-track y [m], ahead positive), from rest to rest, and then held.
+
+    Straight, thrust must hold against the Coriolis acceleration 2 n v, radially (Fehse ch. 3). With `hops`, that many
+    free arcs, each of half a revolution where neither speed nor duration is given: Fehse's radial boosts, n dy / 4 each.
+    Thrust that stops lets the straight line bend up and back, or on through the body where it was fast: see the plan's
+    passive safety.
+    """
+
+    type: Literal["v_bar_approach"] = "v_bar_approach"
+    axis: ClassVar[int] = 1
+
+
+class RBarApproach(_AlongAnAxis):
+    """From one place on the R-bar to another (radial x [m], below negative), from rest to rest, and then held by thrust.
+
+    Straight, thrust must hold against 3 n^2 x radially and 2 n v along-track (Fehse ch. 3). Where thrust stops, a
+    body slower than sqrt(7) n |x| turns before the other's height, and drifts away ahead (below) or behind (above).
+    """
+
+    type: Literal["r_bar_approach"] = "r_bar_approach"
+    axis: ClassVar[int] = 0
+
+
+class CoElliptic(ProximityOperation):
+    """Drift on a neighbouring circle `radial_m` above (positive) or below the body's, from along-track `from_m`; never ends.
+
+    It falls back 3/2 n x each second, 3 pi x each revolution (Fehse ch. 3). Totals count until `to_m`, or
+    for `duration_s`; getting onto that circle is not part of the plan.
+    """
+
+    type: Literal["co_elliptic"] = "co_elliptic"
+    radial_m: Number
+    from_m: Number
+    to_m: Number | None = None
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _gets_there(self) -> Self:
+        if self.radial_m == 0.0:
+            raise ValueError(
+                "radial_m: at the body's own height nothing drifts: go above or below, or use station_keeping"
+            )
+        if (self.to_m is None) == (self.duration_s is None):
+            raise ValueError("needs exactly one of to_m and duration_s: give one of them")
+        if self.to_m is not None and (self.to_m - self.from_m) * self.radial_m >= 0.0:
+            way = "back, toward smaller" if self.radial_m > 0.0 else "ahead, toward larger"
+            raise ValueError(
+                f"to_m: {'above' if self.radial_m > 0.0 else 'below'} the body drift goes {way} along-track, and never "
+                f"gets from {self.from_m:g} m to {self.to_m:g} m: change the sign of radial_m, or to_m"
+            )
+        return self
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        drift_m_s = -1.5 * mean_motion_rad_s * self.radial_m
+        duration_s = self.duration_s or ((self.to_m or 0.0) - self.from_m) / drift_m_s
+        start = np.array([self.radial_m, self.from_m, 0.0])
+        leg = coast(0.0, start, np.array([0.0, drift_m_s, 0.0]), mean_motion_rad_s)
+        return Plan(self.name, mean_motion_rad_s, duration_s, (leg,))

@@ -1,0 +1,218 @@
+"""Going round a body: natural ellipses, walking safety ellipse, teardrop loops, and forced circles."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Count, Direction, NotNegative, Number, Positive
+from rso_lidar.rpo.operation import ProximityOperation
+from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast
+from rso_lidar.rpo.two_impulse import departure_m_s
+
+
+def _ellipse(
+    n: float, radial_m: float, cross_m: float, phase_rad: float, ahead_rad: float, height_m: float, centre_m: float
+) -> Leg:
+    """Return free flight on a 2:1 ellipse whose centre is `height_m` high and `centre_m` ahead at first.
+
+    x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the
+    relative orbit elements of Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
+    """
+    s, c = math.sin(phase_rad), math.cos(phase_rad)
+    position = (height_m + radial_m * c, centre_m - 2.0 * radial_m * s, cross_m * math.sin(phase_rad + ahead_rad))
+    velocity = (
+        -n * radial_m * s,
+        -1.5 * n * height_m - 2.0 * n * radial_m * c,
+        n * cross_m * math.cos(phase_rad + ahead_rad),
+    )
+    return coast(0.0, np.array(position), np.array(velocity), n)
+
+
+class Circumnavigation(ProximityOperation):
+    """Natural motion round the body: the 2:1 ellipse of Clohessy-Wiltshire, `radial_m` high and twice as long, for ever.
+
+    It begins at `phase_deg` (0 above, 90 behind its centre, 180 below). Across the track it swings by `cross_track_m`, as
+    the sine of the phase plus `phase_difference_deg`: at 0 it is farthest out where it crosses the body's height. Getting
+    onto it is not part of the plan; totals count for `duration_s` (none: one revolution).
+    """
+
+    type: Literal["circumnavigation"] = "circumnavigation"
+    radial_m: Positive
+    cross_track_m: NotNegative = 0.0
+    phase_deg: Number = 0.0
+    phase_difference_deg: Number = 0.0
+    center_along_track_m: Number = 0.0
+    duration_s: Positive | None = None
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        angles = self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG
+        leg = _ellipse(mean_motion_rad_s, self.radial_m, self.cross_track_m, *angles, 0.0, self.center_along_track_m)
+        return Plan(self.name, mean_motion_rad_s, self.duration_s or math.tau / mean_motion_rad_s, (leg,))
+
+
+class SafetyEllipse(ProximityOperation):
+    """A walking safety ellipse: round the track and along it, so that it never crosses the track however far it drifts.
+
+    Relative eccentricity and inclination vectors are parallel at `phase_difference_deg` 0 (180: antiparallel), where height
+    and cross-track never vanish together (D'Amico & Montenbruck, J. Guid. Control Dyn. 29 (2006) 554). The centre walks
+    `drift_m` along the track each revolution. Getting onto it is not part of the plan; totals count for `duration_s` (none:
+    one revolution).
+    """
+
+    type: Literal["safety_ellipse"] = "safety_ellipse"
+    radial_m: Positive
+    cross_track_m: Positive
+    phase_deg: Number = 0.0
+    phase_difference_deg: Number = 0.0
+    drift_m: Number = 0.0
+    center_along_track_m: Number = 0.0
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _safe(self) -> Self:
+        slant = abs(math.cos(self.phase_difference_deg * units.DEG))
+        if abs(self.height_m) >= self.radial_m * slant * (1.0 - 1e-9) or slant < 1e-9:
+            raise ValueError(
+                f"drift_m: walking {self.drift_m:g} m each revolution lifts the ellipse's centre by {self.height_m:.4g} m, "
+                "and seen along the track it no longer goes round the body: walk less, take a larger radial_m, or a "
+                "phase_difference_deg nearer to 0 or 180"
+            )
+        return self
+
+    @property
+    def height_m(self) -> float:
+        """Return how high the ellipse's centre stands above the body's orbit [m]: what makes it walk."""
+        return -self.drift_m / (3.0 * math.pi)
+
+    @property
+    def separation_m(self) -> float:
+        """Return the least distance from the track [m], seen along it: safe whatever the along-track error."""
+        ahead = self.phase_difference_deg * units.DEG
+
+        def seen(u: np.ndarray) -> np.ndarray:
+            out, across = self.height_m + self.radial_m * np.cos(u), self.cross_track_m * np.sin(u + ahead)
+            distance: np.ndarray = np.sqrt(out * out + across * across)
+            return distance
+
+        centre, width = 0.0, math.pi
+        for _ in range(6):
+            angles = centre + width * np.linspace(-1.0, 1.0, 2001)
+            centre, width = float(angles[np.argmin(seen(angles))]), width / 500.0
+        return float(seen(np.array([centre]))[0])
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        n, angles = mean_motion_rad_s, (self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG)
+        leg = _ellipse(n, self.radial_m, self.cross_track_m, *angles, self.height_m, self.center_along_track_m)
+        return Plan(self.name, n, self.duration_s or math.tau / n, (leg,))
+
+
+class Teardrop(ProximityOperation):
+    """Loops above or below the body, each from the cusp at `cusp_m` (radial) down to its turn and back in `period_s`.
+
+    At the cusp one radial impulse begins the next loop (Lovell & Tollefson, Calculation of impulsive hovering trajectories
+    via relative orbit elements, 2005). Give `period_s`, or `turn_m`, the height of the turn: it lies between the body's
+    height and the cusp, or beyond the body for periods over 0.406 of a revolution. It begins at the cusp, in the loop:
+    getting there is not part of the plan. After `loops` it drifts away.
+    """
+
+    type: Literal["teardrop"] = "teardrop"
+    cusp_m: Number
+    turn_m: Number | None = None
+    period_s: Positive | None = None
+    along_track_m: Number = 0.0
+    loops: Count = 1
+
+    @model_validator(mode="after")
+    def _a_loop(self) -> Self:
+        if self.cusp_m == 0.0:
+            raise ValueError("cusp_m: on the body's own height there is no loop: put it above or below")
+        if (self.turn_m is None) == (self.period_s is None):
+            raise ValueError("needs exactly one of turn_m and period_s: give one of them")
+        if self.turn_m is not None and not -1.0 < self.turn_m / self.cusp_m < 1.0:
+            raise ValueError(
+                f"turn_m: a loop with its cusp at {self.cusp_m:g} m turns nearer to the body's height than that, not at "
+                f"{self.turn_m:g} m: bring it nearer"
+            )
+        return self
+
+    def loop_s(self, mean_motion_rad_s: float) -> float:
+        """Return how long one loop takes [s] about a body of this mean motion [rad/s]."""
+        if self.period_s is not None:
+            if self.period_s >= math.tau / mean_motion_rad_s:
+                raise ScenarioError(
+                    f"period_s: a teardrop takes less than one revolution of the body, "
+                    f"{math.tau / mean_motion_rad_s:.1f} s, not {self.period_s:g} s: shorten it"
+                )
+            return self.period_s
+        wanted = (self.turn_m or 0.0) / self.cusp_m
+        low, high = 0.0, math.pi  # half the loop's angle; the turn over the cusp falls from 1 to -1
+        while (middle := 0.5 * (low + high)) not in (low, high):
+            pull = 4.0 * math.sin(middle) / (3.0 * middle)
+            if (1.0 - pull) / (math.cos(middle) - pull) > wanted:
+                low = middle
+            else:
+                high = middle
+        return 2.0 * middle / mean_motion_rad_s
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        n, each_s = mean_motion_rad_s, self.loop_s(mean_motion_rad_s)
+        cusp = np.array([self.cusp_m, self.along_track_m, 0.0])
+        departure = departure_m_s(cusp, cusp, each_s, n)
+        legs = tuple(coast(k * each_s, cusp, departure, n) for k in range(self.loops))
+        turned = np.array([2.0 * departure[0], 0.0, 0.0])
+        impulses = tuple(Impulse(k * each_s, turned) for k in range(1, self.loops))
+        return Plan(self.name, n, self.loops * each_s, legs, impulses)
+
+
+class ForcedCircumnavigation(ProximityOperation):
+    """A circle about the body at a steady rate, by thrust, for ever: in rtn axes, so a rate of 0 is not a hold in space.
+
+    `axis` is what it turns about, right-handed; it begins `phase_deg` on from the radial direction's projection into the
+    circle's plane (along-track where the axis is radial). Thrust holds against centrifugal, Coriolis and tidal
+    acceleration. Getting onto it is not part of the plan; totals count for `duration_s` (none: one turn).
+    """
+
+    type: Literal["forced_circumnavigation"] = "forced_circumnavigation"
+    radius_m: Positive
+    rate_deg_s: Positive | None = None
+    period_s: Positive | None = None
+    axis: Direction = (0.0, 0.0, 1.0)
+    phase_deg: Number = 0.0
+    duration_s: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        if (self.rate_deg_s is None) == (self.period_s is None):
+            raise ValueError("needs exactly one of rate_deg_s and period_s: give one of them")
+        return self
+
+    @property
+    def turn_s(self) -> float:
+        """Return how long one turn takes [s]."""
+        return self.period_s or 360.0 / (self.rate_deg_s or math.nan)
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        pole = np.array(self.axis) / np.linalg.norm(self.axis)
+        toward = np.array([1.0, 0.0, 0.0]) if abs(pole[0]) < 1.0 - 1e-12 else np.array([0.0, 1.0, 0.0])
+        out = toward - pole * float(np.sum(pole * toward))
+        out *= self.radius_m / np.linalg.norm(out)
+        on = np.cross(pole, out)
+        rate_rad_s, phase_rad = math.tau / self.turn_s, self.phase_deg * units.DEG
+
+        def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            angle = (phase_rad + rate_rad_s * time_s)[:, None]
+            c, s = np.cos(angle), np.sin(angle)
+            return c * out + s * on, rate_rad_s * (c * on - s * out)
+
+        circle = Leg(0.0, path, lambda time_s: -(rate_rad_s**2) * path(time_s)[0])
+        return Plan(self.name, mean_motion_rad_s, self.duration_s or self.turn_s, (circle,))

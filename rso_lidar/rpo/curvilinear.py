@@ -1,0 +1,56 @@
+"""Height, arc along the track and arc across it, instead of straight rtn coordinates: what stays near far along an orbit.
+
+Of a body at the distance r from the Earth's centre, theta ahead of the chief in its orbital plane and phi out of it, with
+the chief at R: height r - R, arcs R theta and R phi. Clohessy and Wiltshire's equations hold for these as for x, y, z, and
+to all orders in theta about a circle (Alfriend, Vadali, Gurfil, How & Breger, Spacecraft Formation Flying, 5.3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def curved(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return height and arcs (…, 3) [m] and their rates [m/s] of rtn positions and velocities (…, 3).
+
+    `radius_m` (…) is the chief's distance from the Earth's centre and `radial_m_s` (…) its rate.
+    """
+    x, y, z = np.moveaxis(np.asarray(position_m, dtype=float), -1, 0)
+    u, v, w = np.moveaxis(np.asarray(velocity_m_s, dtype=float), -1, 0)
+    out, out_rate = radius_m + x, radial_m_s + u
+    flat = np.hypot(out, y)
+    distance = np.hypot(flat, z)
+    flat_rate = (out * out_rate + y * v) / flat
+    ahead, across = np.arctan2(y, out), np.arctan2(z, flat)
+    # r - R without the cancellation of two large numbers
+    height = (x * (2.0 * radius_m + x) + y * y + z * z) / (distance + radius_m)
+    rates = (
+        (flat * flat_rate + z * w) / distance - radial_m_s,
+        radius_m * (out * v - y * out_rate) / flat**2 + radial_m_s * ahead,
+        radius_m * (flat * w - z * flat_rate) / distance**2 + radial_m_s * across,
+    )
+    return np.stack([height, radius_m * ahead, radius_m * across], axis=-1), np.stack(rates, axis=-1)
+
+
+def straight(
+    arcs_m: np.ndarray, rates_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rtn positions [m] and velocities [m/s] (…, 3) of height and arcs (…, 3) and their rates: `curved`, undone."""
+    height, along, cross = np.moveaxis(np.asarray(arcs_m, dtype=float), -1, 0)
+    height_rate, along_rate, cross_rate = np.moveaxis(np.asarray(rates_m_s, dtype=float), -1, 0)
+    theta, phi = along / radius_m, cross / radius_m
+    theta_rate, phi_rate = (along_rate - radial_m_s * theta) / radius_m, (cross_rate - radial_m_s * phi) / radius_m
+    s, c, sin_phi, cos_phi = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+    distance, rate = radius_m + height, radial_m_s + height_rate
+    flat, flat_rate = distance * cos_phi, rate * cos_phi - distance * sin_phi * phi_rate
+    # R (cos - 1) by half angles: x of what is near must not be the difference of two radii
+    back = np.sin(0.5 * theta) ** 2 * cos_phi + np.sin(0.5 * phi) ** 2
+    position = (height * c * cos_phi - 2.0 * radius_m * back, flat * s, distance * sin_phi)
+    velocity = (
+        flat_rate * c - flat * s * theta_rate - radial_m_s,
+        flat_rate * s + flat * c * theta_rate,
+        rate * sin_phi + distance * cos_phi * phi_rate,
+    )
+    return np.stack(position, axis=-1), np.stack(velocity, axis=-1)

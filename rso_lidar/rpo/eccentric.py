@@ -1,0 +1,168 @@
+"""Relative motion about an orbit of any eccentricity below 1, to first order, by Yamanaka and Ankersen's closed form.
+
+Yamanaka & Ankersen, New State Transition Matrix for Relative Motion on an Arbitrary Elliptical Orbit, Journal of Guidance,
+Control, and Dynamics 25 (2002), 60-66. Their axes (x along the track, y against the orbit normal, z to the Earth) are
+rtn's y, -z and -x.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.anomaly import starter
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import Vector
+from rso_lidar.rpo.hill import FAR_M, GM, eccentricity, flattening, state_at_start
+from rso_lidar.rpo.relative import RelativeState
+
+_BLOCK = 4096  # epochs worked out at a time: what fits a processor's cache
+
+
+class YamanakaAnkersen(RelativeState):
+    """Linear motion about an elliptic chief, in its rtn axes.
+
+    The chief's anomaly is that of its osculating two-body orbit at `start_utc`, so this is two-body motion to first order
+    in the greatest separation rho: off by up to some 6 pi rho^2 / q for each revolution (q the perigee's distance; 2.7 m at
+    1 km in low orbit), and by what perturbations do to the two bodies differently.
+    """
+
+    type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
+
+    def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        start = state_at_start(chief, epochs.start_utc)
+        return yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start)
+
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        start = state_at_start(chief, epochs.start_utc)
+        position, _ = self.relative(epochs, chief)
+        farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))
+        sentences = []
+        if farthest_m > FAR_M:
+            sentences.append(
+                f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
+                f"the neglected second order, here some {6.0 * math.pi * farthest_m**2 / _perigee_m(*start):.3g} m for each "
+                "revolution, matters: use nonlinear or relative_elements"
+            )
+        return sentences + flattening("yamanaka_ankersen", epochs, *start)
+
+
+def yamanaka_ankersen(
+    position_m: np.ndarray | Vector,
+    velocity_m_s: np.ndarray | Vector,
+    time_s: np.ndarray,
+    chief_m: np.ndarray,
+    chief_m_s: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (time, 3) in rtn axes `time_s` (time) [s] after an initial state (3), (3).
+
+    `chief_m` (3) [m] and `chief_m_s` (3) [m/s] are the chief's state in GCRS axes at the start.
+    """
+    time = np.atleast_1d(np.asarray(time_s, dtype=float))
+    orbit = _Orbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float))
+    start = (*np.asarray(position_m, dtype=float), *np.asarray(velocity_m_s, dtype=float))
+    constants = orbit.constants(*start)
+    position, velocity = np.empty((len(time), 3)), np.empty((len(time), 3))
+    for k in range(0, len(time), _BLOCK):
+        orbit.fly(constants, time[k : k + _BLOCK], position[k : k + _BLOCK], velocity[k : k + _BLOCK])
+    return position, velocity
+
+
+class _Orbit:
+    """The chief's two-body ellipse: `e`, theirs `k2` = k^2 = sqrt(GM / p^3), and the anomalies at the start."""
+
+    def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
+        radius = float(np.linalg.norm(r))
+        momentum = np.cross(r, v)
+        p = float(np.sum(momentum * momentum)) / GM
+        alpha = 2.0 / radius - float(np.sum(v * v)) / GM
+        e_cos, e_sin = p / radius - 1.0, math.sqrt(p / GM) * float(np.sum(r * v)) / radius
+        self.e = math.hypot(e_cos, e_sin)
+        if alpha <= 0.0 or self.e >= 1.0:
+            raise ScenarioError(
+                "relative_to: its orbit is open, and yamanaka_ankersen is for ellipses: use motion 'nonlinear'"
+            )
+        self.true_rad = math.atan2(e_sin, e_cos)
+        self.k2 = math.sqrt(GM / p**3)
+        self.mean_motion_rad_s = math.sqrt(GM * alpha**3)
+        self.axes_ratio = math.sqrt(p * alpha)  # sqrt(1 - e^2)
+        eccentric = math.atan2(self.axes_ratio * math.sin(self.true_rad), self.e + math.cos(self.true_rad))
+        self.mean_rad = eccentric - self.e * math.sin(eccentric)
+
+    def constants(self, x: float, y: float, z: float, u: float, v: float, w: float) -> tuple[float, ...]:
+        """Return the constants of a motion from its state in rtn axes at the start (their eqs. 82 and 85)."""
+        e, sin, cos = self.e, math.sin(self.true_rad), math.cos(self.true_rad)
+        rho = 1.0 + e * cos
+        s, c = rho * sin, rho * cos
+
+        def tilde(value: float, rate: float) -> tuple[float, float]:
+            return rho * value, rate / (self.k2 * rho) - e * sin * value
+
+        (x1, v1), (z1, w1), (y1, u1) = tilde(y, v), tilde(-x, -u), tilde(z, w)
+        closed = self.axes_ratio**2
+        return (
+            x1
+            + (3.0 * e * s * (1.0 / rho + 1.0 / rho**2) * z1 - e * s * (1.0 + 1.0 / rho) * v1 + (2.0 - e * c) * w1)
+            / closed,
+            (-3.0 * s * (1.0 / rho + e**2 / rho**2) * z1 + s * (1.0 + 1.0 / rho) * v1 + (c - 2.0 * e) * w1) / closed,
+            (-3.0 * (c / rho + e) * z1 + (c * (1.0 + 1.0 / rho) + e) * v1 - s * w1) / closed,
+            ((3.0 * rho + e**2 - 1.0) * z1 - rho**2 * v1 + e * s * w1) / closed,
+            y1 * cos - u1 * sin,
+            y1 * sin + u1 * cos,
+        )
+
+    def fly(self, constants: tuple[float, ...], time_s: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Work out (their eq. 84) what became of the motion, into `position` and `velocity` (time, 3)."""
+        k1, k2, k3, k4, k5, k6 = constants
+        e = self.e
+        sin_e, cos_e = _eccentric_anomaly(self.mean_rad + self.mean_motion_rad_s * time_s, e)
+        shrunk = 1.0 / (1.0 - e * cos_e)  # a / r
+        sin, cos = self.axes_ratio * sin_e * shrunk, (cos_e - e) * shrunk
+        rho, e_sin, j = 1.0 + e * cos, e * sin, self.k2 * time_s
+        s, c = rho * sin, rho * cos
+        s_slope, c_slope = cos + e * (cos * cos - sin * sin), -sin - 2.0 * e_sin * cos
+
+        def put(axis: int, sign: float, tilde: np.ndarray, slope: np.ndarray) -> None:
+            position[:, axis] = sign * tilde / rho
+            velocity[:, axis] = (sign * self.k2) * (rho * slope + e_sin * tilde)
+
+        turn = k4 * j
+        put(
+            1,
+            1.0,
+            k1 + (1.0 + rho) * (k3 * sin - k2 * cos) + 3.0 * rho * rho * turn,
+            2.0 * k2 * s + k3 * (2.0 * c - e) + 3.0 * k4 - 6.0 * e * s * turn,
+        )
+        put(
+            0,
+            -1.0,
+            k2 * s + k3 * c + 2.0 * k4 - 3.0 * e * s * turn,
+            k2 * s_slope + k3 * c_slope - 3.0 * e * (s_slope * turn + k4 * sin / rho),
+        )
+        put(2, 1.0, k5 * cos + k6 * sin, k6 * cos - k5 * sin)
+
+
+def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26; then a step of Newton)."""
+    m = mean_rad - math.tau * np.round(mean_rad / math.tau)
+    anomaly = starter(m, e)
+    f2, f3 = e * np.sin(anomaly), e * np.cos(anomaly)
+    f0, f1 = anomaly - f2 - m, 1.0 - f3
+    step = -f0 / (f1 - 0.5 * f0 * f2 / f1)
+    step = -f0 / (f1 + 0.5 * step * (f2 + step * f3 / 3.0))
+    anomaly = anomaly - f0 / (f1 + 0.5 * step * (f2 + step / 3.0 * (f3 - 0.25 * step * f2)))
+    s, c = np.sin(anomaly), np.cos(anomaly)
+    rest = (anomaly - e * s - m) / (1.0 - e * c)  # what rounding left
+    return s - rest * c, c + rest * s
+
+
+def _perigee_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+    momentum = np.cross(position_m, velocity_m_s)
+    return float(np.sum(momentum * momentum)) / GM / (1.0 + eccentricity(position_m, velocity_m_s))

@@ -1,0 +1,254 @@
+"""Relative motion near a circular orbit, by Clohessy and Wiltshire's closed form, and the rotating rtn axes it lives in.
+
+rtn: x radially out, z along r x v, y = z x x (along-track); V-bar is +y, R-bar is -x. Equations: Clohessy & Wiltshire
+(1960), as in Vallado 4th ed. alg. 48; with a constant acceleration as in Fehse, Automated Rendezvous and Docking of
+Spacecraft, app. A.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import Flag, Vector
+from rso_lidar.pose import cross
+from rso_lidar.rpo import curvilinear
+from rso_lidar.rpo.relative import RelativeState
+
+FAR_M = 10_000.0
+ECCENTRIC = 0.005
+TURNED = 0.05  # share of the separation
+STRAIGHT, CURVED = 6.0, 15.0  # pi rho^2 / r, the neglected second order of a revolution: of x, y, z; of height and arcs
+GM = units.EARTH_GM_M3_S2
+_BLOCK = 8192  # epochs worked out at a time: what fits a processor's cache
+
+
+class Hill(RelativeState):
+    """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
+
+    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model.
+    Off from two bodies by up to 6 pi rho^2 / r for each revolution (rho the greatest separation, r the orbit's radius; 2.7 m
+    at 1 km in low orbit), and by up to 30 e rho. With `curvilinear` the equations hold for height, arc along the track and
+    arc across it instead of x, y, z: then the error is up to 15 pi h^2 / r for each revolution, with h the greatest height
+    or arc across, however far along the track, and the acceleration is along the axes at the body.
+    """
+
+    type: Literal["hill"] = "hill"
+    acceleration_m_s2: Vector = (0.0, 0.0, 0.0)
+    curvilinear: Flag = False
+
+    def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        flown = self._curved(epochs, chief)
+        return curvilinear.straight(*flown, *_radius(chief, epochs)) if self.curvilinear else flown
+
+    def _curved(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the equations are of: positions and velocities along x, y, z, or along height and arcs."""
+        n = mean_motion_rad_s(chief, epochs.start_utc)
+        start = np.array(self.position_m), np.array(self.velocity_m_s)
+        if self.curvilinear:
+            radius_m, radial_m_s = _radius(chief, Epochs(epochs.start_utc, np.zeros(1)))
+            start = curvilinear.curved(*start, radius_m[0], radial_m_s[0])
+        return clohessy_wiltshire(*start, epochs.time_s, n, self.acceleration_m_s2)
+
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        position, _ = self._curved(epochs, chief)
+        start = state_at_start(chief, epochs.start_utc)
+        if self.curvilinear:
+            sentences = validity(position[:, ::2], *start, better="use relative_elements or nonlinear", factor=CURVED)
+        else:
+            sentences = validity(position, *start)
+        return sentences + flattening("hill", epochs, *start)
+
+
+def validity(
+    position_m: np.ndarray,
+    chief_m: np.ndarray,
+    chief_m_s: np.ndarray,
+    *,
+    better: str = "set curvilinear = true, or use relative_elements or nonlinear",
+    factor: float = STRAIGHT,
+) -> list[str]:
+    """Return where Clohessy-Wiltshire is stretched: rtn positions (time, 3) [m] about a chief of this state (3), (3).
+
+    What it neglects is `factor` pi rho^2 / r for each revolution; `better` says what to do about it.
+    """
+    farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
+    e = eccentricity(chief_m, chief_m_s)
+    sentences = []
+    if farthest_m > FAR_M:
+        off_m = factor * math.pi * farthest_m**2 / float(np.linalg.norm(chief_m))
+        what = "the separation" if factor == STRAIGHT else "the height, or the arc across,"
+        sentences.append(
+            f"hill: {what} reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km the neglected second "
+            f"order, here up to {off_m:.3g} m for each revolution, matters: {better}"
+        )
+    if e > ECCENTRIC:
+        sentences.append(
+            f"hill: the chief's eccentricity is {e:.4f}; above {ECCENTRIC:g} Clohessy-Wiltshire, which takes it as "
+            f"circular, is off by up to {30.0 * e:.0%} of the separation for each revolution: "
+            "use yamanaka_ankersen, relative_elements or nonlinear"
+        )
+    return sentences
+
+
+def clohessy_wiltshire(
+    position_m: np.ndarray | Vector,
+    velocity_m_s: np.ndarray | Vector,
+    time_s: np.ndarray | float,
+    mean_motion_rad_s: np.ndarray | float,
+    acceleration_m_s2: np.ndarray | Vector = (0.0, 0.0, 0.0),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (…, 3) in rtn axes `time_s` (…) [s] after an initial state (…, 3).
+
+    States, times, mean motions (…) and constant accelerations (…, 3) [m/s^2] are broadcast against each other.
+
+    >>> rest = clohessy_wiltshire((0.0, -3000.0, 0.0), (0.0, 0.0, 0.0), np.array([3600.0]), 7.292e-5)
+    >>> rest[0].tolist()
+    [[0.0, -3000.0, 0.0]]
+    """
+    start = [np.asarray(vector, dtype=float) for vector in (position_m, velocity_m_s, acceleration_m_s2)]
+    time, n = np.asarray(time_s, dtype=float), np.asarray(mean_motion_rad_s, dtype=float)
+    shape = np.broadcast_shapes(*(vector.shape[:-1] for vector in start), time.shape, n.shape)
+    position, velocity = np.empty((*shape, 3)), np.empty((*shape, 3))
+    if len(shape) == 1 and time.ndim == 1 and max(vector.ndim for vector in start) == 1 and n.ndim == 0:
+        for k in range(0, len(time), _BLOCK):
+            _fly(start, time[k : k + _BLOCK], n, position[k : k + _BLOCK], velocity[k : k + _BLOCK])
+    else:
+        _fly(start, time, n, position, velocity)
+    return position, velocity
+
+
+def _fly(
+    start: list[np.ndarray], time_s: np.ndarray, n: np.ndarray, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    """Work out the closed form into `position` and `velocity` (…, 3)."""
+    (x0, y0, z0), (u0, v0, w0) = (np.moveaxis(vector, -1, 0) for vector in start[:2])
+    x, y, z = (position[..., k] for k in range(3))
+    u, v, w = (velocity[..., k] for k in range(3))
+    nt = n * time_s
+    s = np.sin(nt)
+    k = np.sin(0.5 * nt)
+    k = 2.0 * k * k  # 1 - cos, without the cancellation
+    c = 1.0 - k
+    x[...] = x0 + k * (3.0 * x0 + 2.0 * v0 / n) + s * (u0 / n)
+    y[...] = y0 + s * (6.0 * x0 + 4.0 * v0 / n) - nt * (6.0 * x0 + 3.0 * v0 / n) - k * (2.0 * u0 / n)
+    z[...] = c * z0 + s * (w0 / n)
+    u[...] = s * (3.0 * n * x0 + 2.0 * v0) + c * u0
+    v[...] = v0 - k * (6.0 * n * x0 + 4.0 * v0) - s * (2.0 * u0)
+    w[...] = c * w0 - s * (n * z0)
+    if not start[2].any():
+        return
+    a, b, q = np.moveaxis(start[2], -1, 0) / n
+    x += (k * a + 2.0 * (nt - s) * b) / n
+    y += ((4.0 * k - 1.5 * nt * nt) * b - 2.0 * (nt - s) * a) / n
+    z += k * (q / n)
+    u += s * a + 2.0 * k * b
+    v += (4.0 * s - 3.0 * nt) * b - 2.0 * k * a
+    w += s * q
+
+
+def two_impulse_hop(
+    from_m: np.ndarray | Vector, to_m: np.ndarray | Vector, duration_s: float, mean_motion_rad_s: float
+) -> np.ndarray:
+    """Return the departure velocity (3) [m/s] that flies from one position [m] to another in `duration_s`, all rtn."""
+    still, start = np.zeros(3), np.asarray(from_m, dtype=float)
+    coast, _ = clohessy_wiltshire(start, still, duration_s, mean_motion_rad_s)
+    per_velocity_s = clohessy_wiltshire(still, np.eye(3), duration_s, mean_motion_rad_s)[0].T
+    if duration_s <= 0.0 or np.linalg.cond(per_velocity_s) > 1e9:
+        raise ScenarioError(
+            f"hop: no departure velocity reaches the aim in {duration_s:g} s (zero, or whole half revolutions of the "
+            "chief): change the duration"
+        )
+    velocity: np.ndarray = np.linalg.solve(per_velocity_s, np.asarray(to_m, dtype=float) - coast)
+    return velocity
+
+
+def state_at_start(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
+    """Return a chief's position (3) [m] and velocity (3) [m/s] in GCRS axes at `start_utc`."""
+    state = chief.states(Epochs(start_utc, np.zeros(1)))
+    return np.asarray(state.position_m)[0], np.asarray(state.velocity_m_s)[0]
+
+
+def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
+    """Return the mean motion [rad/s] of a chief's osculating orbit at `start_utc` (vis-viva and Kepler's third law)."""
+    position, velocity = state_at_start(chief, start_utc)
+    alpha = float(2.0 / np.linalg.norm(position) - np.sum(velocity * velocity) / GM)
+    if alpha <= 0.0:
+        raise ScenarioError(
+            "relative_to: its orbit is open and has no mean motion: use motion 'nonlinear' about it, or 'state'"
+        )
+    return math.sqrt(GM * alpha**3)
+
+
+def eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+    """Return the osculating eccentricity of a state (3), (3) in GCRS axes."""
+    momentum = np.cross(position_m, velocity_m_s)
+    return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / GM - position_m / np.linalg.norm(position_m)))
+
+
+def flattening(
+    name: str,
+    epochs: Epochs,
+    chief_m: np.ndarray,
+    chief_m_s: np.ndarray,
+    better: str = "use relative_elements, or nonlinear with forces",
+) -> list[str]:
+    """Return a sentence where J2, which a two-body model leaves out, turns the relative orbit by more than `TURNED`.
+
+    The perigee turns by at most 3 J2 (R / p)^2 n, and so does the vector of relative eccentricity.
+    """
+    alpha = 2.0 / np.linalg.norm(chief_m) - np.sum(chief_m_s**2) / GM
+    if alpha <= 0.0 or not len(epochs):
+        return []
+    p = float(np.sum(np.cross(chief_m, chief_m_s) ** 2)) / GM
+    swept_rad = math.sqrt(GM * alpha**3) * float(np.abs(epochs.time_s).max())
+    share = 3.0 * units.EARTH_J2 * (units.EARTH_RADIUS_M / p) ** 2 * swept_rad
+    if share <= TURNED:
+        return []
+    return [
+        f"{name}: in {swept_rad / math.tau:.1f} revolutions the Earth's flattening, which this model leaves out, moves the "
+        f"body by up to {share:.0%} of the separation: {better}"
+    ]
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a . b (time), term by term: library sums give an epoch other bits alone than among many."""
+    product: np.ndarray = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return product
+
+
+def _radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
+    """Return a chief's distance from the Earth's centre [m] and its rate [m/s] (time)."""
+    state = chief.states(epochs)
+    radius = np.sqrt(_dot(state.position_m, state.position_m))
+    return radius, _dot(state.position_m, state.velocity_m_s) / radius
+
+
+def rtn_axes(position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    """Return inertial_from_rtn, and its angular velocity (…, 3) [rad/s] in rtn axes, of inertial states (…, 3).
+
+    omega = r x v / |r|^2, which leaves out the slow turn of a perturbed orbit's plane.
+    """
+    matrix, omega = rtn_matrix(position_m, velocity_m_s)
+    return Rotation.from_matrix(matrix, assume_valid=True), omega
+
+
+def rtn_matrix(position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return inertial_from_rtn as matrices (…, 3, 3), and its angular velocity as `rtn_axes` does."""
+    r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
+    h = cross(r, v)
+    radius, momentum = np.linalg.norm(r, axis=-1), np.linalg.norm(h, axis=-1)
+    x, z = r / radius[..., None], h / momentum[..., None]
+    omega = np.zeros_like(r)
+    omega[..., 2] = momentum / radius**2
+    return np.stack([x, cross(z, x), z], axis=-1), omega

@@ -1,0 +1,81 @@
+"""What all proximity operations share: a plan about a chief, made once, kept out of a sphere, and where it is good."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+from abc import abstractmethod
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import NotNegative
+from rso_lidar.rpo import hill
+from rso_lidar.rpo.plan import Plan
+from rso_lidar.rpo.relative import RelativeMotion
+
+
+class ProximityOperation(RelativeMotion):
+    """An operation about the body `relative_to`, planned by Clohessy-Wiltshire in its rtn axes from `start_utc` on.
+
+    Good for near-circular chiefs and short distances: off by up to 6 pi rho^2 / r for each revolution of free flight, and
+    by up to 20 e rho (see `Hill`); `validity` says where that matters.
+    """
+
+    keep_out_m: NotNegative = 0.0
+
+    @property
+    def name(self) -> str:
+        """Return what the operation is called: its `type`."""
+        return str(type(self).model_fields["type"].default)
+
+    @abstractmethod
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s], whatever it comes near to."""
+
+    def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
+        """Return the plan: legs, impulses, costs and safety; `ScenarioError` where it cannot be flown."""
+        return _flown(self, hill.mean_motion_rad_s(chief, start_utc))
+
+    def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        position, velocity = self.plan(epochs.start_utc, chief).relative(epochs.time_s)
+        distance = np.sqrt(np.sum(position * position, axis=1))
+        if len(distance) and distance.min() < self.keep_out_m:
+            k = int(np.argmin(distance))
+            raise _too_near(self.keep_out_m, float(distance[k]), float(epochs.time_s[k]), position[k])
+        return position, velocity
+
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which Clohessy-Wiltshire is stretched at these epochs."""
+        position, _ = self.relative(epochs, chief)
+        sentences = hill.validity(
+            position,
+            *hill.state_at_start(chief, epochs.start_utc),
+            better="use lambert, or nonlinear from the plan's state",
+        )
+        return [f"{self.name}: {sentence.removeprefix('hill: ')}" for sentence in sentences]
+
+
+@functools.lru_cache(maxsize=128)
+def _flown(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
+    return kept_out(operation.flown(mean_motion_rad_s), operation.keep_out_m)
+
+
+def kept_out(plan: Plan, keep_out_m: float) -> Plan:
+    """Return the plan itself; `ScenarioError` where its path enters a sphere about the body's origin [m]."""
+    if keep_out_m > 0.0:
+        nearest_m, at_s = plan.nearest()
+        if nearest_m < keep_out_m:
+            raise _too_near(keep_out_m, nearest_m, at_s, plan.relative(np.array([at_s]))[0][0])
+    return plan
+
+
+def _too_near(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.ndarray) -> ScenarioError:
+    where = ", ".join(f"{part:.4g}" for part in position_m)
+    return ScenarioError(
+        f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the sphere of "
+        f"{keep_out_m:g} m: go round it, end farther out, or make the sphere smaller"
+    )

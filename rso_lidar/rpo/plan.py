@@ -1,0 +1,277 @@
+"""Plans of proximity operations: legs flown freely or held to a path, the impulses between them, and what they cost.
+
+Everything is in the rotating rtn axes of the body that is approached. Free flight is Clohessy-Wiltshire's, and so is the
+acceleration a_control that a given path needs: x'' - 3 n^2 x - 2 n y', y'' + 2 n x', z'' + n^2 z (Hill's equations; Fehse,
+Automated Rendezvous and Docking of Spacecraft, ch. 3 and app. A, with his axes turned into ours).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.rpo.closest import closest
+from rso_lidar.rpo.hill import clohessy_wiltshire
+
+Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+SAFE_REVOLUTIONS = 2.0  # of free drift after thrust stops, where no horizon is given
+_PER_REVOLUTION = 360  # samples of a path, before the least distance is refined
+_FAILURES = 121  # instants along a forced leg at which its thrust may stop
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_PANELS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Impulse:
+    """A change of velocity (3) [m/s], rtn axes, at `time_s`."""
+
+    time_s: float
+    delta_v_m_s: np.ndarray
+
+    @property
+    def size_m_s(self) -> float:
+        """Return how large it is [m/s]."""
+        return float(np.linalg.norm(self.delta_v_m_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One stretch of a plan, until the next begins. `path` gives position [m] and velocity [m/s] `begin_s` later on.
+
+    `acceleration_m_s2` is the path's own in the turning axes (time, 3), where thrust holds to it; None is free flight.
+    """
+
+    begin_s: float
+    path: Path
+    acceleration_m_s2: Callable[[np.ndarray], np.ndarray] | None = None
+
+
+def coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
+    """Return a leg of free flight from a position (3) [m] and a velocity (3) [m/s]."""
+    start = np.array(position_m, dtype=float), np.array(velocity_m_s, dtype=float)
+    return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
+
+
+def line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None = None) -> Leg:
+    """Return a leg held to a straight line at a steady velocity (3) [m/s], or to a point."""
+    start = np.array(position_m, dtype=float)
+    speed = np.zeros(3) if velocity_m_s is None else np.array(velocity_m_s, dtype=float)
+
+    def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return start + speed * time_s[:, None], np.broadcast_to(speed, (len(time_s), 3)).copy()
+
+    return Leg(begin_s, path, lambda time_s: np.zeros((len(time_s), 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveSafety:
+    """The least distance [m] to the body if thrust stops for good at the worst instant, `failure_s`; met at `nearest_s`."""
+
+    distance_m: float
+    failure_s: float
+    nearest_s: float
+    horizon_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Legs in order, the first from time 0 and the last for ever, and the impulses that join them.
+
+    `duration_s` is how long totals count: where the operation ends, or one turn of what goes on for ever. `adrift` is the
+    path where the first impulse does not come, none: by Clohessy-Wiltshire.
+    """
+
+    name: str
+    mean_motion_rad_s: float
+    duration_s: float
+    legs: tuple[Leg, ...]
+    impulses: tuple[Impulse, ...] = ()
+    adrift: Path | None = None
+    _begins: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_begins", np.array([leg.begin_s for leg in self.legs]))
+
+    def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3); at an impulse, what is after it."""
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        position, velocity = np.empty((len(times), 3)), np.empty((len(times), 3))
+        leg = np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
+        for k in np.unique(leg):
+            of = leg == k
+            position[of], velocity[of] = self.legs[k].path(times[of] - self._begins[k])
+        return position, velocity
+
+    @property
+    def revolution_s(self) -> float:
+        """Return the period of the body that is approached [s]."""
+        return math.tau / self.mean_motion_rad_s
+
+    def control_m_s2(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the acceleration (time, 3) [m/s^2] by which thrust holds to the path, zero in free flight."""
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        n, leg = self.mean_motion_rad_s, np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
+        control = np.zeros((len(times), 3))
+        for k in np.unique(leg):
+            held = self.legs[k].acceleration_m_s2
+            if held is not None:
+                since = times[leg == k] - self._begins[k]
+                (x, _, z), (u, v, _) = (values.T for values in self.legs[k].path(since))
+                pull = np.stack([3.0 * n * n * x + 2.0 * n * v, -2.0 * n * u, -n * n * z], axis=1)
+                control[leg == k] = held(since) - pull
+        return control
+
+    @property
+    def thrust(self) -> tuple[tuple[float, float, float], ...]:
+        """Return when thrust holds to a path, and what that costs: from [s], to [s], delta-v [m/s]; up to `duration_s`."""
+        return tuple(
+            (begin_s, end_s, self._held_m_s(begin_s, end_s))
+            for leg, begin_s, end_s in self._stretches()
+            if leg.acceleration_m_s2 is not None and end_s > begin_s
+        )
+
+    @property
+    def impulsive_delta_v_m_s(self) -> float:
+        """Return the sum of the impulses [m/s]."""
+        return math.fsum(impulse.size_m_s for impulse in self.impulses)
+
+    @property
+    def continuous_delta_v_m_s(self) -> float:
+        """Return what thrust along paths costs up to `duration_s` [m/s]: the integral of |a_control|."""
+        return math.fsum(cost for _, _, cost in self.thrust)
+
+    @property
+    def delta_v_m_s(self) -> float:
+        """Return what the plan costs up to `duration_s` [m/s], impulses and continuous thrust."""
+        return self.impulsive_delta_v_m_s + self.continuous_delta_v_m_s
+
+    def nearest(self) -> tuple[float, float]:
+        """Return the least distance [m] to the body on the path as planned, up to `duration_s`, and when [s]."""
+        return min(
+            closest(leg.path, begin_s, 0.0, end_s - begin_s, self._step_s(end_s - begin_s))
+            for leg, begin_s, end_s in self._stretches()
+        )
+
+    @property
+    def nearest_m(self) -> float:
+        """Return the least distance [m] to the body on the path as planned, up to `duration_s`."""
+        return self.nearest()[0]
+
+    def passive_safety_m(self, horizon_s: float | None = None) -> float:
+        """Return the least distance [m] to the body if thrust stops for good at any instant; see `passive_safety`."""
+        return self.passive_safety(horizon_s).distance_m
+
+    def passive_safety(self, horizon_s: float | None = None) -> PassiveSafety:
+        """Return how near free drift leads if thrust stops at the worst instant up to `duration_s`.
+
+        Any impulse may fail to come, and so may all after it; thrust along a path may stop anywhere. The drift is followed
+        for `horizon_s` [s] after the failure, two revolutions of the body where none is given, by Clohessy-Wiltshire (a
+        free leg by its own path).
+        """
+        horizon = SAFE_REVOLUTIONS * self.revolution_s if horizon_s is None else horizon_s
+        step = self._step_s(horizon)
+        found: list[tuple[float, float, float]] = []  # distance, failure, nearest
+        first = self.impulses[0] if self.impulses else None
+        if first is not None and first.time_s <= 0.0:  # the first impulse does not come
+            position, velocity = self.relative(np.zeros(1))
+            before = coast(0.0, position[0], velocity[0] - first.delta_v_m_s, self.mean_motion_rad_s).path
+            found.append(self._drifted(self.adrift or before, 0.0, 0.0, horizon, step))
+        for leg, begin_s, end_s in self._stretches():
+            if leg.acceleration_m_s2 is None:  # what ends it does not come: it goes on
+                found.append(self._drifted(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon, step))
+                continue
+            found.append(self._worst_stop(leg, begin_s, end_s - begin_s, horizon, step))
+        return PassiveSafety(*min(found), horizon)
+
+    def _drifted(
+        self, path: Path, begin_s: float, failure_s: float, until_s: float, step_s: float
+    ) -> tuple[float, float, float]:
+        distance, nearest_s = closest(path, begin_s, 0.0, until_s, step_s)
+        return distance, begin_s + failure_s, nearest_s
+
+    def _worst_stop(
+        self, leg: Leg, begin_s: float, length_s: float, horizon_s: float, step_s: float
+    ) -> tuple[float, float, float]:
+        """Return distance, failure and nearest approach for thrust that stops somewhere along a forced leg."""
+        n = self.mean_motion_rad_s
+        low, high, best = 0.0, length_s, (math.inf, 0.0, 0.0)
+        for _ in range(8):  # the instant of the failure is zoomed in on
+            stops = np.linspace(low, high, _FAILURES)
+            position, velocity = leg.path(stops)
+            drift = np.arange(0.0, horizon_s + step_s, step_s)
+            away = clohessy_wiltshire(position[:, None], velocity[:, None], drift, n)[0]
+            nearest = np.sqrt(np.min(np.sum(away * away, axis=-1), axis=1))
+            worst = np.unique(np.argsort(nearest, kind="stable")[:5])
+            for k in worst:
+                freely = coast(begin_s + stops[k], position[k], velocity[k], n)
+                distance, nearest_s = closest(freely.path, freely.begin_s, 0.0, horizon_s, step_s)
+                best = min(best, (distance, begin_s + stops[k], nearest_s))
+            width = (high - low) / (_FAILURES - 1)
+            centre = best[1] - begin_s
+            low, high = max(0.0, centre - 2.0 * width), min(length_s, centre + 2.0 * width)
+            if width < 1e-3:
+                break
+        return best
+
+    def _stretches(self) -> list[tuple[Leg, float, float]]:
+        """Return each leg that begins by `duration_s`, with begin and end [s]."""
+        ends = [*self._begins[1:], math.inf]
+        return [
+            (leg, leg.begin_s, min(float(end_s), self.duration_s))
+            for leg, end_s in zip(self.legs, ends, strict=True)
+            if leg.begin_s <= self.duration_s
+        ]
+
+    def _step_s(self, span_s: float) -> float:
+        return min(self.revolution_s / _PER_REVOLUTION, max(span_s, 1e-6) / 48.0)
+
+    def _held_m_s(self, begin_s: float, end_s: float) -> float:
+        """Return the integral of |a_control| from one instant to another [m/s], by Gauss's rule in panels."""
+        edges = np.linspace(begin_s, end_s, _PANELS + 1)
+        half = 0.5 * np.diff(edges)
+        times = (edges[:-1] + half)[:, None] + half[:, None] * _NODES
+        control = self.control_m_s2(times.ravel())
+        size = np.sqrt(np.sum(control * control, axis=1)).reshape(times.shape)
+        return float(np.sum(half[:, None] * _WEIGHTS * size))
+
+    def table(self) -> tuple[tuple[str, ...], ...]:
+        """Return the manoeuvres as rows of words, a heading first: when, what, delta-v in r, t and n, and its size."""
+        rows: list[tuple[float, tuple[str, ...]]] = []
+        for impulse in self.impulses:
+            parts = (*impulse.delta_v_m_s, impulse.size_m_s)
+            rows.append((impulse.time_s, (f"{impulse.time_s:.1f}", "impulse", *(f"{part:+.5f}" for part in parts[:3]))))
+            rows[-1] = (impulse.time_s, (*rows[-1][1], f"{parts[3]:.5f}"))
+        for begin_s, end_s, cost_m_s in self.thrust:
+            rows.append((begin_s, (f"{begin_s:.1f} to {end_s:.1f}", "thrust", "", "", "", f"{cost_m_s:.5f}")))
+        heading = ("time_s", "what", "radial_m_s", "along_m_s", "cross_m_s", "delta_v_m_s")
+        return (heading, *(row for _, row in sorted(rows, key=lambda pair: pair[0])))
+
+    def describe(self) -> str:
+        """Return the plan in lines: manoeuvres, totals, least distance as planned, and passive safety."""
+        rows = self.table()
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = [f"{self.name}: {self.duration_s:.1f} s, {self.duration_s / self.revolution_s:.3f} revolutions"]
+        if len(rows) > 1:
+            lines += [
+                "  " + "  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows
+            ]
+        nearest_m, at_s = self.nearest()
+        safety, free = self.passive_safety(), len(rows) == 1
+        lines += [
+            f"  delta-v {self.delta_v_m_s:.5f} m/s (impulses {self.impulsive_delta_v_m_s:.5f}, "
+            f"continuous {self.continuous_delta_v_m_s:.5f})",
+            f"  nearest as planned {_length(nearest_m)}, at {at_s:.1f} s",
+            f"  passive safety {_length(safety.distance_m)}, at {safety.nearest_s:.1f} s, within {safety.horizon_s:.0f} s "
+            + (
+                "of free drift after the plan" if free else f"of free drift if thrust stops at {safety.failure_s:.1f} s"
+            ),
+        ]
+        return "\n".join(lines)
+
+
+def _length(length_m: float) -> str:
+    return f"{length_m:.2f} m" if length_m < 10.0 * units.KM else f"{length_m / units.KM:.3f} km"

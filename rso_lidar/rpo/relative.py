@@ -1,0 +1,32 @@
+"""What moves about another body: anything that answers `relative` about a chief, which is a trajectory."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import Name, Part, Vector
+
+
+class RelativeMotion(Part):
+    """The base of motions about the body `relative_to`, in its rotating rtn axes (x out, z along r x v, y = z x x)."""
+
+    relative_to: Name
+
+    @abstractmethod
+    def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+
+    @abstractmethod
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+
+
+class RelativeState(RelativeMotion):
+    """The base of relative motions that begin with a position and a velocity in the chief's rtn axes at `start_utc`."""
+
+    position_m: Vector
+    velocity_m_s: Vector

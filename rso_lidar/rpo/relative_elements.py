@@ -1,0 +1,197 @@
+"""Relative motion by quasi-nonsingular relative orbital elements, with J2.
+
+D'Amico, Autonomous Formation Flying in Low Earth Orbit (2010), eq. 2.2, each times the chief's semi-major axis a: with u the
+mean argument of latitude and (ex, ey) = e (cos, sin) of the argument of perigee, of the chief (c) and the body (d),
+
+    delta_a = ad - ac                            delta_ex = a (exd - exc)    delta_ix = a (id - ic)
+    delta_lambda = a (ud - uc + dRAAN cos ic)    delta_ey = a (eyd - eyc)    delta_iy = a dRAAN sin ic
+
+Rows of elements are those of `mean_elements`, in axes whose z is the Earth's pole of date.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import math
+from typing import Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.kepler import propagate
+from rso_lidar.orbit.mean_elements import (
+    conic,
+    mean_from_osculating,
+    osculating_from_mean,
+    quasi_nonsingular,
+    secular,
+)
+from rso_lidar.orbit.pole import equator_axes
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import Flag, Number
+from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
+from rso_lidar.rpo.hill import flattening, mean_motion_rad_s, state_at_start
+from rso_lidar.rpo.nonlinear import rtn_difference
+from rso_lidar.rpo.relative import RelativeMotion
+
+_TURNED_RAD = 0.05
+_IN_AIR_M = 500e3
+
+
+class RelativeElements(RelativeMotion):
+    """Motion by relative orbital elements at `start_utc`: mean elements with `j2`, osculating ones without.
+
+    The chief's elements are those of its state at `start_utc`. With `j2` both orbits go by the secular rates of J2 and the
+    first-order map to osculating states, and are differenced exactly: within 1e-5 of the separation over a day of an
+    integration with J2 alone (2e-5 at an eccentricity of 0.7). Left out are J3 to J6, up to 1e-3 of the separation over a
+    day in low orbit, Sun and Moon, 2e-4 in a geostationary one, and drag. Without `j2` both are two-body orbits, off by up
+    to 2 % of the separation for each revolution in low orbit. The difference, in the rtn axes of the chief so propagated,
+    stands in its real ones.
+    """
+
+    type: Literal["relative_elements"] = "relative_elements"
+    delta_a_m: Number = 0.0
+    delta_lambda_m: Number = 0.0
+    delta_ex_m: Number = 0.0
+    delta_ey_m: Number = 0.0
+    delta_ix_m: Number = 0.0
+    delta_iy_m: Number = 0.0
+    j2: Flag = True
+
+    @property
+    def elements_m(self) -> np.ndarray:
+        """Return delta a, lambda, ex, ey, ix, iy (6), each times the chief's semi-major axis [m]."""
+        names = ("delta_a_m", "delta_lambda_m", "delta_ex_m", "delta_ey_m", "delta_ix_m", "delta_iy_m")
+        return np.array([getattr(self, name) for name in names])
+
+    def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        rows = self._rows(epochs, chief)
+        if self.j2:
+            return rtn_difference(*(BodyState(*osculating_from_mean(secular(row, epochs.time_s))) for row in rows))
+        return rtn_difference(*(BodyState(*propagate(*conic(row), epochs.time_s)) for row in rows))
+
+    def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+        """Return the elements of the chief and of the body at `start_utc`, rows (6)."""
+        mean_motion_rad_s(chief, epochs.start_utc)  # says so where the orbit is open
+        position, velocity = state_at_start(chief, epochs.start_utc)
+        return _start(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
+
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        of, body = self._rows(epochs, chief)
+        sentences = []
+        turned_rad = abs(body[5] - of[5])
+        if turned_rad > _TURNED_RAD:
+            sentences.append(
+                f"relative_elements: the chief's inclination is {of[4] / units.DEG:.3g} deg, so delta_iy_m turns the node "
+                f"by {turned_rad / units.DEG:.3g} deg and the elements no longer mean amplitudes: use nonlinear"
+            )
+        if not self.j2:
+            return sentences + flattening(
+                "relative_elements",
+                epochs,
+                *state_at_start(chief, epochs.start_utc),
+                better="set j2 = true, or use nonlinear with forces",
+            )
+        duration_s = float(np.abs(epochs.time_s).max(initial=0.0))
+        low_m = of[0] * (1.0 - math.hypot(of[2], of[3])) - units.EARTH_RADIUS_M
+        if low_m < _IN_AIR_M and duration_s > units.DAY_S:
+            sentences.append(
+                f"relative_elements: the chief comes down to {low_m / units.KM:.0f} km in {duration_s / units.DAY_S:.1f} "
+                "days, where drag, which this model leaves out, moves bodies of unequal area and mass apart: use a motion "
+                "of type numerical for each"
+            )
+        return sentences
+
+
+@functools.lru_cache(maxsize=64)
+def _start(
+    part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the elements of the chief and of the body, rows (6); the mean ones take milliseconds, so they are kept."""
+    state = in_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
+    of = (mean_from_osculating if part.j2 else quasi_nonsingular)(state.position_m, state.velocity_m_s)
+    body = beside_elements(of, part.elements_m)
+    if not (body[0] > 0.0 and body[0] * (1.0 - math.hypot(body[2], body[3])) > units.EARTH_RADIUS_M):
+        raise ScenarioError(
+            "delta_a_m, delta_ex_m, delta_ey_m: they put the body's own perigee inside the Earth: make them smaller"
+        )
+    for row in (of, body):
+        row.flags.writeable = False
+    return of, body
+
+
+def in_equator(state: BodyState, epochs: Epochs) -> BodyState:
+    """Return states turned from GCRS axes into those of the equator of date; one epoch serves a single state."""
+    turn = equator_axes(epochs)
+    turn = turn[0] if state.position_m.ndim == 1 else turn
+    return BodyState(turned(turn, state.position_m), turned(turn, state.velocity_m_s))
+
+
+def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """Return delta a, lambda, ex, ey, ix, iy (…, 6) [m] between rows of elements (…, 6)."""
+    c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
+    a, node = c[..., 0], _turn(d[..., 5] - c[..., 5])
+    parts = (
+        d[..., 0] - a,
+        a * _turn(d[..., 1] - c[..., 1] + node * np.cos(c[..., 4])),
+        a * (d[..., 2] - c[..., 2]),
+        a * (d[..., 3] - c[..., 3]),
+        a * (d[..., 4] - c[..., 4]),
+        a * node * np.sin(c[..., 4]),
+    )
+    return np.stack(parts, axis=-1)
+
+
+def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
+    """Return a body's row of elements (…, 6) from the chief's and relative ones [m]: `relative_elements`, undone.
+
+    On an equatorial chief there is no node for delta iy to turn: not zero, it is refused.
+    """
+    c = np.asarray(chief, dtype=float)
+    da, dl, dex, dey, dix, diy = np.moveaxis(np.asarray(elements_m, dtype=float) / c[..., :1], -1, 0)
+    sine = np.sin(c[..., 4])
+    if np.any((np.abs(diy) > np.abs(sine)) & (diy != 0.0)):
+        raise ScenarioError(
+            "delta_iy_m: the chief's orbit is too near the equator for it, whose node would turn by delta_iy / (a sin i): "
+            "use motion 'nonlinear'"
+        )
+    node = diy / np.where(sine == 0.0, 1.0, sine)
+    return np.stack(
+        [
+            c[..., 0] * (1.0 + da),
+            c[..., 1] + dl - node * np.cos(c[..., 4]),
+            c[..., 2] + dex,
+            c[..., 3] + dey,
+            c[..., 4] + dix,
+            c[..., 5] + node,
+        ],
+        axis=-1,
+    )
+
+
+def roe_from_states(chief: BodyState, body: BodyState) -> np.ndarray:
+    """Return the osculating relative elements (…, 6) [m] of states (…, 3); their z axis is the one inclinations are from."""
+    rows = [quasi_nonsingular(state.position_m, state.velocity_m_s) for state in (chief, body)]
+    return relative_elements(*rows)
+
+
+def state_from_roe(chief: BodyState, elements_m: np.ndarray) -> BodyState:
+    """Return the body's state (…, 3) beside a chief's of relative elements (…, 6) [m]: `roe_from_states`, undone."""
+    return BodyState(*conic(beside_elements(quasi_nonsingular(chief.position_m, chief.velocity_m_s), elements_m)))
+
+
+def rtn_from_roe(chief: BodyState, elements_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (…, 3) in a chief's rtn axes of osculating relative elements (…, 6) [m]."""
+    return rtn_difference(chief, state_from_roe(chief, elements_m))
+
+
+def _turn(angle: np.ndarray) -> np.ndarray:
+    """Return an angle in [-pi, pi]."""
+    turn: np.ndarray = angle - math.tau * np.round(angle / math.tau)
+    return turn

@@ -1,0 +1,266 @@
+"""Flying from place to place with impulses: hop, waypoints, rendezvous, and Lambert's transfer."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import math
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError, placed
+from rso_lidar.orbit import kepler
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.lambert import Branch, Transfer, Way, lambert
+from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.part import Flag, NotNegative, Number, Positive, Vector, Whole
+from rso_lidar.pose import turned
+from rso_lidar.rpo import hill
+from rso_lidar.rpo.operation import ProximityOperation, kept_out
+from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
+from rso_lidar.rpo.two_impulse import departure_m_s
+
+
+def _takes_time(duration_s: float) -> float:
+    if duration_s <= 0.0:
+        what = "needs infinite speed" if duration_s == 0.0 else "goes back in time"
+        raise ValueError(f"a transfer in {duration_s:g} s {what}: give more than zero")
+    return duration_s
+
+
+TransferTime = Annotated[Number, AfterValidator(_takes_time)]
+
+
+class Hop(ProximityOperation):
+    """A two-impulse transfer from rest at `from_m` to `to_m` in `duration_s` (Fehse ch. 3).
+
+    With `stop` the second impulse stops it there and it is held (free on the V-bar); without, it flies on.
+    """
+
+    type: Literal["hop"] = "hop"
+    from_m: Vector
+    to_m: Vector
+    duration_s: TransferTime
+    stop: Flag = True
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        return _transferred(
+            self.name,
+            np.array(self.from_m),
+            np.zeros(3),
+            np.array(self.to_m),
+            self.duration_s,
+            mean_motion_rad_s,
+            self.stop,
+        )
+
+
+class Rendezvous(ProximityOperation):
+    """A two-impulse transfer from a place and a velocity, as the body's rtn axes see it, to rest at `to_m`; then held.
+
+    Clohessy-Wiltshire targeting: Vallado 4th ed. sec. 6.8.
+    """
+
+    type: Literal["rendezvous"] = "rendezvous"
+    position_m: Vector
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    to_m: Vector = (0.0, 0.0, 0.0)
+    duration_s: TransferTime
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        before, aim = np.array(self.velocity_m_s), np.array(self.to_m)
+        return _transferred(self.name, np.array(self.position_m), before, aim, self.duration_s, mean_motion_rad_s, True)
+
+
+def _transferred(
+    name: str, start: np.ndarray, before_m_s: np.ndarray, aim: np.ndarray, duration_s: float, n: float, stop: bool
+) -> Plan:
+    """Return the plan of one two-impulse transfer [m, m/s, s], held at its end where it stops."""
+    departure = departure_m_s(start, aim, duration_s, n)
+    leg = coast(0.0, start, departure, n)
+    first = Impulse(0.0, departure - before_m_s)
+    if not stop:
+        return Plan(name, n, duration_s, (leg,), (first,))
+    arrival = leg.path(np.array([duration_s]))[1][0]
+    return Plan(name, n, duration_s, (leg, line(duration_s, aim)), (first, Impulse(duration_s, -arrival)))
+
+
+class Waypoints(ProximityOperation):
+    """Two-impulse transfers through a list of places, from rest at the first to rest at the last; then held.
+
+    `times_s` are when each is reached, the first 0; or `speed_m_s` is the mean speed along each straight line between. One
+    impulse turns the path at each place; with `stop` it comes to rest there first, and stays `hold_s`.
+    """
+
+    type: Literal["waypoints"] = "waypoints"
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=2)]
+    times_s: tuple[NotNegative, ...] | None = None
+    speed_m_s: Positive | None = None
+    stop: Flag = False
+    hold_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if (self.times_s is None) == (self.speed_m_s is None):
+            raise ValueError("needs exactly one of times_s and speed_m_s: give one of them")
+        if self.hold_s > 0.0 and not self.stop:
+            raise ValueError("hold_s: to stay at a place it must stop there: set stop = true, or leave hold_s out")
+        if self.times_s is None:
+            for k, (one, other) in enumerate(pairwise(self.positions_m)):
+                if one == other:
+                    raise ValueError(
+                        f"positions_m[{k + 1}]: is the place before it, no way to fly: leave it out, or use times_s"
+                    )
+            return self
+        if len(self.times_s) != len(self.positions_m):
+            raise ValueError(
+                f"times_s: {len(self.times_s)} times for {len(self.positions_m)} places in positions_m: give as many"
+            )
+        if self.times_s[0] != 0.0:
+            raise ValueError(f"times_s[0]: a plan begins at 0, not at {self.times_s[0]:g} s: count from there")
+        for k, (before_s, after_s) in enumerate(pairwise(self.times_s)):
+            if after_s <= before_s + (self.hold_s if k else 0.0):
+                held = f", after a hold of {self.hold_s:g} s" if self.hold_s and k else ""
+                raise ValueError(
+                    f"times_s[{k + 1}]: {after_s:g} s leaves no time for the transfer from {before_s:g} s{held}: "
+                    "give a later time"
+                )
+        return self
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body of this mean motion [rad/s]."""
+        n, places = mean_motion_rad_s, np.array(self.positions_m)
+        legs: list[Leg] = []
+        impulses: list[Impulse] = []
+        now_s, arrival = 0.0, np.zeros(3)
+        for k, (start, aim) in enumerate(pairwise(places)):
+            if k and self.stop:
+                impulses.append(Impulse(now_s, -arrival))
+                legs += [line(now_s, start)] if self.hold_s else []
+                now_s, arrival = now_s + self.hold_s, np.zeros(3)
+            if self.times_s is not None:
+                each_s = self.times_s[k + 1] - now_s
+            else:
+                each_s = float(np.linalg.norm(aim - start)) / (self.speed_m_s or math.nan)
+            with placed(f"positions_m[{k + 1}]"):
+                departure = departure_m_s(start, aim, each_s, n)
+            legs.append(coast(now_s, start, departure, n))
+            impulses.append(Impulse(now_s, departure - arrival))
+            arrival = legs[-1].path(np.array([each_s]))[1][0]
+            now_s = self.times_s[k + 1] if self.times_s is not None else now_s + each_s
+        legs.append(line(now_s, places[-1]))
+        return Plan(self.name, n, now_s, tuple(legs), (*impulses, Impulse(now_s, -arrival)))
+
+
+class Lambert(ProximityOperation):
+    """A transfer of two bodies from `from_m` to rest at `to_m` (rtn axes of departure and of arrival); then held.
+
+    Exact for two bodies at any distance and about a chief of any eccentricity: the difference of two propagated orbits, in
+    the rtn axes of the chief's own propagated one. What moves both alike (J2, drag) is left out: in low orbit the
+    difference of J2 is up to 4 % of the separation for each revolution (integrated; less where it starts at a node).
+    After `duration_s`, control and passive safety are Clohessy-Wiltshire's. `revolutions` are whole ones about the Earth
+    before arrival; from one on, two orbits take the same time, and `branch` chooses the `low`, of the smaller semi-major
+    axis, or the `high` (none: the one that costs less). `way` is `prograde` (with the chief), `retrograde`, or `short` and
+    `long` (less or more than half a revolution).
+    """
+
+    type: Literal["lambert"] = "lambert"
+    from_m: Vector
+    to_m: Vector
+    duration_s: TransferTime
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    revolutions: Annotated[Whole, Field(ge=0)] = 0
+    branch: Branch | None = None
+    way: Way = "prograde"
+
+    def flown(self, mean_motion_rad_s: float) -> Plan:
+        """Return the plan about a body on a circular orbit of this mean motion [rad/s]."""
+        radius = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
+        speed = radius * mean_motion_rad_s
+        return _two_body_plan(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
+
+    def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
+        """Return the plan: legs, impulses, costs and safety; `ScenarioError` where it cannot be flown."""
+        position, velocity = hill.state_at_start(chief, start_utc)
+        hill.mean_motion_rad_s(chief, start_utc)  # which an open orbit has not
+        return _two_body_plan(self, tuple(position.tolist()), tuple(velocity.tolist()))
+
+    def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return one sentence for each way in which the model is stretched at these epochs."""
+        plan = self.plan(epochs.start_utc, chief)
+        turns = min(float(epochs.time_s.max(initial=0.0)), self.duration_s) / plan.revolution_s
+        if turns <= 1.0:
+            return []
+        return [
+            f"lambert: {turns:.1f} revolutions of two-body flight leave out the difference of J2, up to "
+            f"{4.0 * turns:.0f} % of the separation in low orbit: use relative_elements, or nonlinear with forces"
+        ]
+
+
+@functools.lru_cache(maxsize=128)
+def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
+    """Return the plan about a chief of this state [m, m/s] in inertial axes."""
+    r0, v0 = np.array(chief_m), np.array(chief_m_s)
+    r1, v1 = kepler.propagate(r0, v0, np.array([part.duration_s]))
+    start_m, before_m_s = _inertial(r0, v0, np.array(part.from_m), np.array(part.velocity_m_s))
+    end_m, after_m_s = _inertial(r1[0], v1[0], np.array(part.to_m), np.zeros(3))
+    branches: tuple[Branch, ...] = ("low", "high") if part.branch is None else (part.branch,)
+    turns, way, pole = part.revolutions, part.way, np.cross(r0, v0)
+
+    def cost(orbit: Transfer) -> float:
+        jumps = orbit.departure_m_s - before_m_s, after_m_s - orbit.arrival_m_s
+        return sum(float(np.linalg.norm(jump)) for jump in jumps)
+
+    orbits = [
+        lambert(start_m, end_m, part.duration_s, revolutions=turns, branch=branch, way=way, normal=pole)
+        for branch in branches
+    ]
+    orbit = min(orbits, key=cost)
+
+    def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _difference(kepler.propagate(r0, v0, time_s), kepler.propagate(start_m, orbit.departure_m_s, time_s))
+
+    def adrift(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _difference(kepler.propagate(r0, v0, time_s), kepler.propagate(start_m, before_m_s, time_s))
+
+    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, part.duration_s, 721))[0]
+    least_m = float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
+    if least_m < units.EARTH_RADIUS_M:
+        raise ScenarioError(
+            f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
+            "change the duration, the revolutions or the way"
+        )
+    departure = _into_rtn(r0, v0, orbit.departure_m_s - before_m_s)
+    arrival = _into_rtn(r1[0], v1[0], after_m_s - orbit.arrival_m_s)
+    alpha = float(2.0 / np.linalg.norm(r0) - np.sum(v0 * v0) / units.EARTH_GM_M3_S2)
+    n = math.sqrt(units.EARTH_GM_M3_S2 * alpha**3)
+    impulses = (Impulse(0.0, departure), Impulse(part.duration_s, arrival))
+    legs = (Leg(0.0, path), line(part.duration_s, np.array(part.to_m)))
+    return kept_out(Plan(part.name, n, part.duration_s, legs, impulses, adrift), part.keep_out_m)
+
+
+def _inertial(r: np.ndarray, v: np.ndarray, place: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return inertial position [m] and velocity [m/s] of what is at a place (3) and speed (3) in the rtn axes of r, v."""
+    axes, omega = hill.rtn_axes(r, v)
+    return r + turned(axes, place), v + turned(axes, speed + np.cross(omega, place))
+
+
+def _into_rtn(r: np.ndarray, v: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    axes, _ = hill.rtn_axes(r, v)
+    return turned(axes.inv(), vector)
+
+
+def _difference(
+    chief: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where another body is and how fast, in the chief's turning rtn axes (time, 3)."""
+    axes, omega = hill.rtn_axes(*chief)
+    back = axes.inv()
+    position = turned(back, other[0] - chief[0])
+    return position, turned(back, other[1] - chief[1]) - np.cross(omega, position)

@@ -1,0 +1,43 @@
+"""The velocity that flies from one place to another in a given time, by Clohessy-Wiltshire (Vallado 4th ed. sec. 6.8)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.rpo.hill import clohessy_wiltshire
+
+_SINGULAR = 1e-9  # ratio of the singular values below which a direction cannot be commanded
+_MISSED = 1e-9  # share of the way by which an aim may be missed
+
+
+def departure_m_s(from_m: np.ndarray, to_m: np.ndarray, duration_s: float, mean_motion_rad_s: float) -> np.ndarray:
+    """Return the departure velocity (3) [m/s] from one place (3) [m] to another in `duration_s`, rtn axes.
+
+    After whole half revolutions across the track, and whole revolutions in the plane, not every place can be reached: where
+    the aim is one of those that can, the least velocity is returned, such as Fehse's tangential hop along the V-bar.
+    """
+    if not duration_s > 0.0:
+        raise ScenarioError(f"transfer: one in {duration_s:g} s needs infinite speed: give more than zero")
+    start, aim, still = np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float), np.zeros(3)
+    gap = aim - clohessy_wiltshire(start, still, duration_s, mean_motion_rad_s)[0]
+    reach_s = clohessy_wiltshire(still, np.eye(3), duration_s, mean_motion_rad_s)[0].T
+    size_m = float(max(np.abs(start).max(), np.abs(aim).max(), np.abs(gap).max()))
+    velocity = np.zeros(3)
+    for rows, name in ((slice(0, 2), "in the orbit's plane"), (slice(2, 3), "across the orbit's plane")):
+        block = reach_s[rows, rows]
+        scale_s = min(duration_s, 1.0 / mean_motion_rad_s)
+        u, strength, w = np.linalg.svd(block / scale_s)
+        usable = strength > _SINGULAR * max(1.0, strength[0])
+        along = np.where(usable, (u.T * gap[rows]).sum(axis=1) / np.where(usable, strength, 1.0), 0.0)
+        velocity[rows] = (w.T * along).sum(axis=1) / scale_s
+        missed = float(np.abs((block * velocity[rows]).sum(axis=1) - gap[rows]).max())
+        if missed > _MISSED * size_m:
+            turns = duration_s * mean_motion_rad_s / math.tau
+            raise ScenarioError(
+                f"transfer: after {turns:.6g} revolutions of the body no departure velocity reaches the aim {name} "
+                f"(whole {'' if rows.start == 0 else 'half '}revolutions do not): change the duration by a few percent"
+            )
+    return velocity

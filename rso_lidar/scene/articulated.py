@@ -1,0 +1,61 @@
+"""Targets whose parts turn about hinges: one surface for what is fixed, and one for what each hinge carries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.scene.surface import Surface
+
+
+@dataclass(frozen=True)
+class Hinged:
+    """The parts that one hinge carries: `axes` is the name of its axes, `position_m` (xyz) their origin in the body's."""
+
+    axes: str
+    parts: tuple[str, ...]
+    position_m: tuple[float, float, float]
+
+
+def articulated(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface, ...]:
+    """Return the surfaces of a target: what stands still in its body axes first, then what each hinge carries.
+
+    All have the numbers of parts, facets and materials of the whole, and the target's number.
+    """
+    if not hinged:
+        return (surface,)
+    names = surface.mesh.part_names
+    carried = np.full(len(names), -1)
+    for number, hinge in enumerate(hinged):
+        for part in hinge.parts:
+            if part not in names:
+                guess = did_you_mean(part, names)
+                raise ScenarioError(
+                    f"joint {hinge.axes}: no part '{part}' in {surface.mesh.path.name}{guess} ({', '.join(names)})"
+                )
+            at = names.index(part)
+            if carried[at] >= 0:
+                raise ScenarioError(
+                    f"joint {hinge.axes}: part '{part}' is on {hinged[carried[at]].axes} already; leave it out of one"
+                )
+            carried[at] = number
+    of_facet = carried[surface.part]
+    if np.all(of_facet >= 0):
+        raise ScenarioError(f"joint {hinged[0].axes}: no part is left that stands still; leave one out of the joints")
+    return (
+        _some(surface, of_facet < 0, surface.name, np.zeros(3)),
+        *(
+            _some(surface, of_facet == number, hinge.axes, np.array(hinge.position_m))
+            for number, hinge in enumerate(hinged)
+        ),
+    )
+
+
+def _some(surface: Surface, which: np.ndarray, name: str, origin_m: np.ndarray) -> Surface:
+    """Return the surface of some facets (a mask), in axes of that name at `origin_m` (xyz) of the surface's own."""
+    mesh = surface.mesh
+    fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])
+    return replace(surface, name=name, mesh=fewer, vertices=surface.vertices - origin_m)

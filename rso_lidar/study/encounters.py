@@ -1,0 +1,291 @@
+"""Encounters: every close approach of one object of a catalogue to all others, as a table."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import io
+import math
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from rso_lidar import units
+from rso_lidar.errors import CatalogError, RecordingError, RsoLidarWarning, RunError, ScenarioError, did_you_mean
+from rso_lidar.orbit.catalog import Catalog, read_element_sets
+from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.screening import screen
+from rso_lidar.orbit.teme import STALE_DAYS
+from rso_lidar.study.sighting import Encounter, reach_m, sightings
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.lidar import Lidar
+
+Order = Literal["range", "time", "speed"]
+MAX_SLEW_DEG_S = 2.0
+_KEYS = {
+    "range": lambda row: (row.range_m, row.time_s),
+    "time": lambda row: (row.time_s, row.range_m),
+    "speed": lambda row: (row.speed_m_s, row.time_s),
+}
+NOTE = (
+    "Element sets are good to about a kilometre, and worse with age: these are plausible encounters, not predictions."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Encounters:
+    """The encounters of one follower, sorted; `rejected` says of objects why they were not flown, or not to the end."""
+
+    rows: tuple[Encounter, ...]
+    follower: ElementSet
+    lidar: Lidar
+    lidar_name: str
+    start_utc: datetime.datetime
+    days: float
+    within_m: float
+    max_slew_deg_s: float
+    reach_m: tuple[float, float]
+    screened: int
+    rejected: tuple[tuple[str, str], ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def title(self) -> str:
+        """Return one line that says what was asked."""
+        return (
+            f"{self.follower.label} within {self.within_m / units.KM:g} km of {self.screened:,} objects, "
+            f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.days:g} days"
+        )
+
+    def cells(self) -> tuple[list[str], list[list[str]]]:
+        """Return heads and rows of text, as they are shown; `csv` has more columns."""
+        heads = ["#", "object", "norad", "closest approach, UTC", "range, km", "speed, m/s", "inside, s"]
+        heads += ["lidar, s", "slew, deg/s", "usable, s", "phase, deg", "light", "limb, deg", "age, d"]
+        return heads, [_shown(number, row) for number, row in enumerate(self.rows, start=1)]
+
+    def notes(self) -> list[str]:
+        """Return the lines that belong under the table."""
+        lines = [
+            f"lidar {self.lidar_name}: reaches {self.reach_m[0]:,.0f} to {self.reach_m[1]:,.0f} m (a facing plate of 1 m2, "
+            f"reflectance 0.30); usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s",
+            NOTE,
+        ]
+        if self.rejected:
+            first = "; ".join(f"{label}: {why}" for label, why in self.rejected[:3])
+            more = f"; and {len(self.rejected) - 3} more" if len(self.rejected) > 3 else ""
+            lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
+        return lines
+
+    def table(self) -> str:
+        """Return the table as plain text, with its title and notes."""
+        if not self.rows:
+            return "\n".join([self.title, "no encounter found", *self.notes()])
+        heads, body = self.cells()
+        widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
+        left = {1, 3}
+        lines = [
+            "  ".join(
+                cell.ljust(width) if k in left else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in (heads, *body)
+        ]
+        return "\n".join([self.title, *lines, *self.notes()])
+
+    def csv(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Return the path of all rows and columns written as CSV; names end in their unit."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        names = Encounter.columns()
+        writer.writerow(names)
+        writer.writerows([_written(getattr(row, name)) for name in names] for row in self.rows)
+        return write_text(path, text.getvalue(), overwrite=overwrite)
+
+
+def encounters(
+    catalog: str | Path | Iterable[ElementSet],
+    follower: int | str | ElementSet,
+    *,
+    within_m: float,
+    start_utc: datetime.datetime,
+    days: float,
+    lidar: Lidar | None = None,
+    lidar_name: str = "",
+    max_slew_deg_s: float = MAX_SLEW_DEG_S,
+    sunlit: bool = False,
+    min_duration_s: float = 0.0,
+    sort: Order = "range",
+    limit: int | None = None,
+) -> Encounters:
+    """Return every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
+
+    An encounter is one stay within `within_m` [m]; all objects are flown by SGP4, whose element sets are good to about a
+    kilometre. Of several sets of one object the nearest to the start is flown.
+
+    Parameters
+    ----------
+    catalog : file of element sets, a catalogue, or element sets
+    follower : catalogue number, name, or an element set of its own
+    start_utc, days : span looked at; the start with an offset
+    lidar : instrument whose reach is asked for; the preset ``long_range_1064`` if None
+    sunlit : only where the object is in sunlight at the closest approach
+    min_duration_s : only stays at least so long [s]
+    """
+    from rso_lidar.scenario.lidar import Lidar
+
+    checked_span(within_m, start_utc, days, max_slew_deg_s)
+    if lidar is None:
+        lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
+    sets, problems = _sets(catalog)
+    lead = follower if isinstance(follower, ElementSet) else _follower(sets, follower, start_utc, catalog)
+    others = _one_each([entry for entry in sets if not _same(entry, lead)], start_utc)
+    age_days = abs((start_utc - lead.epoch_utc).total_seconds()) / units.DAY_S + days
+    if age_days > STALE_DAYS:
+        warnings.warn(
+            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {lead.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the span",
+            RsoLidarWarning,
+            stacklevel=2,
+        )
+    found = screen(lead, others, start_utc, days * units.DAY_S, within_m)
+    reach = reach_m(lidar)
+    rows = sorted(sightings(found, reach, max_slew_deg_s), key=_KEYS[sort])
+    rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
+    return Encounters(
+        rows=tuple(rows[:limit]),
+        follower=lead,
+        lidar=lidar,
+        lidar_name=lidar_name or lidar.preset or "as given",
+        start_utc=start_utc,
+        days=days,
+        within_m=within_m,
+        max_slew_deg_s=max_slew_deg_s,
+        reach_m=reach,
+        screened=len(others),
+        rejected=(*problems, *found.rejected),
+    )
+
+
+def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
+    """Refuse limits and spans that mean nothing, each with its cure."""
+    if not 0.0 < within_m <= 1e8:
+        raise ScenarioError(f"within: {within_m:g} m is no distance to look within; give one up to 100,000 km")
+    if start_utc.tzinfo is None:
+        raise ScenarioError("start: a time without an offset is ambiguous; end it with Z or +00:00")
+    if not 0.0 < days <= 60.0:
+        raise ScenarioError(f"days: {days:g} is no span; give more than 0 and at most 60 days")
+    if not 0.0 < max_slew_deg_s < 1e6:
+        raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is no limit; give more than 0")
+
+
+def checked_output(path: str | Path, *, overwrite: bool) -> Path:
+    """Return the path of an output that may be written."""
+    place = Path(path).expanduser()
+    if place.is_dir():
+        raise RecordingError(f"{place}: is a folder; give a file name in it")
+    if not place.parent.is_dir():
+        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+    if place.exists() and not overwrite:
+        raise RecordingError(f"{place}: exists already; choose another name, or give --overwrite")
+    return place
+
+
+def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
+    """Return the path of a text written whole or not at all."""
+    place = checked_output(path, overwrite=overwrite)
+    draft = place.with_name(f"{place.name}.part")
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(place)
+    except PermissionError as error:
+        raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
+    except OSError as error:
+        raise RunError(f"{place}: could not be written: {error.strerror or error}") from None
+    finally:
+        draft.unlink(missing_ok=True)
+    return place
+
+
+def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
+    """Return the element sets of a catalogue, and what is wrong with others."""
+    if isinstance(catalog, str | Path):
+        catalog = Catalog.from_file(catalog)
+    sets = list(catalog)
+    bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
+    told = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
+    return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in told]
+
+
+def _follower(sets: list[ElementSet], wanted: int | str, start_utc: datetime.datetime, catalog: Any) -> ElementSet:
+    """Return the element set of the follower, by number or name, the nearest to the start."""
+    text = str(wanted).strip()
+    where = str(catalog) if isinstance(catalog, str | Path) else "catalogue"
+
+    def is_meant(entry: ElementSet) -> bool:
+        return entry.norad_id == int(text) if text.isdigit() else entry.name.casefold() == text.casefold()
+
+    meant = [entry for entry in sets if is_meant(entry)]
+    if not meant:
+        read = read_element_sets(catalog) if isinstance(catalog, str | Path) else []
+        for entry in filter(is_meant, read):
+            raise CatalogError(f"follower: {entry.problem}")
+        known = {(str(entry.norad_id) if text.isdigit() else entry.name.casefold()): entry for entry in sets}
+        guess = did_you_mean(text.casefold(), filter(None, known))
+        for key, entry in known.items() if guess else ():
+            guess = guess.replace(f"'{key}'?", f"'{entry.norad_id if text.isdigit() else entry.name}'?")
+        raise CatalogError(f"{where}: no follower '{text}' among {len(sets):,} element sets{guess or '; check it'}")
+    if len({entry.norad_id for entry in meant}) > 1:
+        numbers = ", ".join(str(number) for number in sorted({entry.norad_id for entry in meant})[:6])
+        raise CatalogError(f"{where}: several objects are named '{text}' ({numbers}); give the catalogue number")
+    return min(meant, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+
+
+def _same(entry: ElementSet, lead: ElementSet) -> bool:
+    return entry is lead or (entry.norad_id == lead.norad_id != 0)
+
+
+def _one_each(sets: list[ElementSet], start_utc: datetime.datetime) -> list[ElementSet]:
+    """Return one set for each object, the nearest to the start."""
+    chosen: dict[Any, tuple[float, ElementSet]] = {}
+    for number, entry in enumerate(sets):
+        key = entry.norad_id or f"unnumbered {number}"
+        off_s = abs((entry.epoch_utc - start_utc).total_seconds())
+        if key not in chosen or off_s < chosen[key][0]:
+            chosen[key] = off_s, entry
+    return [entry for _, entry in chosen.values()]
+
+
+def _shown(number: int, row: Encounter) -> list[str]:
+    light = "Sun" if row.sunlit_fraction >= 0.99 else "dark" if row.sunlit_fraction <= 0.01 else "part"
+    minima = f" ({row.minima} minima)" if row.minima > 1 else ""
+    return [
+        str(number),
+        row.label + minima,
+        str(row.norad_id),
+        row.closest_utc,
+        f"{row.range_m / units.KM:,.3f}",
+        f"{row.speed_m_s:,.1f}",
+        ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
+        f"{row.lidar_s:,.1f}",
+        f"{row.slew_deg_s:,.3f}",
+        f"{row.usable_s:,.1f}",
+        _degrees(row.phase_deg),
+        light,
+        _degrees(row.earth_limb_deg),
+        f"{row.age_days:.1f}",
+    ]
+
+
+def _degrees(angle: float) -> str:
+    return "-" if math.isnan(angle) else str(round(angle))
+
+
+def _written(value: Any) -> Any:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.9g}" if isinstance(value, float) else value

@@ -1,0 +1,236 @@
+"""What one encounter offers to a lidar: light, background, and for how long range and slew allow it to look."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.environment import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
+from rso_lidar.orbit.epochs import Epochs, utc_text
+from rso_lidar.orbit.fleet import Fleet
+from rso_lidar.orbit.screening import Screened
+from rso_lidar.orbit.stays import Stay
+from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
+from rso_lidar.orbit.teme import gcrs_from_teme
+from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.lidar import Lidar
+
+REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
+_EACH_SIDE = 100  # instants looked at before and after the closest approach, twice
+_TOGETHER_M = 1e-3
+_LOT = 1000  # encounters looked at together
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """One stay of an object within the limit; what has no span of its own holds at the closest approach.
+
+    `minima` counts the minima of range in the stay, of which the least is the closest approach; `entered` and `left`
+    are False where the days asked for begin or end inside. Angles: `phase_deg` at the object between Sun and follower
+    (0: the Sun is behind the follower), `sun_angle_deg` from the line of sight to the Sun, `earth_limb_deg` from it to
+    the Earth's limb (negative: the Earth is behind the object), `beta_deg` of the Sun over the follower's orbit.
+    `slew_deg_s` and `turning_deg_s2` are rate and acceleration of the line of sight in inertial axes,
+    `peak_turning_deg_s2` the greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach, `slew_s` that
+    within the slew limit, `usable_s` that within both (to about 1 %).
+    """
+
+    name: str
+    norad_id: int
+    closest_utc: str
+    range_m: float
+    speed_m_s: float
+    from_utc: str
+    to_utc: str
+    inside_s: float
+    entered: bool
+    left: bool
+    minima: int
+    age_days: float
+    follower_age_days: float
+    sunlit_fraction: float
+    follower_sunlit_fraction: float
+    phase_deg: float
+    sun_angle_deg: float
+    earth_limb_deg: float
+    beta_deg: float
+    slew_deg_s: float
+    turning_deg_s2: float
+    peak_turning_deg_s2: float
+    lidar_s: float
+    slew_s: float
+    usable_s: float
+    time_s: float = field(metadata={"private": True})
+    span_s: tuple[float, float] = field(metadata={"private": True})
+    stay: Stay = field(repr=False, compare=False, metadata={"private": True})
+    elements: ElementSet = field(repr=False, compare=False, metadata={"private": True})
+
+    @property
+    def label(self) -> str:
+        """Return the object's name, or its catalogue number where it has none."""
+        return self.name or f"NORAD {self.norad_id}"
+
+    @classmethod
+    def columns(cls) -> list[str]:
+        """Return the names of what is tabulated; those with a unit end in it."""
+        return [entry.name for entry in fields(cls) if not entry.metadata.get("private")]
+
+
+def reach_m(lidar: Lidar) -> tuple[float, float]:
+    """Return from where to where [m] a lidar sees a plate of 1 m2, Lambertian 0.30, that faces it.
+
+    The near end is the detector's. The far end is the detector's too, or where the light of the whole plate, in one pixel
+    (filled up to where the pixel is larger than the plate, then with its share), is the threshold of detection [photons].
+    """
+    detector, receiver = lidar.detector, lidar.receiver
+    at_1_m = filled_pixel(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
+    filled = math.sqrt(at_1_m)
+    alone = math.sqrt(PLATE_M2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate
+    far = filled if filled <= alone else math.sqrt(filled * alone)
+    return float(detector.sees_from_m), float(min(detector.sees_to_m, far))
+
+
+def sightings(screened: Screened, reach: tuple[float, float], max_slew_deg_s: float) -> list[Encounter]:
+    """Return one encounter for each stay, in the order of the stays."""
+    rows: list[Encounter] = []
+    for begin in range(0, len(screened.stays), _LOT):
+        rows += _some(screened, screened.stays[begin : begin + _LOT], reach, max_slew_deg_s)
+    return rows
+
+
+def _some(
+    screened: Screened, stays: tuple[Stay, ...], reach: tuple[float, float], max_slew_deg_s: float
+) -> list[Encounter]:
+    lead, fleet = screened.follower, screened.fleet
+    which = np.array([stay.which for stay in stays])
+    time_s = np.array([stay.time_s for stay in stays])
+    range_m = np.array([stay.range_m for stay in stays])
+    epochs = Epochs(fleet.start_utc, time_s)
+    target, own = _gcrs(fleet, which, epochs), _gcrs(lead, np.zeros_like(which), epochs)
+    line = target.position_m - own.position_m
+    sun = sun_position_m(epochs)
+    speed = np.linalg.norm(target.velocity_m_s - own.velocity_m_s, axis=1)
+    table: dict[str, np.ndarray] = {
+        "range_m": range_m,
+        "speed_m_s": speed,
+        "age_days": _age_days(fleet, which, time_s),
+        "follower_age_days": _age_days(lead, np.zeros_like(which), time_s),
+        "sunlit_fraction": sunlit_fraction(target.position_m, sun),
+        "follower_sunlit_fraction": sunlit_fraction(own.position_m, sun),
+        "phase_deg": phase_angle_rad(target.position_m, own.position_m, sun) / units.DEG,
+        "sun_angle_deg": angle_rad(line, sun - own.position_m) / units.DEG,
+        "earth_limb_deg": earth_limb_angle_rad(line, own.position_m) / units.DEG,
+        "beta_deg": beta_angle_rad(own, sun) / units.DEG,
+        "time_s": time_s,
+    }
+    for name in ("phase_deg", "sun_angle_deg", "earth_limb_deg"):
+        table[name][range_m < _TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
+    looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s)
+    table |= looked
+    rows = []
+    for k, stay in enumerate(stays):
+        elements = fleet.sets[stay.which]
+        values: dict[str, Any] = {name: float(column[k]) for name, column in table.items()}
+        rows.append(
+            Encounter(
+                name=elements.name,
+                norad_id=elements.norad_id,
+                closest_utc=utc_text(fleet.start_utc, stay.time_s),
+                from_utc=utc_text(fleet.start_utc, stay.enter_s),
+                to_utc=utc_text(fleet.start_utc, stay.leave_s),
+                inside_s=stay.leave_s - stay.enter_s,
+                entered=stay.entered,
+                left=stay.left,
+                minima=len(stay.minima_s),
+                span_s=spans[k],
+                stay=stay,
+                elements=elements,
+                **values,
+            )
+        )
+    return rows
+
+
+def _gcrs(fleet: Fleet, which: np.ndarray, epochs: Epochs) -> BodyState:
+    position, velocity = fleet.at(which, epochs.time_s)
+    rotation = gcrs_from_teme(epochs)
+    return BodyState(turned(rotation, position), turned(rotation, velocity))
+
+
+def _age_days(fleet: Fleet, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    since = np.array([(fleet.start_utc - fleet.sets[k].epoch_utc).total_seconds() for k in which])
+    age: np.ndarray = (since + time_s) / units.DAY_S
+    return age
+
+
+def _looked(
+    screened: Screened,
+    stays: tuple[Stay, ...],
+    speed_m_s: np.ndarray,
+    reach: tuple[float, float],
+    max_slew_deg_s: float,
+) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
+    """Return what needs the whole stay, and from when to when [s] the lidar reaches around the nearest (NaN: never).
+
+    Instants crowd toward the closest approach, where the line of sight turns fastest, on the scale of range over speed.
+    """
+    nearest = np.array([stay.time_s for stay in stays])
+    range_m = np.array([stay.range_m for stay in stays])
+    scale = np.clip(range_m / np.maximum(speed_m_s, 1e-6), 1e-3, 1e5)[:, None]
+    u = np.linspace(0.0, 1.0, _EACH_SIDE + 1)[1:]
+    sides = []
+    for end, sign in ((nearest - [stay.enter_s for stay in stays], -1.0), ([s.leave_s for s in stays] - nearest, 1.0)):
+        length = np.maximum(end, 0.0)[:, None]
+        sides += [sign * scale * np.sinh(u * np.arcsinh(length / scale)), sign * length * u]
+    offset = np.sort(np.concatenate([*sides, np.zeros((len(stays), 1))], axis=1), axis=1)
+    time_s = nearest[:, None] + offset
+    shape = time_s.shape
+    which = np.repeat([stay.which for stay in stays], shape[1])
+    there, here = screened.fleet.at(which, time_s.ravel()), screened.follower.at(np.zeros_like(which), time_s.ravel())
+    line, rate = ((a - b).reshape(*shape, 3) for a, b in zip(there, here, strict=True))
+    square = np.maximum(np.einsum("nti,nti->nt", line, line), 1e-6)
+    turning = np.cross(line, rate) / square[..., None]  # the rate of the line of sight [rad/s]
+    slew = np.sqrt(np.einsum("nti,nti->nt", turning, turning))
+    step = np.diff(time_s, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.diff(turning, axis=1) / step[..., None]
+    change = np.where(step[..., None] > 1e-6, change, 0.0)
+    acceleration = np.sqrt(np.einsum("nti,nti->nt", change, change))
+    middle = np.argmin(np.abs(offset), axis=1)
+    each = np.arange(len(stays))
+    beside = np.clip(np.stack([middle - 1, middle]), 0, step.shape[1] - 1)
+    apart = np.sqrt(square)
+    too_far = np.maximum(apart / reach[1], reach[0] / np.maximum(apart, 1e-3)) - 1.0
+    too_fast = slew / (max_slew_deg_s * units.DEG) - 1.0
+    spans = []
+    for k in range(len(stays)):
+        out = np.flatnonzero(too_far[k] > 0.0)
+        first = int(out[out < middle[k]].max(initial=-1)) + 1  # the run of instants in reach around the nearest
+        last = int(out[out > middle[k]].min(initial=shape[1])) - 1
+        never = bool(too_far[k, middle[k]] > 0.0)
+        spans.append((math.nan, math.nan) if never else (float(time_s[k, first]), float(time_s[k, last])))
+    return {
+        "slew_deg_s": slew[each, middle] / units.DEG,
+        "turning_deg_s2": np.mean([acceleration[each, row] for row in beside], axis=0) / units.DEG,
+        "peak_turning_deg_s2": acceleration.max(axis=1) / units.DEG,
+        "lidar_s": _time_below(too_far, step),
+        "slew_s": _time_below(too_fast, step),
+        "usable_s": _time_below(np.maximum(too_far, too_fast), step),
+    }, spans
+
+
+def _time_below(value: np.ndarray, step_s: np.ndarray) -> np.ndarray:
+    """Return for how long (row) [s] values (row, instant), straight between instants, are not above zero."""
+    low, high = np.minimum(value[:, :-1], value[:, 1:]), np.maximum(value[:, :-1], value[:, 1:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(high <= 0.0, 1.0, np.where(low > 0.0, 0.0, -low / (high - low)))
+    total: np.ndarray = np.sum(share * step_s, axis=1)
+    return total

@@ -1,0 +1,279 @@
+"""Catalogues of every format, mixed and dirty: what is good is kept, what is bad is told with place and reason."""
+
+import datetime
+import json
+
+import pytest
+
+from rso_lidar.errors import CatalogError
+from rso_lidar.orbit.catalog import Catalog
+from rso_lidar.orbit.tle_text import checksum
+
+# Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
+ENVISAT_2013 = (
+    "1 27386U 02009A   13296.16551405  .00000100  00000-0  47533-4 0  8339",
+    "2 27386 098.4160 001.9229 0001126 079.5538 280.5787 14.37637337609529",
+)
+ENVISAT_2020 = (
+    "1 27386U 02009A   20290.00854375  .00000022  00000-0  20588-4 0  9993",
+    "2 27386  98.1398 290.7332 0001195  90.6832 325.5676 14.37995280975942",
+)
+TERRASAR = (
+    "1 31698U 07026A   26074.52702793  .00001102  00000+0  55648-4 0  9991",
+    "2 31698  97.4465  83.5666 0001759  83.5600 276.5835 15.19149353 39001",
+)
+BOTH = ["ENVISAT", *ENVISAT_2013, "ENVISAT", *ENVISAT_2020, "0 TERRASAR-X", *TERRASAR]
+
+
+def utc(*parts):
+    return datetime.datetime(*parts, tzinfo=datetime.UTC)
+
+
+def with_checksum(line):
+    return line[:68] + str(checksum(line))
+
+
+RECORD = {
+    "OBJECT_NAME": "STARLINK-9",
+    "OBJECT_ID": "2026-100A",
+    "EPOCH": "2026-05-07T01:02:03.123456",
+    "MEAN_MOTION": 15.06,
+    "ECCENTRICITY": 0.0001,
+    "INCLINATION": 53.0,
+    "RA_OF_ASC_NODE": 10.0,
+    "ARG_OF_PERICENTER": 20.0,
+    "MEAN_ANOMALY": 30.0,
+    "NORAD_CAT_ID": 100123456,
+    "BSTAR": 1e-4,
+}
+
+
+def strings(record):
+    return {key: str(value) for key, value in record.items()}
+
+
+def kvn(record, head="CCSDS_OMM_VERS = 2.0\nCOMMENT made up\n"):
+    return head + "".join(f"{key} = {value}\n" for key, value in record.items())
+
+
+def xml(*records):
+    body = "".join(f"<{key}>{value}</{key}>" for record in records for key, value in record.items())
+    return f"<omm><body><segment><metadata/><data>{body}</data></segment></body></omm>"
+
+
+FORMATS = {
+    "json, numbers": lambda: json.dumps([RECORD]),
+    "json, one object": lambda: json.dumps(RECORD, indent=2),
+    "json, strings": lambda: json.dumps([strings(RECORD) | {"TLE_LINE0": "0 X", "GP_ID": None}]),
+    "json, lower case": lambda: json.dumps([{key.lower(): value for key, value in RECORD.items()}]),
+    "json in data": lambda: json.dumps({"data": [RECORD]}),
+    "json lines": lambda: json.dumps(RECORD) + "\n",
+    "csv": lambda: ",".join(RECORD) + "\n" + ",".join(strings(RECORD).values()) + "\r\n",
+    "csv, quoted": lambda: '"' + '","'.join(RECORD) + '"\n"' + '","'.join(strings(RECORD).values()) + '"\n',
+    "kvn": lambda: kvn(RECORD),
+    "kvn, units": lambda: kvn(RECORD).replace("53.0", "53.0 [deg]").replace("15.06", "15.06 [rev/day]"),
+    "kvn, lower case, no version": lambda: (
+        kvn(RECORD, "").lower().replace("starlink", "STARLINK").replace("t01", "T01")
+    ),
+    "xml": lambda: f'<?xml version="1.0" encoding="UTF-8"?>\n<ndm>{xml(RECORD)}</ndm>',
+    "xml, namespace": lambda: xml(RECORD).replace("<omm>", '<omm xmlns="urn:ccsds:schema:ndmxml">'),
+}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+def test_one_message_in_every_format(form, mark, tmp_path):
+    path = tmp_path / "catalogue.dat"  # the content tells the format
+    path.write_text(mark + FORMATS[form](), encoding="utf-8", newline="")
+    catalog = Catalog.from_file(path)
+    assert catalog.problems == ()
+    (only,) = catalog
+    assert (only.name, only.norad_id) == ("STARLINK-9", 100123456)
+    assert only.object_id.upper() == "2026-100A"
+    assert only.epoch_utc == utc(2026, 5, 7, 1, 2, 3, 123456)
+    assert (only.mean_motion_rev_day, only.inclination_deg, only.bstar_per_earth_radius) == (15.06, 53.0, 1e-4)
+    assert only.where.startswith(f"{path}: ")
+
+
+def test_formats_mixed_with_bad_records_between():
+    bad = {**RECORD, "ECCENTRICITY": 1.5}
+    text = "\n".join(
+        [
+            "# a comment",
+            "ENVISAT",
+            *ENVISAT_2013,
+            kvn(RECORD),
+            "0 TERRASAR-X",
+            *TERRASAR,
+            "an advertisement",
+            "",
+            "ENVISAT",
+            ENVISAT_2020[0],
+            "ENVISAT",
+            *ENVISAT_2020,
+            kvn(bad),
+            kvn(RECORD | {"NORAD_CAT_ID": 7}).replace("EPOCH", "EPOCH = 2026-05-07T00:00:00\nEPOCH"),
+            "1 31698",
+            TERRASAR[1],
+        ]
+    )
+    catalog = Catalog.from_text(text.replace("\n", "\r\n"), "mixed")
+    assert [entry.norad_id for entry in catalog] == [27386, 100123456, 31698, 27386]
+    told = "\n".join(catalog.problems)
+    assert len(catalog.problems) == 5
+    for message in (
+        "mixed: line 26: line 2 of an element set must begin with '2 ', not 'ENVISAT'",
+        "mixed: line 29: eccentricity 1.5 is not from 0 to below 1",
+        "key 'EPOCH' stands there twice, again in line 4",
+        "line 22: 'an advertisement' is no element line",
+        "is truncated: 7 characters",
+    ):
+        assert message in told
+
+
+def test_messages_without_a_version_follow_each_other():
+    text = kvn(RECORD, "") + "\n" + kvn(RECORD | {"NORAD_CAT_ID": 6}, "COMMENT x\n")
+    assert [entry.norad_id for entry in Catalog.from_text(text)] == [100123456, 6]
+
+
+BROKEN_TABLES = {
+    "csv, short row": (
+        lambda good: f"{','.join(RECORD)}\n{good}\nA,B,C\n{good.replace('100123456', '6')}",
+        "line 3: has 3 cells, the header 11",
+    ),
+    "csv, open quote": (
+        lambda good: f'{",".join(RECORD)}\n{good}\n"A,{good}\n{good.replace("100123456", "6")}',
+        "line 3: has 1 cells",
+    ),
+    "json, cut off": (
+        lambda _: json.dumps([RECORD, RECORD | {"NORAD_CAT_ID": 6}, RECORD])[:-40],
+        "line 1: this record is cut off",
+    ),
+    "json, a bad comma": (
+        lambda _: (
+            "[\n" + ",\n".join([json.dumps(RECORD), '{"NORAD_CAT_ID": 8,,}', json.dumps(RECORD | {"NORAD_CAT_ID": 6})])
+        ),
+        "line 3: this record is no JSON",
+    ),
+    "json, no object": (lambda _: json.dumps([RECORD, 5, RECORD | {"NORAD_CAT_ID": 6}]), "record 2: is no object"),
+    "json, a key twice": (
+        lambda _: json.dumps([RECORD, RECORD | {"NORAD_CAT_ID": 6}])[:-1] + ', {"BSTAR": 1, "bstar": 2}]',
+        "record 3: key 'BSTAR' stands there twice",
+    ),
+    "xml, cut off": (
+        lambda _: f"<ndm>{xml(RECORD)}\n{xml(RECORD | {'NORAD_CAT_ID': 6})}\n{xml(RECORD)[:60]}",
+        "line 3: this message is cut off",
+    ),
+    "xml, a key twice": (
+        lambda _: f"<ndm>{xml(RECORD)}{xml(RECORD | {'NORAD_CAT_ID': 6})}{xml(RECORD, RECORD)}</ndm>",
+        "record 3: key 'OBJECT_NAME' stands there twice",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_TABLES)
+def test_a_bad_record_spoils_itself_only(case):
+    make, message = BROKEN_TABLES[case]
+    catalog = Catalog.from_text(make(",".join(strings(RECORD).values())), "file")
+    assert [entry.norad_id for entry in catalog] == [100123456, 6]
+    (problem,) = catalog.problems
+    assert problem.startswith("file: ")
+    assert message in problem
+    assert "\n" not in problem
+
+
+@pytest.mark.parametrize("form", ["json, numbers", "csv", "xml, namespace", "kvn"])
+def test_a_spoilt_beginning_spoils_no_record(form):
+    catalog = Catalog.from_text("HTTP/1.1 200 OK\n" + FORMATS[form]())
+    assert [entry.norad_id for entry in catalog] == [100123456]
+    assert len(catalog.problems) == 1
+
+
+def test_texts_that_are_no_catalogue_are_one_line():
+    cases = {
+        "": "is empty",
+        "[]": "holds no two-line element set",
+        "{}": None,
+        "[[[": "holds no two-line",
+        "[" * 100_000 + '"': "holds no two-line",
+        '<!DOCTYPE x [<!ENTITY a "b">]><omm>&a;</omm>': "declares a DOCTYPE",
+        "<ndm></ndm>": "holds no two-line",
+        "EPOCH,MEAN_MOTION,BSTAR\n1,2,3": "column NORAD_CAT_ID, ECCENTRICITY",
+        ",".join([*RECORD, "BSTAR"]): "column 'BSTAR' stands there twice",
+        ",".join(RECORD): "holds no two-line",
+        '[{"NORAD_CAT_ID": ' + "9" * 5000 + "}]": None,
+    }
+    for text, message in cases.items():
+        if message is None:
+            catalog = Catalog.from_text(text)
+            assert len(catalog) == 0
+            assert len(catalog.problems) == 1
+            continue
+        with pytest.raises(CatalogError, match=message) as caught:
+            Catalog.from_text(text)
+        assert "\n" not in str(caught.value)
+
+
+def test_the_same_set_twice_is_kept_once(tmp_path):
+    other = with_checksum(TERRASAR[1].replace("97.4465", "97.4466"))
+    catalog = Catalog.from_text("\n".join([*BOTH, "T", *TERRASAR, *ENVISAT_2020, TERRASAR[0], other]))
+    assert (len(catalog), catalog.duplicates) == (3, 2)
+    (problem,) = catalog.problems
+    assert "line 15: NORAD 31698 has other elements here than at line 8 for the same epoch" in problem
+    # those of one object in the order of epochs
+    assert [entry.line1 for entry in catalog.objects()[27386]] == [ENVISAT_2013[0], ENVISAT_2020[0]]
+
+
+def test_filter():
+    catalog = Catalog.from_text("\n".join(BOTH) + "\n" + kvn(RECORD | {"MEAN_MOTION": 1.0027}))
+    assert [entry.name for entry in catalog.filter(name="envi")] == ["ENVISAT", "ENVISAT"]
+    assert [entry.name for entry in catalog.filter(name="terra*x")] == ["TERRASAR-X"]
+    assert len(catalog.filter(name="terra*s")) == 0
+    assert len(catalog.filter(norad_id=[27386, 31698])) == 3
+    assert [entry.norad_id for entry in catalog.filter(regime="geo")] == [100123456]
+    assert len(catalog.filter(regime="leo", norad_id=31698)) == 1
+    assert len(catalog.filter(epoch_within=(utc(2013, 1, 1), utc(2020, 12, 31)))) == 2
+    assert len(catalog.filter(max_age_days=1.0, at=utc(2020, 10, 16))) == 1
+    for wrong in ({"regime": "low"}, {"max_age_days": 3.0}, {"epoch_within": (datetime.datetime(2020, 1, 1),) * 2}):
+        with pytest.raises(CatalogError):
+            catalog.filter(**wrong)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".tle"])
+def test_what_is_written_is_read_again(suffix, tmp_path):
+    text = "\n".join(BOTH) + ("\n" + kvn(RECORD) if suffix != ".tle" else "")
+    catalog = Catalog.from_text(text)
+    path = tmp_path / f"out{suffix}"
+    catalog.write(path)
+    again = Catalog.from_file(path)
+    assert again.problems == ()
+    assert [entry.omm() for entry in again] == [entry.omm() for entry in catalog]
+    with pytest.raises(CatalogError, match="no format of catalogues"):
+        catalog.write(tmp_path / "out.xls")
+    with pytest.raises(CatalogError, match="no TLE can name it"):
+        Catalog.from_text(kvn(RECORD)).write(tmp_path / "out.tle")
+
+
+def test_what_a_web_page_or_an_old_disk_puts_around():
+    catalog = Catalog.from_text("<pre>\n" + "\n".join(TERRASAR) + "\n</pre>\n")
+    assert [(entry.name, entry.norad_id) for entry in catalog] == [("", 31698)]
+    assert [problem.split(":")[1] for problem in catalog.problems] == [" line 1", " line 4"]
+    assert Catalog.from_text("\n".join(TERRASAR) + "\x1a").problems == ()
+    named = RECORD | {"OBJECT_NAME": "IRIDIUM 7 [-]", "INCLINATION": "86 [deg]"}
+    (only,) = Catalog.from_text(kvn(named))
+    assert (only.name, only.inclination_deg) == ("IRIDIUM 7 [-]", 86.0)
+
+
+def test_other_encodings(tmp_path):
+    path = tmp_path / "one.tle"
+    path.write_bytes("\n".join(["SATÉLITE", *TERRASAR]).encode("latin-1"))
+    assert Catalog.from_file(path).sets[0].name == "SATÉLITE"
+    path.write_bytes("\r\n".join(["SATÉLITE", *TERRASAR, ""]).encode("utf-16"))
+    assert Catalog.from_file(path).sets[0].norad_id == 31698
+
+
+def test_every_real_file_is_whole(shared):
+    for path in sorted((shared / "tle" / "pairs").glob("*.tle")):
+        catalog = Catalog.from_file(path)
+        assert catalog.problems == ()
+        assert 2 * sum(line[:2] == "1 " for line in path.read_text().splitlines()) >= 2 * len(catalog) > 0

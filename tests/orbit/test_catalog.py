@@ -1,0 +1,169 @@
+"""Element sets: what is read, what is chosen, and what is refused with file, line and cure."""
+
+import datetime
+
+import pytest
+
+from rso_lidar.errors import CatalogError
+from rso_lidar.orbit.catalog import checksum, choose, parse_lines, read_element_sets
+
+# Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
+ENVISAT_2013 = (
+    "1 27386U 02009A   13296.16551405  .00000100  00000-0  47533-4 0  8339",
+    "2 27386 098.4160 001.9229 0001126 079.5538 280.5787 14.37637337609529",
+)
+ENVISAT_2020 = (
+    "1 27386U 02009A   20290.00854375  .00000022  00000-0  20588-4 0  9993",
+    "2 27386  98.1398 290.7332 0001195  90.6832 325.5676 14.37995280975942",
+)
+TERRASAR = (
+    "1 31698U 07026A   26074.52702793  .00001102  00000+0  55648-4 0  9991",
+    "2 31698  97.4465  83.5666 0001759  83.5600 276.5835 15.19149353 39001",
+)
+BOTH = ["ENVISAT", *ENVISAT_2013, "ENVISAT", *ENVISAT_2020, "0 TERRASAR-X", *TERRASAR]
+
+
+def utc(*parts):
+    return datetime.datetime(*parts, tzinfo=datetime.UTC)
+
+
+def with_checksum(line):
+    return line[:68] + str(checksum(line))
+
+
+def test_names_numbers_and_epochs():
+    sets = parse_lines(["# a comment", "", *[line + "  \r" for line in BOTH]], "file")
+    assert [entry.name for entry in sets] == ["ENVISAT", "ENVISAT", "TERRASAR-X"]
+    assert [entry.norad_id for entry in sets] == [27386, 27386, 31698]
+    assert [entry.problem for entry in sets] == [None] * 3
+    # day 296.16551405 of 2013 is 23 October, 0.16551405 day = 3 h 58 min 20.413920 s
+    assert sets[0].epoch_utc == utc(2013, 10, 23, 3, 58, 20, 413920)
+    assert sets[2].label == "TERRASAR-X (NORAD 31698)"
+
+
+def test_a_file_without_names(tmp_path):
+    path = tmp_path / "two.tle"
+    path.write_text("\n".join(TERRASAR))
+    (only,) = read_element_sets(path)
+    assert (only.name, only.norad_id, only.label) == ("", 31698, "NORAD 31698")
+
+
+def test_nearest_epoch_is_chosen():
+    sets = parse_lines(BOTH, "file")
+    assert choose(sets, "file", name="Envisat", near_utc=utc(2014, 1, 1)).line1 == ENVISAT_2013[0]
+    assert choose(sets, "file", name="envisat", near_utc=utc(2019, 1, 1)).line1 == ENVISAT_2020[0]
+    assert choose(sets, "file", norad_id=27386).line1 == ENVISAT_2020[0]  # the newest
+
+
+def test_several_objects_must_be_told_apart():
+    sets = parse_lines(BOTH, "file.tle")
+    with pytest.raises(
+        CatalogError, match=r"file\.tle: .*ENVISAT \(NORAD 27386\), TERRASAR-X \(NORAD 31698\).* name or norad_id"
+    ):
+        choose(sets, "file.tle")
+    with pytest.raises(CatalogError, match="did you mean 'TERRASAR-X'"):
+        choose(sets, "file.tle", name="terrasar")
+    with pytest.raises(CatalogError, match="no object with norad_id 5"):
+        choose(sets, "file.tle", norad_id=5)
+    twins = parse_lines(["TWIN", *TERRASAR, "TWIN", *ENVISAT_2013], "file")
+    with pytest.raises(CatalogError, match="choose one with norad_id"):
+        choose(twins, "file", name="twin")
+
+
+def test_alpha5_numbers():
+    # Space-Track: A0000 is 100000, Z9999 is 339999, I and O are left out
+    for field, number in [
+        ("A0000", 100000),
+        ("H9999", 179999),
+        ("J0000", 180000),
+        ("P0000", 230000),
+        ("Z9999", 339999),
+    ]:
+        lines = [with_checksum(line[:2] + field + line[7:]) for line in TERRASAR]
+        (only,) = parse_lines(lines, "file")
+        assert (only.norad_id, only.problem) == (number, None)
+    for field in ("I0000", "O0000", "a0000"):
+        lines = [with_checksum(line[:2] + field + line[7:]) for line in TERRASAR]
+        with pytest.raises(CatalogError):
+            choose(parse_lines(lines, "file"), "file")
+
+
+BROKEN = {
+    "checksum": (
+        (TERRASAR[0][:-1] + "5", TERRASAR[1]),
+        r"line 5: wrong checksum: its digits add up to 1, its last is '5'",
+    ),
+    "checksum 2": (
+        (TERRASAR[0], TERRASAR[1][:-1] + "7"),
+        r"line 6: wrong checksum: its digits add up to 1, its last is '7'",
+    ),
+    "truncated": ((TERRASAR[0], TERRASAR[1][:-6]), r"line 6: is truncated: 63 characters"),
+    "too long": ((TERRASAR[0] + "12", TERRASAR[1]), r"line 5: is too long: 71 characters"),
+    "other object": ((TERRASAR[0], ENVISAT_2020[1]), r"line 6: is of object '27386', the line before it of '31698'"),
+    "line number": ((TERRASAR[0], "3" + TERRASAR[1][1:]), r"line 6: line 2 of an element set must begin with '2 '"),
+    "one line": ((TERRASAR[0],), r"line 5: the file ends before line 2"),
+    "not a number": (
+        (TERRASAR[0], with_checksum(TERRASAR[1].replace("97.4465", "97.x465"))),
+        r"line 6: inclination ' 97.x465' is not a number",
+    ),
+    "drag": (
+        (with_checksum(TERRASAR[0].replace("55648-4", "5564.-4")), TERRASAR[1]),
+        r"line 5: drag term ' 5564.-4' is not a number",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_set_is_refused_and_stops_no_other(case, tmp_path):
+    lines, message = BROKEN[case]
+    path = tmp_path / "mixed.tle"
+    path.write_text("\n".join(["ENVISAT", *ENVISAT_2020, "TERRASAR-X", *lines]) + "\n")
+    sets = read_element_sets(path)
+    assert choose(sets, str(path), norad_id=27386).line1 == ENVISAT_2020[0]
+    with pytest.raises(CatalogError, match=r"mixed\.tle: " + message) as caught:
+        choose(sets, str(path), name="TERRASAR-X")
+    assert "\n" not in str(caught.value)
+    alone = parse_lines(lines, "alone")
+    with pytest.raises(CatalogError, match=r"alone: line"):
+        choose(alone, "alone")
+
+
+def test_a_lost_line_1():
+    sets = parse_lines(["A", TERRASAR[1], "ENVISAT", *ENVISAT_2020], "file")
+    assert choose(sets, "file", name="ENVISAT").problem is None
+    with pytest.raises(CatalogError, match="line 2: a line 2 without its line 1"):
+        choose(sets, "file", norad_id=31698)
+
+
+def test_files_that_are_no_catalogues(tmp_path):
+    cases = {
+        "binary.tle": (b"\x89PNG\r\n\x1a\n\xff\xfe\x00", "not UTF-8 text"),
+        "nul.tle": (b"1 \0", "not UTF-8 text"),
+        "empty.tle": (b" \n", "is empty"),
+        "page.html": (b"<html>\n<p>404</p>\n</html>", "holds no two-line element set"),
+    }
+    for name, (content, message) in cases.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(CatalogError, match=message) as caught:
+            read_element_sets(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(CatalogError, match="no such file"):
+        read_element_sets(tmp_path / "missing.tle")
+    with pytest.raises(CatalogError, match="is a folder"):
+        read_element_sets(tmp_path)
+
+
+def test_a_changed_file_is_read_again(tmp_path):
+    path = tmp_path / "one.tle"
+    path.write_text("\n".join(TERRASAR))
+    assert read_element_sets(path)[0].norad_id == 31698
+    path.write_text("\n".join(["ENVISAT", *ENVISAT_2020]))
+    assert read_element_sets(path)[0].norad_id == 27386
+
+
+def test_real_catalogues_are_whole(shared):
+    for name, count in [("celestrak_active_2019-07-30", 2224), ("celestrak_geo_2026-05-30", 574)]:
+        sets = read_element_sets(shared / "tle" / "catalogs" / f"{name}.tle")
+        assert len(sets) == count
+        assert [entry.problem for entry in sets if entry.problem] == []

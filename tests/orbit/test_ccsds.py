@@ -1,0 +1,123 @@
+"""The text of CCSDS messages: epochs, blocks, XML, and what is refused."""
+
+import datetime
+
+import numpy as np
+import pytest
+
+from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.orbit import ccsds
+from rso_lidar.orbit.ccsds import PS_PER_S, epoch_texts, stamp_ps, stamp_text
+from rso_lidar.orbit.epochs import Epochs
+
+HEAD = "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2024-01-01T00:00:00\nORIGINATOR = TEST\n"
+META = "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2024-001A\nMETA_STOP\n"
+
+
+def test_time_systems_differ_as_the_standards_say():
+    # TAI - UTC = 37 s since 2017 (IERS Bulletin C 52); TT = TAI + 32.184 s; GPS = TAI - 19 s (IS-GPS-200)
+    utc = stamp_ps("2024-09-17T12:00:00", "UTC", "-")
+    assert stamp_ps("2024-09-17T12:00:37", "TAI", "-") == utc
+    assert stamp_ps("2024-09-17T12:01:09.184", "TT", "-") == utc
+    assert stamp_ps("2024-09-17T12:00:18", "GPS", "-") == utc
+
+
+def test_day_of_year_and_calendar_are_the_same_instant():
+    assert stamp_ps("2024-261T12:00:00.25Z", "UTC", "-") == stamp_ps("2024-09-17T12:00:00.250", "UTC", "-")
+    assert stamp_ps("2024-366T00:00:00", "UTC", "-") == stamp_ps("2024-12-31T00:00:00", "UTC", "-")
+
+
+def test_a_leap_second_is_a_second_of_its_own():
+    before, leap, after = (
+        stamp_ps(text, "UTC", "-") for text in ("2016-12-31T23:59:59", "2016-12-31T23:59:60", "2017-01-01T00:00:00")
+    )
+    assert leap - before == after - leap == PS_PER_S
+    epochs = Epochs(datetime.datetime(2016, 12, 31, 23, 59, 59, tzinfo=datetime.UTC), np.array([0.0, 1.5, 2.0]))
+    assert epoch_texts(epochs) == ["2016-12-31T23:59:59.000", "2016-12-31T23:59:60.500", "2017-01-01T00:00:00.000"]
+
+
+def test_every_digit_of_an_epoch_survives():
+    for text in ("2026-03-01T00:00:00.000000000001", "1999-12-31T23:59:59.999999999999", "2150-06-30T06:07:08.123"):
+        assert stamp_text(stamp_ps(text, "UTC", "-")) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "system", "says"),
+    [
+        ("2024-02-30T00:00:00", "UTC", "no such day"),
+        ("2023-366T00:00:00", "UTC", "no such day"),
+        ("2024-000T00:00:00", "UTC", "no such day"),
+        ("2024-01-01T24:00:00", "UTC", "no such time"),
+        ("2024-01-01T23:59:60", "UTC", "no such time"),  # no leap second that day
+        ("2016-12-31T23:59:60", "TAI", "no such time"),  # TAI has none
+        ("1066-10-14T09:00:00", "UTC", "year"),
+        ("17 Sep 2024", "UTC", "write 2024-09-17"),
+        ("2024-09-17T12:00", "UTC", "write 2024-09-17"),
+    ],
+)
+def test_bad_epochs_are_refused(text, system, says):
+    with pytest.raises(ScenarioError, match=says) as error:
+        stamp_ps(text, system, "file: line 7")
+    assert str(error.value).startswith("file: line 7: epoch") and "\n" not in str(error.value)
+
+
+def test_blocks_comments_and_covariance():
+    text = (
+        HEAD
+        + "COMMENT x = y\n\n"
+        + META
+        + "COMMENT rows\n2024-001T00:00:00 1 2\nCOVARIANCE_START\nEPOCH = 2024-001T00:00:00\n1 2 3\nCOVARIANCE_STOP\n"
+        + "2024-001T00:01:00 3 4\n"
+        + META
+    )
+    message = ccsds.read_message(text, "OEM", "f")
+    assert [len(segment.rows) for segment in message.segments] == [2, 0]
+    assert message.segments[0].rows[1] == (16, ["2024-001T00:01:00", "3", "4"])
+    assert message.header["ORIGINATOR"].value == "TEST" and message.segments[0].meta["OBJECT_ID"].line == 8
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("CREATION_DATE = 2024-01-01\n", "line 1: .*begins with CCSDS_OEM_VERS"),
+        ("CCSDS_AEM_VERS = 1.0\n", "line 1: .*begins with CCSDS_OEM_VERS"),
+        ("CCSDS_OEM_VERS = seven\n" + META, "VERS seven"),
+        (HEAD, "no segment"),
+        (HEAD + "META_START\nOBJECT_NAME = A\n", "line 4: META_START is never closed"),
+        (HEAD + "META_START\nMETA_START\n", "line 5: META_START while META_START of line 4"),
+        (HEAD + "META_STOP\n", "line 4: META_STOP while no block"),
+        (HEAD + "COVARIANCE_START\n", "line 4: COVARIANCE_START before any META_START"),
+        (HEAD + "META_START\nOBJECT_NAME = A\nOBJECT_NAME = B\nMETA_STOP\n", "line 6: OBJECT_NAME stands there twice"),
+        (HEAD + "META_START\nwhat is this\nMETA_STOP\n", "line 5: 'what is this'"),
+        (HEAD + META + "REF_FRAME = GCRF\n", "line 8: keyword REF_FRAME among the rows"),
+        ("<oem version='2.0'><body></oem>", "line 1: is not well-formed XML"),
+        ("<oem version='2.0'><body><stateVector><X>1</X></stateVector></body></oem>", "has no segment"),
+        ("<aem version='2.0'></aem>", "holds no <oem>"),
+        ("<!DOCTYPE a [<!ENTITY b 'c'>]><oem version='2.0'/>", "DOCTYPE"),
+        (
+            "<oem version='2.0'><body><segment><data><stateVector><X units='m'>1</X></stateVector></data>"
+            "</segment></body></oem>",
+            "X in m: write km",
+        ),
+    ],
+)
+def test_broken_messages_are_refused_with_their_line(text, says):
+    with pytest.raises(ScenarioError, match=says) as error:
+        ccsds.read_message(text, "OEM", "some.oem")
+    assert str(error.value).startswith("some.oem: ") and "\n" not in str(error.value)
+
+
+def test_an_existing_file_is_kept(tmp_path):
+    path = tmp_path / "a.oem"
+    ccsds.write_text(path, "one", overwrite=False)
+    with pytest.raises(RecordingError, match="exists already"):
+        ccsds.write_text(path, "two", overwrite=False)
+    assert ccsds.write_text(path, "three", overwrite=True).read_text() == "three"
+    with pytest.raises(RecordingError, match="folder that exists"):
+        ccsds.write_text(tmp_path / "no" / "a.oem", "x", overwrite=False)
+
+
+def test_text_that_would_break_the_format_is_refused():
+    for name in ("A\nMETA_STOP", "Ünit", " "):
+        with pytest.raises(RecordingError, match="OBJECT_NAME"):
+            ccsds.kvn_text("OEM", "2.0", {}, {"OBJECT_NAME": name}, [])

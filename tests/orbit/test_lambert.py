@@ -1,0 +1,158 @@
+"""Lambert's problem: every orbit found flies where it should, and what cannot be asked says why."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.kepler import propagate
+from rso_lidar.orbit.lambert import lambert, lambert_all
+
+GM = units.EARTH_GM_M3_S2
+CIRCLE = 7e6
+PERIOD = math.tau * math.sqrt(CIRCLE**3 / GM)
+START = np.array([CIRCLE, 0.0, 0.0])
+
+
+def on_circle(angle_rad, tilt_rad=0.0):
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return CIRCLE * np.array([c, s * math.cos(tilt_rad), s * math.sin(tilt_rad)])
+
+
+def landed(start, orbit, duration_s):
+    position, velocity = propagate(start, orbit.departure_m_s, np.array([duration_s]))
+    return position[0], velocity[0]
+
+
+def perigee_m(position, velocity):
+    h = np.cross(position, velocity)
+    e = np.linalg.norm(np.cross(velocity, h) / GM - position / np.linalg.norm(position))
+    return h @ h / GM / (1 + e)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_orbit_arrives(seed):
+    rng = np.random.default_rng(seed)
+    flown = 0
+    for _ in range(25):
+        start, end = (vector / np.linalg.norm(vector) * rng.uniform(6.6e6, 5e7) for vector in rng.normal(size=(2, 3)))
+        duration_s = 10.0 ** rng.uniform(2.0, 5.0)
+        for orbit in lambert_all(start, end, duration_s):
+            position, velocity = landed(start, orbit, duration_s)
+            # 1e-9 relative is what was asked for; orbits that miss the Earth come within 1 um and 1e-12 of it
+            tolerance = 1e-6 + 1e-12 * 5e7 if perigee_m(start, orbit.departure_m_s) > 6.4e6 else 1e-9 * 5e7
+            assert np.linalg.norm(position - end) < tolerance
+            np.testing.assert_allclose(velocity, orbit.arrival_m_s, rtol=0, atol=1e-9 * np.linalg.norm(velocity))
+            flown += 1
+    assert flown >= 50  # each pair has a short and a long way
+
+
+def test_a_circle_is_found_again_after_any_number_of_revolutions():
+    speed = math.sqrt(GM / CIRCLE)
+    for revolutions in range(4):
+        duration_s = (revolutions + 0.3) * PERIOD
+        orbits = [
+            orbit
+            for orbit in lambert_all(START, on_circle(0.6 * math.pi, 0.4), duration_s)
+            if orbit.revolutions == revolutions and orbit.way == "short"
+        ]
+        assert len(orbits) == (2 if revolutions else 1)
+        circle = min(orbits, key=lambda orbit: abs(np.linalg.norm(orbit.departure_m_s) - speed))
+        expected = speed * np.array([0.0, math.cos(0.4), math.sin(0.4)])
+        np.testing.assert_allclose(circle.departure_m_s, expected, rtol=0, atol=1e-7)
+
+
+def test_low_has_the_smaller_axis():
+    end, duration_s = on_circle(2.0), 3.4 * PERIOD
+    for revolutions in (1, 2, 3):
+        low, high = (
+            lambert(START, end, duration_s, revolutions=revolutions, branch=branch) for branch in ("low", "high")
+        )
+        energies = [float(orbit.departure_m_s @ orbit.departure_m_s) for orbit in (low, high)]
+        assert energies[0] < energies[1]
+        for orbit in (low, high):
+            assert np.linalg.norm(landed(START, orbit, duration_s)[0] - end) < 2e-6
+
+
+def test_number_of_orbits_is_what_a_scan_of_all_finds():
+    # orbits with whole revolutions exist where the time is above the least one: count sign changes of a fine scan
+    from rso_lidar.orbit.lambert import _time
+
+    end, duration_s = on_circle(2.0), 4.1 * PERIOD
+    chord = np.linalg.norm(end - START)
+    half = 0.5 * (2 * CIRCLE + chord)
+    scaled = math.sqrt(2 * GM / half**3) * duration_s
+    crossings = 1
+    for revolutions in range(1, 8):
+        times = np.array(
+            [
+                _time(x, chord / half, math.sqrt(1.0 - chord / half), revolutions)
+                for x in np.linspace(-0.9999, 0.9999, 4001)
+            ]
+        )
+        crossings += int(np.sum(np.diff(np.sign(times - scaled)) != 0))
+    found = [orbit for orbit in lambert_all(START, end, duration_s) if orbit.way == "short"]
+    assert len(found) == crossings
+
+
+def test_parabola():
+    # Euler: 6 sqrt(GM) t = (r1 + r2 + c)^1.5 - (r1 + r2 - c)^1.5 on a parabola, the short way
+    end = 1.7 * on_circle(1.1)
+    chord, total = np.linalg.norm(end - START), CIRCLE * 2.7
+    duration_s = ((total + chord) ** 1.5 - (total - chord) ** 1.5) / (6.0 * math.sqrt(GM))
+    orbit = lambert(START, end, duration_s)
+    assert np.linalg.norm(orbit.departure_m_s) == pytest.approx(math.sqrt(2 * GM / CIRCLE), rel=1e-12)
+    for factor in (1 - 1e-9, 1 + 1e-9, 0.9, 1.1):  # on either side of it, across the change of formula too
+        near = lambert(START, end, factor * duration_s)
+        assert np.linalg.norm(landed(START, near, factor * duration_s)[0] - end) < 2e-6
+
+
+def test_ways_about_a_normal():
+    end, down = on_circle(1.0), np.array([0.0, 0.0, -1.0])
+    short, long = lambert(START, end, 2000.0), lambert(START, end, 2000.0, way="long")
+    for way, normal, same in [
+        ("prograde", None, short),
+        ("retrograde", None, long),
+        ("prograde", down, long),
+        ("retrograde", down, short),
+    ]:
+        orbit = lambert(START, end, 2000.0, way=way, normal=normal)
+        np.testing.assert_array_equal(orbit.departure_m_s, same.departure_m_s)
+    assert np.cross(START, short.departure_m_s)[2] > 0 > np.cross(START, long.departure_m_s)[2]
+
+
+def test_half_a_revolution_needs_a_plane():
+    end = -1.5 * START
+    with pytest.raises(ScenarioError, match="180 degrees apart and span no plane: give a normal"):
+        lambert(START, end, 4000.0)
+    orbit = lambert(START, end, 4000.0, normal=(0.0, -1.0, 1.0))
+    assert np.linalg.norm(landed(START, orbit, 4000.0)[0] - end) < 2e-6
+    assert np.cross(START, orbit.departure_m_s)[1] < 0.0
+    with pytest.raises(ScenarioError, match="normal is along the positions"):
+        lambert(START, end, 4000.0, normal=(1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("end", "duration_s", "options", "message"),
+    [
+        (on_circle(1.0), 0.0, {}, "infinite speed"),
+        (on_circle(1.0), -5.0, {}, "infinite speed"),
+        (1.2 * START, 4000.0, {}, "whole revolutions apart"),
+        (0.0 * START, 4000.0, {}, "Earth's centre"),
+        (on_circle(1.0), 0.9 * PERIOD, {"revolutions": 3}, "no time for 3; at most 1 the short way"),
+    ],
+)
+def test_what_cannot_be_asked_says_why(end, duration_s, options, message):
+    with pytest.raises(ScenarioError, match=message):
+        lambert(START, end, duration_s, **options)
+
+
+@pytest.mark.parametrize("off_rad", [1e-8, 1e-6, 1e-4, -1e-4, -1e-7])
+def test_nearly_half_a_revolution(off_rad):
+    end = 1.02 * on_circle(math.pi - off_rad, 0.9)
+    for duration_s in (0.5 * PERIOD, 2.2 * PERIOD):
+        for orbit in lambert_all(START, end, duration_s):
+            if perigee_m(START, orbit.departure_m_s) > 6.4e6:
+                assert np.linalg.norm(landed(START, orbit, duration_s)[0] - end) < 1e-5

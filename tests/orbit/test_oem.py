@@ -1,0 +1,325 @@
+"""Ephemerides: read, interpolated, written, refused."""
+
+import datetime
+
+import numpy as np
+import pytest
+
+from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.interpolation import hermite, lagrange
+from rso_lidar.orbit.kepler import Kepler
+from rso_lidar.orbit.oem import Ephemeris, write_ephemeris_csv, write_oem
+from rso_lidar.orbit.sgp4_orbit import gcrs_from_teme
+from rso_lidar.records import BodyState
+
+START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+LOW = Kepler(
+    epoch_utc=START,
+    semi_major_axis_km=6778.0,
+    eccentricity=0.001,
+    inclination_deg=51.6,
+    raan_deg=30.0,
+    argument_of_perigee_deg=10.0,
+    true_anomaly_deg=0.0,
+)
+HEAD = "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2024-01-01T00:00:00\nORIGINATOR = TEST\n"
+
+
+def segment(rows, frame="GCRF", name="SAT", number="2024-001A", extra="", center="EARTH", system="UTC"):
+    return (
+        f"META_START\nOBJECT_NAME = {name}\nOBJECT_ID = {number}\nCENTER_NAME = {center}\nREF_FRAME = {frame}\n"
+        f"TIME_SYSTEM = {system}\n{extra}META_STOP\n" + "\n".join(rows) + "\n"
+    )
+
+
+def straight(minutes, speed=1.0, day="2024-09-17T12"):
+    """Return rows of x = 7000 km + speed t [km/s]."""
+    return [f"{day}:{m:02d}:00 {7000 + speed * 60 * m} 10 20 {speed} 0 0" for m in minutes]
+
+
+def saved(tmp_path, text, name="some.oem"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+def written(tmp_path, step_s, last_s=7200.0, orbit=LOW):
+    nodes = Epochs(START, np.arange(0.0, last_s + 1.0, step_s))
+    path = tmp_path / f"{step_s:g}.oem"
+    write_oem(path, "SAT (A)", "2024-001A", nodes, orbit.states(nodes))
+    return str(path)
+
+
+# ------------------------------------------------------------------------------------------------- interpolation
+
+
+def test_polynomials_of_their_degree_are_met_exactly():
+    # A polynomial of degree n is its own interpolant; what is left is rounding of the largest value.
+    nodes = np.array([0.0, 1.0, 2.5, 3.0, 4.5, 5.0, 7.0])
+    time = np.linspace(0.0, 7.0, 50)
+    for degree in (1, 2, 3, 6):
+        poly = np.polynomial.Polynomial(np.arange(1.0, degree + 2.0))
+        value, rate = lagrange(time, nodes, poly(nodes)[:, None], degree)
+        np.testing.assert_allclose(value[:, 0], poly(time), atol=1e-12 * poly(7.0))
+        np.testing.assert_allclose(rate[:, 0], poly.deriv()(time), atol=1e-11 * poly.deriv()(7.0))
+    for degree in (3, 5, 7):
+        poly = np.polynomial.Polynomial(np.arange(1.0, degree + 2.0))
+        value, rate = hermite(time, nodes, poly(nodes)[:, None], poly.deriv()(nodes)[:, None], degree)
+        np.testing.assert_allclose(value[:, 0], poly(time), atol=1e-12 * poly(7.0))
+        np.testing.assert_allclose(rate[:, 0], poly.deriv()(time), atol=1e-11 * poly.deriv()(7.0))
+
+
+@pytest.mark.parametrize(
+    # Position errors [m] that the truth of two bodies allows. Hermite: |f^(2m)| / (2m)! * prod (t - t_k)^2 with
+    # f^(n) = a n^n; at h = 300 s, m = 4: 6.8e6 (1.13e-3 * 300)^8 / 8! * 0.32 = 0.01 m inside, more at the ends.
+    ("step_s", "method", "degree", "within_m", "within_m_s"),
+    [
+        (60.0, None, None, 1e-6, 1e-7),  # the file's 1e-6 m
+        (300.0, None, None, 0.05, 1e-3),
+        (300.0, "hermite", 11, 5e-5, 1e-6),
+        (60.0, "lagrange", 7, 1e-4, 1e-6),
+        (60.0, "hermite", 3, 0.5, 0.03),
+    ],
+)
+def test_interpolation_error_against_two_body_truth(tmp_path, step_s, method, degree, within_m, within_m_s):
+    motion = Ephemeris(file=written(tmp_path, step_s), interpolation=method, degree=degree)
+    epochs = Epochs(START, np.linspace(0.0, 7200.0, 997))
+    states, truth = motion.states(epochs), LOW.states(epochs)
+    assert np.abs(states.position_m - truth.position_m).max() < within_m
+    assert np.abs(states.velocity_m_s - truth.velocity_m_s).max() < within_m_s
+
+
+def test_rows_far_apart_are_told(tmp_path):
+    epochs = Epochs(START, np.linspace(0.0, 7200.0, 97))
+    assert Ephemeris(file=written(tmp_path, 60.0)).validity(epochs) == []
+    (sentence,) = Ephemeris(file=written(tmp_path, 600.0)).validity(epochs)
+    assert "rows are far apart" in sentence and "'numerical'" in sentence
+    epochs = Epochs(START, np.linspace(0.0, 7100.0, 97))
+    # linear between rows a minute apart: a (n h)^2 / 8 = 8.7 m/s2 * 60^2 s2 / 8 = 3.9 km
+    (sentence,) = Ephemeris(file=written(tmp_path, 61.0, 7198.0), degree=1, interpolation="lagrange").validity(epochs)
+    assert "e+03 m" in sentence
+
+
+def test_an_epoch_has_the_same_bits_alone(tmp_path):
+    path = written(tmp_path, 60.0)
+    for method in ("hermite", "lagrange"):
+        motion = Ephemeris(file=path, interpolation=method)
+        epochs = Epochs(START, np.linspace(0.0, 7200.0, 101))
+        whole = motion.states(epochs)
+        for k in (0, 1, 50, 99, 100):
+            one = motion.states(epochs.at(k))
+            assert np.array_equal(one.position_m[0], whole.position_m[k])
+            assert np.array_equal(one.velocity_m_s[0], whole.velocity_m_s[k])
+
+
+def test_a_table_without_velocities(tmp_path):
+    rows = "".join(f"{t},{7000 + t},{2 * t},{t * t}\n" for t in range(10))
+    motion = Ephemeris(file=saved(tmp_path, "time_s,x_km,y_km,z_km\n" + rows, "t.csv"))
+    state = motion.states(Epochs(START, np.array([4.5])))
+    np.testing.assert_allclose(state.position_m[0], [7004.5e3, 9e3, 20.25e3], rtol=1e-12)
+    np.testing.assert_allclose(state.velocity_m_s[0], [1e3, 2e3, 9e3], rtol=1e-10)
+    with pytest.raises(ScenarioError, match="'hermite' needs velocities"):
+        motion.replace(interpolation="hermite").states(Epochs(START, np.array([4.5])))
+
+
+# -------------------------------------------------------------------------------------------------------- reading
+
+
+def test_frames_are_turned_to_gcrs(tmp_path):
+    # ERFA bp00's frame bias; the printed offsets (USNO Circular 179, eq. 3.3) have five digits: 7e-13
+    bias = [
+        [9.9999999999999423e-01, -7.0782797441991980e-08, 8.0562171469761338e-08],
+        [7.0782794778573375e-08, 9.9999999999999689e-01, 3.3060414542221364e-08],
+        [-8.0562173809869717e-08, -3.3060408839805517e-08, 9.9999999999999623e-01],
+    ]
+    np.testing.assert_allclose(gcrs_from_eme2000().T, bias, rtol=0, atol=1e-12)
+    epochs = Epochs(START, np.array([60.0]))
+    raw = np.array([7060e3, 10e3, 20e3])
+    for frame in ("EME2000", "J2000"):
+        path = saved(tmp_path, HEAD + segment(straight(range(5)), frame), frame)
+        got = Ephemeris(file=path).states(epochs).position_m[0]
+        np.testing.assert_allclose(got, np.array(bias).T @ raw, atol=1e-8)
+    path = saved(tmp_path, HEAD + segment(straight(range(5)), "TEME"), "teme")
+    np.testing.assert_allclose(
+        Ephemeris(file=path).states(epochs).position_m[0], gcrs_from_teme(epochs)[0] @ raw, atol=1e-7
+    )
+    for frame in ("GCRF", "ICRF", "ICRF-3"):
+        path = saved(tmp_path, HEAD + segment(straight(range(5)), frame), frame)
+        assert np.array_equal(Ephemeris(file=path).states(epochs).position_m[0], raw)
+
+
+def test_time_systems(tmp_path):
+    # 37 s of TAI are 37 km of this row's flight
+    path = saved(tmp_path, HEAD + segment(straight(range(5)), system="TAI"))
+    state = Ephemeris(file=path).states(Epochs(START, np.array([60.0 - 37.0])))
+    np.testing.assert_allclose(state.position_m[0, 0], 7060e3, atol=1e-6)
+
+
+def test_segments_are_not_mixed(tmp_path):
+    # An impulse at 12:05: before it 1 km/s, after it 2 km/s.
+    after = [f"2024-09-17T12:{m:02d}:00 {7300 + 120 * (m - 5)} 10 20 2 0 0" for m in range(5, 10)]
+    path = saved(tmp_path, HEAD + segment(straight(range(6))) + segment(after))
+    motion = Ephemeris(file=path)
+    epochs = Epochs(START, np.array([299.9, 300.0, 300.1]))
+    states = motion.states(epochs)
+    np.testing.assert_allclose(states.velocity_m_s[:, 0], [1e3, 2e3, 2e3], rtol=1e-12)  # at the edge, what is after it
+    np.testing.assert_allclose(states.position_m[:, 0], [7299.9e3, 7300e3, 7300.2e3], rtol=1e-12)
+
+
+def test_useable_spans_hold(tmp_path):
+    extra = "START_TIME = 2024-09-17T12:00:00\nUSEABLE_START_TIME = 2024-09-17T12:02:00\n"
+    extra += "USEABLE_STOP_TIME = 2024-09-17T12:08:00\n"
+    motion = Ephemeris(file=saved(tmp_path, HEAD + segment(straight(range(11)), extra=extra)))
+    motion.states(Epochs(START, np.array([120.0, 480.0])))
+    epochs = Epochs(START, np.array([119.0, 300.0, 481.0, 600.0]))
+    with pytest.raises(PropagationError, match=r"3 of 4 epochs, first at time_s = 119 .*12:02:00.*12:08:00") as error:
+        motion.states(epochs)
+    assert error.value.bad.tolist() == [True, False, True, True]
+
+
+def test_a_gap_between_segments_has_no_states(tmp_path):
+    later = straight(range(20, 25))
+    motion = Ephemeris(file=saved(tmp_path, HEAD + segment(straight(range(5))) + segment(later)))
+    with pytest.raises(PropagationError, match="in 2 segments") as error:
+        motion.states(Epochs(START, np.array([0.0, 600.0, 1200.0])))
+    assert error.value.bad.tolist() == [False, True, False]
+
+
+def test_one_of_several_objects(tmp_path):
+    other = straight(range(5), 2.0)
+    path = saved(tmp_path, HEAD + segment(straight(range(5))) + segment(other, name="OTHER", number="2024-002B"))
+    epochs = Epochs(START, np.array([30.0]))
+    for name in ("other", "2024-002B"):
+        assert Ephemeris(file=path, object=name).states(epochs).velocity_m_s[0, 0] == pytest.approx(2000.0, rel=1e-12)
+    with pytest.raises(ScenarioError, match=r"several objects \(SAT \(2024-001A\), OTHER \(2024-002B\)\)"):
+        Ephemeris(file=path).states(epochs)
+    with pytest.raises(ScenarioError, match="no object 'OTHRE'; did you mean 'OTHER'"):
+        Ephemeris(file=path, object="OTHRE").states(epochs)
+
+
+def test_what_the_file_says_about_interpolation_holds(tmp_path):
+    rows = [f"2024-09-17T12:{m:02d}:00 {7000 + m**2} 0 0 0 0 0" for m in range(5)]
+    epochs = Epochs(START, np.array([90.0]))
+    linear = Ephemeris(file=saved(tmp_path, HEAD + segment(rows, extra="INTERPOLATION = LINEAR\n")))
+    assert linear.states(epochs).position_m[0, 0] == 7002.5e3
+    extra = "INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 2\n"
+    square = Ephemeris(file=saved(tmp_path, HEAD + segment(rows, extra=extra), "b"))
+    np.testing.assert_allclose(square.states(epochs).position_m[0, 0], 7002.25e3, rtol=1e-14)
+    odd = Ephemeris(file=saved(tmp_path, HEAD + segment(rows, extra="INTERPOLATION = CHEBYSHEV\n"), "c"))
+    with pytest.raises(ScenarioError, match="INTERPOLATION chebyshev is not known"):
+        odd.states(epochs)
+    assert odd.replace(interpolation="hermite").states(epochs)
+
+
+def test_xml_is_read_as_the_other_notation(tmp_path):
+    meta = "<OBJECT_NAME>SAT</OBJECT_NAME><OBJECT_ID>1</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>"
+    meta += "<REF_FRAME>GCRF</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM>"
+    vectors = ""
+    for m in range(3):
+        values = zip(("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"), (7000 + 60 * m, 10, 20, 1, 0, 0), strict=True)
+        vectors += f"<stateVector><EPOCH>2024-09-17T12:0{m}:00</EPOCH>"
+        vectors += "".join(f"<{name}>{value}</{name}>" for name, value in values) + "</stateVector>\n"
+    text = (
+        '<?xml version="1.0"?>\n<oem id="CCSDS_OEM_VERS" version="2.0"><header><ORIGINATOR>T</ORIGINATOR></header><body>'
+        f"<segment><metadata>{meta}</metadata><data><COMMENT>X</COMMENT>{vectors}<covarianceMatrix><EPOCH>z</EPOCH>"
+        "</covarianceMatrix></data></segment></body></oem>\n"
+    )
+    state = Ephemeris(file=saved(tmp_path, text, "a.xml")).states(Epochs(START, np.array([90.0])))
+    np.testing.assert_allclose(state.position_m[0], [7090e3, 10e3, 20e3], rtol=1e-14)
+    with pytest.raises(ScenarioError, match="line 3: Y 'ten' is not a number"):
+        broken = text.replace("<Y>10</Y>", "<Y>ten</Y>").replace("<Y>ten</Y>", "<Y>10</Y>", 1)
+        Ephemeris(file=saved(tmp_path, broken, "b.xml")).states(Epochs(START, np.array([90.0])))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (HEAD + segment(straight(range(5)), "ITRF2014"), "line 8: reference frame ITRF2014 turns with the Earth"),
+        (HEAD + segment(straight(range(5)), "MOON_ME"), "line 8: reference frame MOON_ME is not known"),
+        (
+            HEAD + segment(straight(range(5)), "TEME", extra="REF_FRAME_EPOCH = 2000-01-01T00:00:00\n"),
+            "TEME of a fixed",
+        ),
+        (
+            HEAD + segment(straight(range(5)), center="MARS BARYCENTER"),
+            "line 7: CENTER_NAME MARS BARYCENTER: only EARTH",
+        ),
+        (HEAD + segment(straight(range(5)), system="TDB"), "line 9: TIME_SYSTEM TDB is not known"),
+        (HEAD + segment(straight(range(5))).replace("REF_FRAME = GCRF\n", ""), "line 4: the metadata lack REF_FRAME"),
+        (HEAD + segment(straight(range(1))), "line 4: the segment has 1 rows"),
+        (HEAD + segment(["2024-09-17T12:00:00 1 2 3 4 5", *straight(range(1, 3))]), "line 11: has 6 words"),
+        (HEAD + segment(["2024-09-17T12:00:00 1 2 3 4 5 x", *straight(range(1, 3))]), "line 11: Z_DOT 'x'"),
+        (HEAD + segment(["2024-09-17T12:00:00 nan 2 3 4 5 6", *straight(range(1, 3))]), "line 11: X is nan"),
+        (HEAD + segment(["2024-09-17T12:00:00 1e99 2 3 4 5 6", *straight(range(1, 3))]), "line 11: X is 1e99"),
+        (HEAD + segment(["2024-13-17T12:00:00 1 2 3 4 5 6", *straight(range(1, 3))]), "line 11: epoch .*no such day"),
+        (HEAD + segment(straight([0, 2, 1])), "line 13: its epoch is not 1 ns or more after"),
+        (HEAD + segment(straight([0, 1, 1])), "line 13: its epoch is not 1 ns or more after"),
+        (
+            HEAD + segment(straight(range(6))) + segment(straight(range(4, 9))),
+            "line 17: overlaps the segment of .*line 4",
+        ),
+        (
+            HEAD + segment(straight(range(5)), extra="INTERPOLATION_DEGREE = many\n"),
+            "line 10: INTERPOLATION_DEGREE many",
+        ),
+        (HEAD + segment(straight(range(5)), extra="STOP_TIME = 2024-09-16T00:00:00\n"), "line 4: no useable time"),
+        ("hello world\n", "line 1: begins with 'hello world'"),
+        ("", "is empty"),
+        ("time_s,x_m,y_m\n0,1,2\n1,2,3\n", "line 1: column z_m is missing"),
+        ("time_s,x_m,y_m,z_m,vx_m_s\n", "column vy_m_s, vz_m_s is missing"),
+        ("x_m,y_m,z_m\n1,2,3\n1,2,3\n", "needs one column of time"),
+        ("time_s,x_m,y_m,z_m,x_km,y_km,z_km\n", "one set of them"),
+        ("time_s,x_m,y_m,z_n\n0,1,2,3\n", "unknown column 'z_n'; did you mean 'z_m'"),
+        ("time_s,x_m,y_m,z_m\n0,1,2,3\n", "has 1 rows"),
+        ("time_s,x_m,y_m,z_m\n0,1,2,3\n1,2,3\n", "line 3: has 3 cells"),
+        ("utc,x_m,y_m,z_m\n2024-09-17T12:00:00Z,1,2,3\nnoon,1,2,3\n", "line 3: epoch 'noon'"),
+    ],
+)
+def test_broken_files_are_refused_with_their_line(tmp_path, text, says):
+    path = saved(tmp_path, text)
+    with pytest.raises(ScenarioError, match=says) as error:
+        Ephemeris(file=path).states(Epochs(START, np.array([30.0])))
+    assert str(error.value).startswith(path) and "\n" not in str(error.value)
+
+
+def test_files_that_are_not_there_or_not_text(tmp_path):
+    with pytest.raises(ScenarioError, match="no such file"):
+        Ephemeris(file="not/there.oem").states(Epochs(START, np.zeros(1)))
+    (tmp_path / "b").write_bytes(b"\xff\x00\xfe")
+    for path, says in ((tmp_path / "b", "not UTF-8"), (tmp_path, "cannot be read")):
+        with pytest.raises(ScenarioError, match=says):
+            Ephemeris(file=str(path)).states(Epochs(START, np.zeros(1)))
+    for degree in (0, 32):
+        with pytest.raises(ScenarioError, match="degree"):
+            Ephemeris(file="a", degree=degree)
+
+
+# -------------------------------------------------------------------------------------------------------- writing
+
+
+def test_writing_and_reading_agree_to_the_printed_digits(tmp_path):
+    # Over the leap second at the end of 2016, and at times that are no decimals.
+    start = datetime.datetime(2016, 12, 31, 23, 59, 30, 123456, tzinfo=datetime.UTC)
+    epochs = Epochs(start, np.arange(90) / 1.5)
+    states = LOW.replace(epoch_utc=start).states(epochs)
+    oem = write_oem(tmp_path / "a.oem", "SAT", "1", epochs, states, version="3.0", created_utc=start)
+    table = write_ephemeris_csv(tmp_path / "a.csv", epochs, states)
+    assert ":60." in oem.read_text() and "CREATION_DATE = 2016-12-31T23:59:30\n" in oem.read_text()
+    for path in (oem, table):
+        back = Ephemeris(file=str(path)).states(epochs)
+        np.testing.assert_allclose(back.position_m, states.position_m, atol=6e-7)  # half a digit, and 1 ps of flight
+        np.testing.assert_allclose(back.velocity_m_s, states.velocity_m_s, atol=6e-10)
+    assert Ephemeris(file=str(oem)).span_utc(start) == ("2016-12-31T23:59:30.123Z", "2017-01-01T00:00:28.457Z")
+
+
+def test_what_cannot_be_written_is_refused(tmp_path):
+    epochs = Epochs(START, np.array([0.0, 60.0]))
+    states = LOW.states(epochs)
+    hole = BodyState(np.where([[True], [False]], np.nan, states.position_m), states.velocity_m_s)
+    with pytest.raises(RecordingError, match="finite"):
+        write_oem(tmp_path / "a", "A", "1", epochs, hole)
+    with pytest.raises(RecordingError, match="two or more that grow"):
+        write_oem(tmp_path / "a", "A", "1", epochs.at(slice(None, None, -1)), states)
+    assert not (tmp_path / "a").exists()

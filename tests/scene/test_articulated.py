@@ -1,0 +1,126 @@
+import datetime
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.joint import FixedAngle, FollowSun, Joint
+from rso_lidar.scene import Hinged, articulated
+
+START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
+NORTH = ("solar_array_north", "solar_substrate_north", "solar_yoke_north")
+HINGE_M = (0.0, -0.012, -0.128)
+
+
+def scenario(angle=None, **changes):
+    """A relay satellite whose northern array turns about its boom, seen from 100 m."""
+    joint = (Joint(name="north", parts=NORTH, position_m=HINGE_M, axis=(1.0, 0.0, 0.0), angle=angle),) if angle else ()
+    target = rl.Target(
+        name="tdrs",
+        model="tdrs",
+        motion=rl.Fixed(position_m=(100.0, 0.0, 0.0)),
+        attitude=rl.FixedAttitude(euler_zyx_deg=(90.0, 20.0, 0.0)),
+        joint=joint,
+    )
+    return rl.Scenario(
+        version=1,
+        name="hinged",
+        world=rl.World(axes="local", sun_direction=(0.0, 1.0, 1.0)),
+        time=rl.Time(start_utc=START, duration_s=1.0, frame_rate_hz=1.0),
+        target=(target,),
+        follower=rl.Follower(motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))),
+        lidar=rl.Lidar(
+            laser=rl.Laser(divergence_deg=15.0),
+            receiver=rl.Receiver(fov_deg=15.0, f_number=2.8, **changes),
+            detector=rl.Empirical(),
+        ),
+    )
+
+
+def frame_of(scenario):
+    return next(rl.simulate(scenario, keep=("hits",)))
+
+
+def test_at_angle_zero_nothing_changes():
+    """The same rays meet the same facets of the same parts; ranges agree to a micrometre, the bound of the house."""
+    rigid, hinged = frame_of(scenario()), frame_of(scenario(FixedAngle()))
+    one, two = rigid.kept["hits"], hinged.kept["hits"]
+    # each surface has a sampling density of its own: compare pixel by pixel what is nearest
+    for name in ("target", "part"):
+        same = getattr(rigid.labels, name) == getattr(hinged.labels, name)
+        assert same.mean() > 0.995
+    both = (rigid.labels.facet == hinged.labels.facet) & (rigid.labels.facet >= 0)
+    assert both.sum() > 0.9 * (rigid.labels.facet >= 0).sum()
+    assert one.weight.sum() == pytest.approx(two.weight.sum(), rel=0.01)
+    assert set(np.unique(two.target)) == {0}
+
+
+def test_a_turned_part_is_the_part_of_a_turned_mesh():
+    """Half the array's facets moved by hand: the hits lie on the planes of the vertices turned about the hinge."""
+    hinged = scenario(FixedAngle(angle_deg=40.0))
+    frame = frame_of(hinged)
+    hits = frame.kept["hits"]
+    whole = scenario().surfaces[0]
+    turn = Rotation.from_euler("x", 40.0, degrees=True)
+    north = np.isin(whole.part, [whole.mesh.part_names.index(part) for part in NORTH])
+    corners = whole.corners.copy()
+    corners[north] = turn.apply((corners[north] - HINGE_M).reshape(-1, 3)).reshape(-1, 3, 3) + HINGE_M
+    point = hits.rays.direction[hits.ray] * hits.range_m[:, None]
+    point = frame.truth.pose("tdrs", "lidar").apply(point)
+    facet = np.searchsorted(whole.mesh.source_facet, hits.facet)
+    triangle = corners[facet]
+    normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    off_m = np.abs(np.sum((point - triangle[:, 0]) * normal, axis=1))
+    facing = hits.cos_incidence > 0.01  # edge-on, embree's own distance stands
+    assert north[facet].sum() > 500
+    assert off_m[facing].max() < 1e-6
+
+
+def test_an_array_that_follows_the_sun_faces_it():
+    made = scenario(FollowSun(normal=(0.0, 0.0, 1.0)))
+    truth = frame_of(made).truth
+    sun = truth.pose("tdrs.north", "inertial").rotation.apply(np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0))
+    assert sun[2] > 0.0
+    assert abs(sun[1]) < 1e-12
+
+
+def test_a_hinged_part_shades_and_is_shaded():
+    """With the Sun behind the body its array is lit where the body's shadow does not fall: some hits, not all."""
+    made = scenario(FixedAngle(angle_deg=60.0), filter_width_nm=1.0)
+    hits = frame_of(made).kept["hits"]
+    assert hits.sunlight_per_sr is not None
+    assert 0.0 < (hits.sunlight_per_sr > 0.0).mean() < 1.0
+
+
+def test_a_hinge_in_the_way_hides_what_is_behind():
+    """The parts of a target compete for each ray: no pixel has more than its share, hinged or not."""
+    hits = frame_of(scenario(FixedAngle(angle_deg=90.0))).kept["hits"]
+    assert np.bincount(hits.pixel, weights=hits.weight).max() <= 1.0 + 1e-9
+    assert len(np.unique(hits.ray)) == len(hits.ray)
+
+
+@pytest.mark.parametrize(
+    ("hinged", "words"),
+    [
+        ([Hinged("a.x", ("solar_aray_north",), (0, 0, 0))], "did you mean 'solar_array_north'"),
+        ([Hinged("a.x", NORTH, (0, 0, 0)), Hinged("a.y", NORTH[:1], (0, 0, 0))], "is on a.x already"),
+    ],
+)
+def test_bad_parts(hinged, words):
+    with pytest.raises(ScenarioError, match=words):
+        articulated(scenario().surfaces[0], hinged)
+
+
+def test_something_has_to_stand_still():
+    whole = scenario().surfaces[0]
+    with pytest.raises(ScenarioError, match="no part is left that stands still"):
+        articulated(whole, [Hinged("a.x", whole.mesh.part_names, (0, 0, 0))])
+
+
+def test_without_hinges_the_surface_is_itself():
+    whole = replace(scenario().surfaces[0], target=3)
+    assert articulated(whole, ()) == (whole,)

@@ -1,0 +1,200 @@
+"""The encounter table: geometry against the scenario's own truth, reach, order, filters, files, and bad input."""
+
+import csv
+import datetime
+import math
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar import motion, orbit
+from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
+from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.orbit.catalog import Catalog
+from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.picture.encounters import encounter_figure
+from rso_lidar.scenario import Lidar
+from rso_lidar.shipped import shipped
+from rso_lidar.study import encounters, reach_m, scenario_text
+
+FLYBY = shipped("tle/flyby.tle")
+START = datetime.datetime(2024, 9, 17, 11, 0, tzinfo=datetime.UTC)
+CLOSEST = datetime.datetime(2024, 9, 17, 12, 0, tzinfo=datetime.UTC)
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Return the shipped synthetic flyby: 1.5 km at 25 m/s on 2024-09-17T12:00:00Z (tle/make_synthetic.py)."""
+    return encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.125)
+
+
+def nearest(table):
+    return min(table.rows, key=lambda row: abs(row.time_s - 3600.0))
+
+
+def test_the_shipped_flyby_is_found(table):
+    row = nearest(table)
+    assert row.norad_id == 99002
+    # the epoch of both sets; 1e-4 degree, the last digit of their angles, is 12 m, half a second of this pass
+    assert row.time_s == pytest.approx(3600.0, abs=5.0)
+    assert row.range_m == pytest.approx(1500.0, abs=20.0)
+    assert row.speed_m_s == pytest.approx(25.0, abs=0.5)
+    # a straight pass turns the line of sight by v / r at its nearest: 25 / 1500 rad/s, 0.95 deg/s
+    assert row.slew_deg_s == pytest.approx(math.degrees(row.speed_m_s / row.range_m), rel=1e-4)
+    # and turns it fastest by 3 sqrt(3) / 8 (v / r)^2, at 30 degrees
+    expected = 3.0 * math.sqrt(3.0) / 8.0 * math.degrees((row.speed_m_s / row.range_m) ** 2)
+    assert row.peak_turning_deg_s2 == pytest.approx(expected, rel=0.03)
+    assert row.turning_deg_s2 < 0.1 * row.peak_turning_deg_s2
+
+
+def test_time_in_reach_and_slew_of_a_straight_pass(table):
+    row = nearest(encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.125, max_slew_deg_s=0.5))
+    half_chord_m = math.sqrt(table.reach_m[1] ** 2 - row.range_m**2)
+    # the pass is straight to a per cent over these minutes
+    assert row.lidar_s == pytest.approx(2.0 * half_chord_m / row.speed_m_s, rel=0.04)
+    # rate = v r0 / (r0^2 + v^2 t^2) is above the limit for |t| < sqrt(r0 v / limit - r0^2) / v
+    limit = math.radians(0.5)
+    fast_s = 2.0 * math.sqrt(row.range_m * row.speed_m_s / limit - row.range_m**2) / row.speed_m_s
+    assert row.inside_s - row.slew_s == pytest.approx(fast_s, rel=0.03)
+    assert row.usable_s == pytest.approx(row.lidar_s - fast_s, rel=0.04)
+
+
+def test_geometry_is_that_of_the_scenario(table):
+    number = table.rows.index(nearest(table)) + 1
+    row = table.rows[number - 1]
+    scenario = rl.Scenario.loads(scenario_text(table, number))
+    at_s = (table.start_utc - scenario.time.start_utc).total_seconds() + row.time_s
+    truth = motion.truth(scenario.bodies, orbit.Epochs(scenario.time.start_utc, np.array([at_s])))
+    name = scenario.target[0].name
+    line = truth.states[name].position_m[0] - truth.states["follower"].position_m[0]
+    assert np.linalg.norm(line) == pytest.approx(row.range_m, abs=1e-3)
+    rate = truth.states[name].velocity_m_s[0] - truth.states["follower"].velocity_m_s[0]
+    assert np.linalg.norm(rate) == pytest.approx(row.speed_m_s, abs=1e-3)
+    sun = truth.sun_direction[0]
+    cosine = float(np.sum(line * sun) / np.linalg.norm(line))
+    assert row.sun_angle_deg == pytest.approx(math.degrees(math.acos(cosine)), abs=1e-3)
+    assert row.phase_deg == pytest.approx(180.0 - row.sun_angle_deg, abs=1e-2)  # the Sun is far away
+    # the attitude looks at the object at the closest approach: along body +x
+    seen = truth.poses.pose("follower", name).translation
+    assert np.allclose(np.atleast_2d(seen)[0] / row.range_m, [1.0, 0.0, 0.0], atol=1e-4)
+
+
+def test_the_scenario_runs_and_sees_the_object(table):
+    number = table.rows.index(nearest(table)) + 1
+    scenario = rl.Scenario.loads(scenario_text(table, number))
+    assert scenario.time.start_utc.microsecond == 0
+    middle = round((CLOSEST - scenario.time.start_utc).total_seconds() * scenario.time.frame_rate_hz)
+    assert 0 < middle < scenario.time.n_frames
+    (frame,) = rl.simulate(scenario, frames=[middle])
+    assert (frame.labels.target == 0).any()
+    assert scenario.describe()
+
+
+def test_reach_is_where_a_plate_gives_the_threshold():
+    for preset in ("gsfl_1064", "long_range_1064", "proximity_1570"):
+        lidar = Lidar(preset=preset)
+        near, far = reach_m(lidar)
+        assert near == lidar.detector.sees_from_m
+        photons = filled_pixel(lidar.laser, lidar.receiver, 0.30 / math.pi, far)
+        share = min(1.0, 1.0 / (far * lidar.receiver.pixel_tangent) ** 2)  # of the pixel that 1 m2 fills
+        if far < lidar.detector.sees_to_m:
+            assert photons * share == pytest.approx(lidar.detector.threshold_photons, rel=1e-9)
+        else:
+            assert photons * share >= lidar.detector.threshold_photons
+
+
+def test_order_filters_and_limit():
+    def ask(**changes):
+        return encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.5, **changes).rows
+
+    rows = ask(sort="time")
+    assert len(rows) > 1
+    assert [row.time_s for row in rows] == sorted(row.time_s for row in rows)
+    by_range = ask()
+    assert [row.range_m for row in by_range] == sorted(row.range_m for row in rows)
+    assert [row.speed_m_s for row in ask(sort="speed")] == sorted(row.speed_m_s for row in rows)
+    assert ask(limit=1) == by_range[:1]
+    assert all(row.sunlit_fraction >= 0.5 for row in ask(sunlit=True))
+    longest = max(row.inside_s for row in rows)
+    assert [row.inside_s for row in ask(min_duration_s=longest)] == [longest]
+
+
+def test_csv_has_units_and_all_rows(table, tmp_path):
+    place = table.csv(tmp_path / "a.csv")
+    with place.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(table)
+    assert float(rows[0]["range_m"]) == pytest.approx(table.rows[0].range_m)
+    assert {"speed_m_s", "inside_s", "phase_deg", "slew_deg_s", "age_days"} <= set(rows[0])
+    with pytest.raises(RecordingError, match="exists already"):
+        table.csv(place)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_table_says_that_elements_are_no_prediction(table):
+    text = table.table()
+    assert "good to about a kilometre" in text
+    assert text.splitlines()[2].split()[0] == "1"
+
+
+def test_figure_draws_every_row(table):
+    times = np.datetime64("2024-09-17T11:00:00", "ms") + np.arange(4).astype("timedelta64[h]")
+    figure = encounter_figure(
+        times, np.array([1.0, 5e3, 2e4, 3e4]), np.full(4, 5.0), np.array([1, 0, 1, 1], bool), list("abcd"), 5e4, 8e3
+    )
+    axes = figure.axes[0]
+    assert sum(len(dots.get_offsets()) for dots in axes.collections) == 4
+    assert axes.get_yscale() == "log"
+    figure.canvas.draw()
+
+
+def test_an_encounter_of_messages_is_written_inline():
+    sets = [
+        ElementSet(**{**entry.__dict__, "line1": "", "line2": "", "norad_id": entry.norad_id + 10**8})
+        for entry in Catalog.from_file(FLYBY)
+    ]
+    table = encounters(sets, 99003 + 10**8, within_m=20e3, start_utc=START, days=0.125)
+    text = scenario_text(table, 1)
+    assert 'type = "omm"' in text
+    assert rl.Scenario.loads(text).describe()
+
+
+def test_docked_craft_share_elements_and_have_no_line_of_sight():
+    (chief, other) = sorted(Catalog.from_file(FLYBY), key=lambda entry: entry.norad_id)[-2:]
+    twin = ElementSet(**{**chief.__dict__, "line1": "", "line2": "", "norad_id": 7, "name": "DOCKED"})
+    table = encounters(
+        [twin, other], ElementSet(**{**twin.__dict__, "norad_id": 8}), within_m=1.0, start_utc=START, days=0.1
+    )
+    (row,) = table.rows
+    assert (row.label, row.range_m) == ("DOCKED", 0.0)
+    assert math.isnan(row.phase_deg)
+    assert "BEWARE: it never comes into the lidar's reach" in scenario_text(table, 1)
+    assert rl.Scenario.loads(scenario_text(table, 1)).target[0].name == "docked"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"days": 0.0}, "days: 0 is no span"),
+        ({"days": math.nan}, "days: nan is no span"),
+        ({"within_m": 0.0}, "within: 0 m is no distance"),
+        ({"start_utc": datetime.datetime(2024, 9, 17)}, "start: a time without an offset"),
+        ({"max_slew_deg_s": -1.0}, "max_slew: -1 deg/s"),
+    ],
+)
+def test_what_means_nothing_is_refused(changes, message):
+    given = {"within_m": 20e3, "start_utc": START, "days": 0.1} | changes
+    with pytest.raises(ScenarioError, match=message):
+        encounters(FLYBY, 99003, **given)
+
+
+def test_an_unknown_follower_is_told_with_a_guess():
+    with pytest.raises(CatalogError, match=r"flyby.tle: no follower '99004' among .*did you mean '9900[23]'\?"):
+        encounters(FLYBY, 99004, within_m=20e3, start_utc=START, days=0.1)
+
+
+@pytest.mark.parametrize(("number", "message"), [(0, "there are"), (99, "give a number from 1 to")])
+def test_a_row_that_is_not_there(table, number, message):
+    with pytest.raises(ScenarioError, match=message):
+        scenario_text(table, number)

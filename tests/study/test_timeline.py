@@ -1,0 +1,80 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.study.timeline import columns, course, plan_of
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture
+def bench(text):
+    return rl.Scenario.loads(text)
+
+
+def test_it_is_the_truth_that_the_frames_carry(bench):
+    truth, angles = course(bench)
+    for k, frame in enumerate(rl.simulate(bench)):
+        np.testing.assert_array_equal(truth.time_s[k], frame.time_s)
+        np.testing.assert_array_equal(angles[k].actual_rad, frame.truth.pointing.actual_rad)
+        np.testing.assert_array_equal(angles[k].measured_rad, frame.truth.pointing.measured_rad)
+        ours, theirs = (place.pose("lidar", "plate").as_matrix() for place in (truth, frame.truth))
+        np.testing.assert_allclose(ours[k], theirs, rtol=0, atol=1e-12 * 1e3)  # rounding at 1 km
+
+
+def test_chosen_frames_are_those_of_the_whole_run(bench):
+    whole, all_angles = course(bench)
+    some, angles = course(bench, [2, 5, 9])
+    np.testing.assert_array_equal(some.time_s, whole.time_s[[2, 5, 9]])
+    for k, angle in zip([2, 5, 9], angles, strict=True):
+        np.testing.assert_array_equal(angle.actual_rad, all_angles[k].actual_rad)
+
+
+def test_without_the_drive_the_lidar_stands_on_its_demand(bench):
+    truth, angles = course(bench, drive=False)
+    assert angles == ()
+    line = truth.pose("lidar", "plate").translation
+    np.testing.assert_allclose(line, np.broadcast_to([0.0, 0.0, 1000.0], line.shape), atol=1e-9)
+
+
+def test_columns_of_an_orbit():
+    scenario = rl.Scenario.load(EXAMPLES / "tle_flyby.toml")
+    truth, angles = course(scenario, slice(None, None, 30))
+    table = columns(scenario, truth, angles)
+    assert all(len(values) == 6 for values in table.values())
+    assert table["utc"][1] == "2024-09-17T11:59:00.000000Z"
+    apart = [table[f"stage_position_{axis}_m"] - table[f"follower_position_{axis}_m"] for axis in "xyz"]
+    np.testing.assert_allclose(
+        table["stage_range_m"], np.linalg.norm(apart, axis=0), atol=1e-6
+    )  # the lidar has no mount
+    quaternion = np.stack([table[f"lidar_from_stage_quaternion_{axis}"] for axis in "xyzw"])
+    np.testing.assert_allclose(np.sum(quaternion**2, axis=0), 1.0, atol=1e-14)
+    assert table["stage_range_m"].argmin() == 3  # the closest approach is 90 s into the run, by the file's comment
+    assert {"pan_demand_rad", "tilt_rate_rad_s", "sun_direction_z", "stage_sunlit_fraction"} <= set(table)
+    units = ("_s", "_m", "_m_s", "_rad", "_rad_s", "_fraction", "utc")
+    unitless = ("sun_direction", "quaternion")
+    assert all(name.endswith(units) or any(word in name for word in unitless) for name in table)
+
+
+def test_a_world_without_a_sun_has_no_columns_of_it(bench):
+    truth, angles = course(bench)
+    assert not [name for name in columns(bench, truth, angles) if "sun" in name or "phase" in name]
+
+
+def test_a_motion_without_a_plan_has_no_impulses(bench):
+    assert plan_of(bench, "plate") == ([], None)
+    assert plan_of(bench, None) == ([], None)
+
+
+def test_impulses_of_a_plan_are_those_of_the_run():
+    hop = {"type": "hop", "relative_to": "stage", "from_m": [0, -400, 0], "to_m": [0, -100, 0], "duration_s": 200.0}
+    scenario = rl.Scenario.load(EXAMPLES / "closed_loop.toml")
+    text = scenario.model_dump(exclude_unset=True)
+    text["follower"]["motion"] = {**hop, "keep_out_m": 50.0}
+    impulses, keep_out_m = plan_of(rl.Scenario.model_validate(text), "stage")
+    assert [time_s for time_s, _ in impulses] == [0.0, 200.0]
+    assert keep_out_m == 50.0
+    text["time"]["duration_s"] = 100.0  # the run ends before the second
+    assert len(plan_of(rl.Scenario.model_validate(text), "stage")[0]) == 1
