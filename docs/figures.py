@@ -1,11 +1,13 @@
-"""Draw the curves of docs/instrument.md: ``python docs/figures.py`` writes docs/pictures/, a minute or two on one core.
+"""Draw the curves of docs/instrument.md and the figures of docs/orbits.md: ``python docs/figures.py`` writes docs/pictures/.
 
-Every curve is what the detector's chain makes of a plate on the bench, with fixed seeds; nothing is drawn from a formula
-but what says so. A name or two on the command line draws these figures only.
+It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
+bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
+figures only.
 """
 
 from __future__ import annotations
 
+import datetime
 import math
 import sys
 from collections.abc import Callable, Sequence
@@ -27,6 +29,8 @@ from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.records import Photons, Waveforms
+from rso_lidar.rpo.hill import clohessy_wiltshire
+from rso_lidar.study.timeline import course
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]
@@ -385,6 +389,191 @@ def gate() -> Any:
     return figure
 
 
+# ------------------------------------------------------------------------------------------- figures of orbits.md
+
+START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
+
+
+def _low_orbit(e: float = 0.0, perigee_km: float = 6778.137) -> rl.Kepler:
+    """Return a low orbit inclined by 51.6 degrees."""
+    return rl.Kepler(
+        epoch_utc=START, semi_major_axis_km=perigee_km / (1.0 - e), eccentricity=e, inclination_deg=51.6,
+        raan_deg=40.0, argument_of_perigee_deg=15.0, true_anomaly_deg=30.0,
+    )  # fmt: skip
+
+
+def _operations() -> dict[str, tuple[rl.rpo.ProximityOperation, str]]:
+    """Return operations about a body in low orbit by name, and the plane to draw each in: "rt" or "nr"."""
+    to: dict[str, Any] = {"relative_to": "station"}
+    return {
+        "v_bar_approach": (rl.VBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.1), "rt"),
+        "v_bar_approach, hops": (rl.VBarApproach(**to, from_m=-500.0, to_m=-50.0, hops=3), "rt"),
+        "r_bar_approach": (rl.RBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.2), "rt"),
+        "hop, one revolution": (
+            rl.Hop(**to, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -50.0, 0.0), duration_s=5553.6), "rt",
+        ),
+        "co_elliptic": (rl.CoElliptic(**to, radial_m=-200.0, from_m=-1500.0, to_m=500.0), "rt"),
+        "circumnavigation": (rl.Circumnavigation(**to, radial_m=100.0, cross_track_m=50.0), "rt"),
+        "safety_ellipse": (
+            rl.SafetyEllipse(
+                **to, radial_m=120.0, cross_track_m=90.0, drift_m=200.0, center_along_track_m=-300.0, duration_s=3 * 5553.6
+            ), "rt",
+        ),
+        "safety_ellipse, across": (
+            rl.SafetyEllipse(
+                **to, radial_m=120.0, cross_track_m=90.0, drift_m=200.0, center_along_track_m=-300.0, duration_s=3 * 5553.6
+            ), "nr",
+        ),
+        "teardrop": (rl.Teardrop(**to, cusp_m=400.0, turn_m=100.0, loops=3), "rt"),
+        "forced_circumnavigation": (rl.ForcedCircumnavigation(**to, radius_m=100.0, period_s=1800.0), "rt"),
+        "waypoints": (
+            rl.Waypoints(
+                **to,
+                positions_m=((0.0, -600.0, 0.0), (-200.0, -300.0, 0.0), (-150.0, 100.0, 0.0), (0.0, 200.0, 0.0)),
+                speed_m_s=0.5,
+            ), "rt",
+        ),
+        "lambert": (
+            rl.Lambert(**to, from_m=(-2000.0, -30_000.0, 500.0), to_m=(0.0, -100.0, 0.0), duration_s=3300.0), "rt",
+        ),
+    }  # fmt: skip
+
+
+def operations() -> Any:
+    """Return the proximity operations by name, each in a plane of the body's rtn axes."""
+    figure = new_figure(
+        11.0, 10.2, "Proximity operations by name",
+        "about a body on a circle 400 km high. Line: as planned, thick where thrust holds it; dot: start; "
+        "triangles: impulses; dashes: a revolution of drift after the worst failure",
+    )  # fmt: skip
+    station = _low_orbit()
+    for axes, (name, (part, plane)) in zip(figure.subplots(4, 3).flat, _operations().items(), strict=True):
+        plan = part.plan(START, station)
+        right, up = (1, 0) if plane == "rt" else (2, 0)
+        unit = units.KM if name.startswith("lambert") else 1.0
+        safety = plan.passive_safety(plan.revolution_s)
+        for leg, begin_s, end_s in plan._stretches():
+            if end_s > begin_s:
+                path = leg.path(np.linspace(0.0, end_s - begin_s, 400))[0] / unit
+                axes.plot(path[:, right], path[:, up], color=BLUE, lw=2.4 if leg.acceleration_m_s2 else 1.2)
+        impulses = [impulse for impulse in plan.impulses if impulse.size_m_s > 0.0]
+        if impulses:
+            places = plan.relative(np.array([impulse.time_s for impulse in impulses]))[0] / unit
+            axes.plot(places[:, right], places[:, up], "^", color=RED, ms=5, zorder=4)
+        if impulses or plan.thrust:
+            drift = _adrift(plan, safety.failure_s) / unit
+            axes.plot(drift[:, right], drift[:, up], "--", color=ORANGE, lw=0.9, zorder=1)
+        start = plan.relative(np.zeros(1))[0][0] / unit
+        axes.plot(start[right], start[up], "o", color=hexed(INK), ms=4, zorder=5)
+        axes.plot(0.0, 0.0, "s", color=GREEN, ms=6, zorder=5)
+        _frame(axes, plan.relative(np.linspace(0.0, plan.duration_s, 400))[0][:, [right, up]] / unit)
+        cost = f"{plan.delta_v_m_s:.3g} m/s" if plan.delta_v_m_s > 0.0 else "free"
+        letters = "km" if unit != 1.0 else "m"
+        dress(axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]")
+        axes.text(
+            0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=8,
+            color=hexed(QUIET), bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+        )  # fmt: skip
+    return figure
+
+
+def _adrift(plan: rl.rpo.Plan, failure_s: float) -> np.ndarray:
+    """Return the drift (time, 3) [m] for a revolution after thrust stops at an instant: its impulse does not come."""
+    place, velocity = (rows[0] for rows in plan.relative(np.array([failure_s])))
+    for impulse in plan.impulses:
+        if abs(impulse.time_s - failure_s) < 1e-3:
+            velocity = velocity - impulse.delta_v_m_s
+    n, time_s = plan.mean_motion_rad_s, np.linspace(0.0, plan.revolution_s, 400)
+    drift: np.ndarray = clohessy_wiltshire(place, velocity, time_s, n)[0]
+    return drift
+
+
+def _frame(axes: Any, places: np.ndarray) -> None:
+    """Set equal scales about a path (time, 2) and the body at the origin, with room for where it drifts to."""
+    both = np.vstack([places, np.zeros((1, 2))])
+    low, high = both.min(axis=0), both.max(axis=0)
+    half = 0.62 * max(float((high - low).max()), 1e-9)
+    middle = 0.5 * (low + high)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set(xlim=(middle[0] - 1.55 * half, middle[0] + 1.55 * half), ylim=(middle[1] - half, middle[1] + half))
+
+
+def safety_ellipse() -> Any:
+    """Return a walking safety ellipse in the target's rtn axes with a keep-out sphere, as `rso-lidar truth` draws it."""
+    scenario = rl.Scenario(
+        version=1,
+        name="Walking safety ellipse",
+        time=rl.Time(start_utc=START, duration_s=4 * 5553.6, frame_rate_hz=0.02),
+        target=(rl.Target(name="station", model="juno", motion=_low_orbit()),),
+        follower=rl.Follower(
+            motion=rl.SafetyEllipse(
+                relative_to="station", radial_m=120.0, cross_track_m=90.0, drift_m=150.0, center_along_track_m=-300.0
+            )
+        ),
+        lidar=rl.Lidar(receiver=rl.Receiver(fov_deg=2.5, f_number=2.8)),
+    )
+    return picture.orbit_figure(
+        course(scenario)[0],
+        "station",
+        keep_out_m=50.0,
+        title="A safety ellipse walks by: four revolutions",
+    )
+
+
+def relative_models() -> Any:
+    """Return the error of the relative models over a revolution: over separation, eccentricity, and with flattening."""
+    figure = new_figure(
+        11.0, 4.6, "Relative models: greatest error in one revolution",
+        "a body behind on the chief's orbit, with a relative ellipse of a tenth of that; perigee 622 km high",
+    )  # fmt: skip
+    apart, eccentric, flattened = figure.subplots(1, 3)
+    separations, eccentricities = np.geomspace(10.0, 1e6, 16), np.geomspace(1e-4, 0.7, 16)
+    panels = {
+        apart: ([(0.0, rho, None) for rho in separations], separations),
+        eccentric: ([(e, 1000.0, None) for e in eccentricities], eccentricities),
+        flattened: ([(0.001, rho, rl.Forces(zonal_degree=6)) for rho in separations[:13]], separations[:13]),
+    }
+    drawn = {"hill": RED, "hill, curvilinear": ORANGE, "yamanaka_ankersen": BLUE}
+    for axes, (cases, over) in panels.items():
+        errors = [_errors(*case) for case in cases]
+        more = {"nonlinear, two bodies": INK, "relative_elements": GREEN} if axes is flattened else {}
+        for name, colour in (drawn | more).items():
+            line = [error[name] for error in errors]
+            axes.plot(over, line, ".-", color=hexed(colour) if colour == INK else colour, ms=4, lw=1.1, label=name)
+        axes.set(xscale="log", yscale="log", ylim=(1e-4, 1e7))
+    apart.plot(separations, 6 * math.pi * separations**2 / 7e6, "--", color=hexed(QUIET), lw=0.9, label="6π ρ² / r")
+    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=hexed(QUIET), lw=0.9, label="30 e × 1 km")
+    dress(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
+    dress(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
+    dress(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
+    for axes in (apart, eccentric, flattened):
+        key(axes, "upper left")
+    return figure
+
+
+def _errors(e: float, behind_m: float, forces: rl.Forces | None) -> dict[str, float]:
+    """Return each model's greatest distance [m] from the difference of two orbits over a revolution of the chief."""
+    chief = _low_orbit(e, 7000.0)
+    period_s = math.tau * math.sqrt((7e6 / (1.0 - e)) ** 3 / units.EARTH_GM_M3_S2)
+    epochs = rl.Epochs(START, np.linspace(0.0, period_s, 181))
+    shape = {"delta_lambda_m": -behind_m, "delta_ex_m": 0.1 * behind_m, "delta_ix_m": 0.1 * behind_m}
+    elements = rl.RelativeElements(relative_to="chief", **shape, j2=forces is not None)
+    position, velocity = (rows[0].tolist() for rows in elements.relative(rl.Epochs(START, np.zeros(1)), chief))
+    known: dict[str, Any] = {"relative_to": "chief", "position_m": position, "velocity_m_s": velocity}
+    truth = rl.Nonlinear(**known, forces=forces).relative(epochs, chief)[0]
+    models = {
+        "hill": rl.Hill(**known),
+        "hill, curvilinear": rl.Hill(**known, curvilinear=True),
+        "yamanaka_ankersen": rl.YamanakaAnkersen(**known),
+        "nonlinear, two bodies": rl.Nonlinear(**known),
+        "relative_elements": elements,
+    }
+    return {
+        name: float(np.linalg.norm(model.relative(epochs, chief)[0] - truth, axis=1).max())
+        for name, model in models.items()
+    }
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -393,6 +582,9 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "walk": walk,
     "pixel": pixel,
     "gate": gate,
+    "operations": operations,
+    "safety_ellipse": safety_ellipse,
+    "relative_models": relative_models,
 }
 
 

@@ -42,17 +42,18 @@ def at_edge(frame):
 
 def test_every_example_has_a_test():
     assert set(NAMES) == {
-        "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570"
+        "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
+        "safety_ellipse", "thrusters",
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("closed_loop", "proximity_1570")])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("closed_loop", "proximity_1570", "thrusters")])
 def test_there_is_nothing_to_warn_of(name):
     assert load(name).advice() == []
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in NAMES if name not in ("closed_loop", "gated_search", "proximity_1570")]
+    "name", [name for name in NAMES if name not in ("closed_loop", "gated_search", "proximity_1570", "thrusters")]
 )
 def test_first_middle_and_last_frame_find_their_target(name):
     scenario = load(name)
@@ -380,3 +381,68 @@ def test_element_sets_are_what_make_synthetic_writes():
         assert entry["what"] == what
         assert entry["size_bytes"] == len(blob)
         assert entry["sha256"] == hashlib.sha256(blob).hexdigest()
+
+
+# -------------------------------------------------------------------------------------------------- safety_ellipse
+
+
+def test_safety_ellipse_keeps_its_distance_for_two_days_after():
+    scenario = load("safety_ellipse")
+    chief = motion.Chief(scenario.bodies, "tdrs")
+    plan = scenario.follower.motion.plan(scenario.time.start_utc, chief)
+    assert plan.delta_v_m_s == 0.0
+    assert 70.0 < plan.passive_safety_m() < plan.nearest_m
+    away_m = np.linalg.norm(course_of(scenario).poses.link("tdrs", "follower").translation_m, axis=1)
+    assert 80.0 < away_m.min() < 90.0
+    assert 200.0 < away_m.max() < 220.0
+
+
+def test_safety_ellipse_turns_the_arrays_once_in_the_frames_of_a_day():
+    """The Sun goes once round the boom, which is north: the arrays turn by 360 degrees a day, less the Sun's own degree."""
+    scenario = load("safety_ellipse")
+    course = course_of(scenario)
+    for side in ("north", "south"):
+        hinge = course.pose("tdrs", f"tdrs.array_{side}").rotation.as_rotvec()[:, 0]
+        turned = np.ptp(np.unwrap(hinge)) / scenario.time.seconds(scenario.time.n_frames - 1)
+        assert turned == pytest.approx(2 * np.pi / 86164.0, rel=0.01)
+        sun = np.einsum(
+            "tij,tj->ti", course.pose(f"tdrs.array_{side}", "inertial").rotation.as_matrix(), course.sun_direction
+        )
+        assert np.abs(sun[:, 1]).max() < 1e-12  # as near to the Sun as the boom allows
+        assert sun[:, 2].min() > np.cos(10 * DEG)  # beta and inclination together stay below ten degrees
+
+
+def test_safety_ellipse_sees_the_arrays_turn():
+    """Seen from above at the start and from below half a day later, the cells stand across the view or along it."""
+    scenario = load("safety_ellipse")
+    parts = scenario.surfaces[0].mesh.part_names
+    cells = [parts.index(f"solar_array_{side}") for side in ("north", "south")]
+    areas = []
+    for frame in fly(scenario, 0, 22):
+        pixel_m = frame.labels.range_m * scenario.lidar.receiver.pixel_tangent
+        on = np.isin(frame.labels.part, cells) & on_target(frame)
+        areas.append(np.sum((pixel_m**2)[on]))
+    assert areas[1] > 2.0 * areas[0]
+
+
+# ------------------------------------------------------------------------------------------------------- thrusters
+
+
+@pytest.fixture(scope="module")
+def thrusters():
+    return runpy.run_path(str(ROOT / "examples" / "thrusters.py"), run_name="example")
+
+
+def test_without_thrust_the_stage_is_lost(thrusters):
+    lost = [frame.time_s for frame in fly(load("thrusters"), *range(400, 600, 5)) if not on_target(frame).any()]
+    assert 420.0 <= min(lost) <= 480.0
+
+
+def test_the_thrusters_hold_the_follower(thrusters):
+    scenario = load("thrusters")
+    for frame in rl.simulate(scenario, thrusters["Hold"]()):
+        if frame.time_s < 240.0:
+            continue
+        out, along, across = frame.truth.pose("stage.rtn", "follower").translation
+        assert -84.0 < along < -79.0
+        assert np.hypot(out, across) < 2.0

@@ -133,7 +133,7 @@ def test_no_target_is_no_error(scenario):
 ORBIT = rl.Kepler(
     epoch_utc=datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC),
     semi_major_axis_km=7000,
-    eccentricity=0.01,
+    eccentricity=0.004,
     inclination_deg=98,
     raan_deg=10,
     argument_of_perigee_deg=20,

@@ -2,8 +2,9 @@
 
 import datetime
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -12,12 +13,13 @@ from rso_lidar import picture, units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.picture.encounters import encounter_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES, checked
-from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.encounters import MAX_SLEW_DEG_S, checked_output, write_text
+from rso_lidar.study.encounters import MAX_SLEW_DEG_S, checked_output, counted, write_text
 
+_GREATEST_KEEP_OUT_M = 1e7
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
 _ORDERS = ("range", "time", "speed")
 
@@ -31,6 +33,18 @@ def encounters(
     lidar: Annotated[
         str, typer.Option("--lidar", metavar="PRESET|FILE", help="Camera by name, or a scenario file with one.")
     ] = "long_range_1064",
+    sun_exclusion: Annotated[
+        float | None, typer.Option("--sun-exclusion", metavar="DEG", help="How near to the Sun one may look [deg].")
+    ] = None,
+    moon_exclusion: Annotated[
+        float | None, typer.Option("--moon-exclusion", metavar="DEG", help="How near to the Moon one may look [deg].")
+    ] = None,
+    earth_exclusion: Annotated[
+        float | None, typer.Option("--earth-exclusion", metavar="DEG", help="How near to the Earth's limb [deg].")
+    ] = None,
+    keep_out: Annotated[
+        str | None, typer.Option("--keep-out", metavar="LENGTH", help="Sphere not to enter, with its unit: 500m.")
+    ] = None,
     sunlit: Annotated[bool, typer.Option("--sunlit", help="Only objects in sunlight at the closest approach.")] = False,
     min_duration: Annotated[float, typer.Option("--min-duration", metavar="S", help="Only stays so long [s].")] = 0.0,
     max_slew: Annotated[
@@ -51,10 +65,16 @@ def encounters(
         raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
-    within_m, start_utc = _length_m(within), _instant(start)
-    camera = _lidar(lidar)
-    for place in (csv, plot, output):
+    within_m, start_utc = _length_m("--within", within), instant("--start", start)
+    camera, asked = _lidar(lidar)
+    angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
+    asked = _constraints(asked, angles, None if keep_out is None else _length_m("--keep-out", keep_out))
+    if not min_duration >= 0.0:
+        raise ScenarioError(f"--min-duration {min_duration:g}: is no duration; give 0 or more seconds")
+    for option, place, suffix in (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml")):
         if place is not None:
+            if suffix and place.suffix.lower() != suffix:
+                raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
             checked_output(place, overwrite=overwrite)
     if plot is not None:
         checked(plot, FIGURE_SUFFIXES)
@@ -67,6 +87,7 @@ def encounters(
         lidar=camera,
         lidar_name=lidar,
         max_slew_deg_s=max_slew,
+        constraints=asked,
         sunlit=sunlit,
         min_duration_s=min_duration,
         sort=sort,  # type: ignore[arg-type]
@@ -95,7 +116,7 @@ def _show(table: Encounters) -> None:
     heads, rows = table.cells()
     shown = Table(title=table.title, box=None, header_style="bold", title_justify="left")
     for head in heads:
-        shown.add_column(head, justify="left" if head in ("object", "closest approach, UTC") else "right")
+        shown.add_column(head, justify="left" if head in ("object", "closest approach, UTC", "breaks") else "right")
     for row in rows:
         shown.add_row(*row)
     console.print(shown, markup=False)
@@ -114,13 +135,14 @@ def _draw(table: Encounters, place: Path) -> Path:
         table.within_m,
         table.reach_m[1],
         f"Encounters of {table.follower.name or table.follower.label}",
-        f"{len(table.rows):,} encounters within {table.within_m / units.KM:g} km of {table.screened:,} objects   ·   "
-        f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.days:g} days   ·   element sets are good to a kilometre",
+        f"{counted(len(table.rows), 'encounter')} within {table.within_m / units.KM:g} km of "
+        f"{counted(table.screened, 'object')}   ·   "
+        f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
     )
     return picture.save_figure(figure, place)
 
 
-def _length_m(text: str) -> float:
+def _length_m(option: str, text: str) -> float:
     """Return a length with its unit, such as ``50km`` [m]."""
     found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
     try:
@@ -128,32 +150,53 @@ def _length_m(text: str) -> float:
     except ValueError:
         number = float("nan")
     if not found or not np.isfinite(number):
-        raise ScenarioError(f"--within {text}: is no length; write for example 50km or 500m")
+        raise ScenarioError(f"{option} {text}: is no length; write for example 50km or 500m")
     if not found[2]:
-        raise ScenarioError(f"--within {text}: has no unit; write {text.strip()}km or {text.strip()}m")
+        raise ScenarioError(f"{option} {text}: has no unit; write {text.strip()}km or {text.strip()}m")
     if found[2] not in _LENGTHS_M:
-        raise ScenarioError(f"--within {text}: unknown unit '{found[2]}' (known: {', '.join(_LENGTHS_M)})")
+        raise ScenarioError(f"{option} {text}: unknown unit '{found[2]}' (known: {', '.join(_LENGTHS_M)})")
     return number * _LENGTHS_M[found[2]]
 
 
-def _instant(text: str) -> datetime.datetime:
+def instant(option: str, text: str) -> datetime.datetime:
+    """Return the UTC instant that an option gives, with its offset and of a year that element sets have."""
     try:
-        instant = datetime.datetime.fromisoformat(text.strip())
+        at = datetime.datetime.fromisoformat(text.strip())
     except ValueError:
-        raise ScenarioError(f"--start {text}: is no time; write for example 2026-05-07T00:00:00Z") from None
-    if instant.tzinfo is None:
-        raise ScenarioError(f"--start {text}: a time without an offset is ambiguous; end it with Z or +00:00")
-    if not 1957 <= instant.year <= 2056:
-        raise ScenarioError(f"--start {text}: element sets are of 1957 to 2056; correct the year")
-    return instant.astimezone(datetime.UTC)
+        raise ScenarioError(f"{option} {text}: is no time; write for example 2026-05-07T00:00:00Z") from None
+    if at.tzinfo is None:
+        raise ScenarioError(f"{option} {text}: a time without an offset is ambiguous; end it with Z or +00:00")
+    if not 1957 <= at.year <= 2056:
+        raise ScenarioError(f"{option} {text}: element sets are of 1957 to 2056; correct the year")
+    return at.astimezone(datetime.UTC)
 
 
-def _lidar(text: str) -> Lidar:
-    """Return the camera of that name, or that of a scenario file."""
+def _constraints(
+    asked: Constraints | None, angles_deg: Mapping[str, float | None], keep_out_m: float | None
+) -> Constraints | None:
+    """Return the constraints of a scenario file, with what the options say instead."""
+    changes: dict[str, Any] = {}
+    for name, angle in angles_deg.items():
+        if angle is not None:
+            if not 0.0 < angle < 180.0:
+                raise ScenarioError(
+                    f"--{name}-exclusion {angle:g}: is no angle to keep; give degrees over 0, under 180"
+                )
+            changes[f"{name}_exclusion_deg"] = angle
+    if keep_out_m is not None:
+        if not 0.0 < keep_out_m <= _GREATEST_KEEP_OUT_M:
+            raise ScenarioError(f"--keep-out: {keep_out_m:g} m is no radius; give more than 0 and at most 10,000 km")
+        changes["keep_out_m"] = keep_out_m
+    return (asked or Constraints()).replace(**changes) if changes else asked
+
+
+def _lidar(text: str) -> tuple[Lidar, Constraints | None]:
+    """Return the camera of that name, or that of a scenario file and what the file asks of its geometry."""
     if text in presets():
-        return Lidar(preset=text)  # type: ignore[call-arg]
+        return Lidar(preset=text), None  # type: ignore[call-arg]
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
-        return Scenario.load(text).instrument
+        scenario = Scenario.load(text)
+        return scenario.instrument, scenario.constraints
     raise ScenarioError(
         f"--lidar {text}: no camera of that name{did_you_mean(text, presets())} (known: {', '.join(presets())}; or a "
         "scenario file)"

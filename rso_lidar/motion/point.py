@@ -136,28 +136,26 @@ class DemandCurve:
         self._directions = directions
         self._last = max(0, math.floor(end_s / self.KNOT_S + 1e-9))
         self._pan_at_block = [0.0]  # unwrapped pan at the first knot of each block reached (0 keeps the first as it is)
-        self._blocks: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._blocks: dict[int, np.ndarray] = {}
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
         place = np.asarray(time_s, dtype=float) / self.KNOT_S
-        knot = np.clip(np.floor(place).astype(int), 0, max(0, self._last - 1))
+        knot = np.minimum(np.maximum(np.floor(place), 0.0), max(0, self._last - 1)).astype(int)
         s = (place - knot)[:, None]
         block_of = knot // self.BLOCK
-        if len(place) and (first := int(block_of.min())) == block_of.max():
-            values, slopes = self._block(first)
-            i = knot - first * self.BLOCK
-            return _hermite(values[i], values[i + 1], slopes[i], slopes[i + 1], s)
+        blocks = range(int(block_of.min()), int(block_of.max()) + 1) if len(place) else ()
+        if len(blocks) == 1:
+            return _cubic(self._block(blocks[0])[knot - blocks[0] * self.BLOCK], s)
         angles = np.empty((len(place), 2))
-        for block in sorted(set(block_of.tolist())):
-            rows = block_of == block
-            values, slopes = self._block(block)
-            i = knot[rows] - block * self.BLOCK
-            angles[rows] = _hermite(values[i], values[i + 1], slopes[i], slopes[i + 1], s[rows])
+        for block in blocks:
+            rows = np.flatnonzero(block_of == block)
+            if len(rows):
+                angles[rows] = _cubic(self._block(block)[knot[rows] - block * self.BLOCK], s[rows])
         return angles
 
-    def _block(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return pan and tilt (knot, 2) and their slopes per interval, from a block's first knot to the next's."""
+    def _block(self, block: int) -> np.ndarray:
+        """Return the cubics (knot, 4, 2) of pan and tilt that begin at the knots of a block, in intervals."""
         for earlier in range(len(self._pan_at_block) - 1, block):
             self._block(earlier)
         if block not in self._blocks:
@@ -175,13 +173,18 @@ class DemandCurve:
             slopes = np.gradient(values, axis=0, edge_order=2 if len(values) > 2 else 1)
             while len(self._blocks) > 1:
                 del self._blocks[next(iter(self._blocks))]
-            self._blocks[block] = (values[first - low :], slopes[first - low :])
+            self._blocks[block] = _cubics(values[first - low :], slopes[first - low :])
         return self._blocks[block]
 
 
-def _hermite(a: np.ndarray, b: np.ndarray, slope_a: np.ndarray, slope_b: np.ndarray, s: np.ndarray) -> np.ndarray:
-    rise = b - a
-    value: np.ndarray = a + s * (
-        slope_a + s * (3.0 * rise - 2.0 * slope_a - slope_b + s * (slope_a + slope_b - 2.0 * rise))
-    )
+def _cubics(values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return the coefficients (interval, 4, 2) of Hermite's cubics between values and slopes (knot, 2)."""
+    begin, end, rise = slopes[:-1], slopes[1:], values[1:] - values[:-1]
+    return np.stack([values[:-1], begin, 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise], axis=1)
+
+
+def _cubic(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the values (time, 2) of cubics (time, 4, 2) at s (time, 1)."""
+    a, b, c, d = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2], coefficients[:, 3]
+    value: np.ndarray = a + s * (b + s * (c + s * d))
     return value

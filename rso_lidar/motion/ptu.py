@@ -260,7 +260,7 @@ def _held(
             if angle is not None:
                 asked[rows, axis] = angle
     (pan_low, pan_high), (tilt_low, tilt_high) = travel
-    within: np.ndarray = np.clip(asked, (pan_low, tilt_low), (pan_high, tilt_high))
+    within: np.ndarray = np.minimum(np.maximum(asked, (pan_low, tilt_low)), (pan_high, tilt_high))
     return within
 
 

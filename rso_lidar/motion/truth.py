@@ -20,6 +20,7 @@ from rso_lidar.motion.ephemeris import Fixed, Table
 from rso_lidar.motion.joint import sun_in_body
 from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.orbit import J2, Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
@@ -177,8 +178,19 @@ def _with_origin(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
         return _in_orbit(tree, body, BodyState(*place))
     if isinstance(motion, RelativeMotion):
         chief = Chief(sky.bodies, motion.relative_to, local=sky.local, flights=sky.flights)
-        return _about(tree, body, sky.by_name[motion.relative_to], *motion.relative(sky.epochs, chief))
-    return _in_orbit(tree, body, motion.states(sky.epochs))
+        place = motion.relative(sky.epochs, chief)
+        _warn(body, motion.validity(sky.epochs, chief))
+        return _about(tree, body, sky.by_name[motion.relative_to], *place)
+    state = motion.states(sky.epochs)
+    if isinstance(motion, J2 | Ephemeris):
+        _warn(body, motion.validity(sky.epochs))
+    return _in_orbit(tree, body, state)
+
+
+def _warn(body: Body, lines: list[str]) -> None:
+    """Tell where the model of a body's motion is stretched, and which is better."""
+    for line in lines:
+        warnings.warn(f"{body.name}.motion: {line}", RsoLidarWarning, stacklevel=2)
 
 
 def _in_orbit(tree: PoseTree, body: Body, state: BodyState) -> PoseTree:

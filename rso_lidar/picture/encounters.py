@@ -12,9 +12,15 @@ from rso_lidar.picture.figures import dress, new_figure
 from rso_lidar.picture.palette import INK, LINE, MARK, QUIET, RANGE_RAMP, hexed
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _NAMED = 6  # the nearest so many bear their names
+_PLACES = (
+    *((1, 0, 7), (-1, 0, 7), (0, 1, 7), (0, -1, 7), (1, 1, 5), (-1, 1, 5), (1, -1, 5), (-1, -1, 5)),
+    *((x, y, far) for far in (18, 30, 44) for x, y in ((0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))),
+)  # of a name about its point, the best first: right (1) or left (-1), above (1) or below (-1), how far [points]
 _TOGETHER_M = 1.0  # nearer than this are craft that share elements, as docked ones do
 
 
@@ -68,9 +74,10 @@ def encounter_figure(
             edgecolors=rim,
             zorder=3,
         )
+    busy: list[Artist] = []  # what names do not cover
     if reach_m is not None and reach_m < within_m:
-        axes.axhline(reach_m / units.KM, color=hexed(MARK), lw=1.1, ls="--", zorder=2)
-        axes.annotate(
+        line = axes.axhline(reach_m / units.KM, color=hexed(MARK), lw=1.1, ls="--", zorder=2)
+        told = axes.annotate(
             f"lidar sees to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
             xycoords=("axes fraction", "data"),
@@ -80,6 +87,7 @@ def encounter_figure(
             fontsize=8.5,
             color=hexed(MARK),
         )
+        busy += [line, told]
     if spread:
         axes.set_yscale("log")
         bottom = max(nearest_km, 1e-4)
@@ -87,25 +95,6 @@ def encounter_figure(
     else:
         axes.set_ylim(0.0, 1.03 * within_m / units.KM)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.6g}"))
-    times = np.asarray(time_utc)
-    middle = times.min() + (times.max() - times.min()) * 0.75 if len(times) else None
-    placed: list[tuple[float, float]] = []
-    for k in np.argsort(range_km)[: _NAMED * 2].tolist():
-        here = axes.transData.transform((date2num(times[k]), range_km[k]))  # type: ignore[no-untyped-call]
-        if len(placed) >= _NAMED or any(abs(here[0] - x) < 110 and abs(here[1] - y) < 14 for x, y in placed):
-            continue
-        placed.append((float(here[0]), float(here[1])))
-        late = bool(middle is not None and times[k] > middle)
-        axes.annotate(
-            labels[k],
-            (times[k], range_km[k]),
-            xytext=(-7 if late else 7, -3),
-            textcoords="offset points",
-            ha="right" if late else "left",
-            fontsize=8,
-            color=hexed(INK),
-            zorder=4,
-        )
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
@@ -131,4 +120,52 @@ def encounter_figure(
         bar.set_label("Relative speed [km/s]", fontsize=9, color=hexed(QUIET))
         bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
         bar.outline.set_visible(False)
+    points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
+    nearest = np.argsort(range_km, kind="stable")[: _NAMED * 2].tolist()
+    _name(figure, axes, points, [(k, labels[k]) for k in nearest], busy)
     return figure
+
+
+def _name(
+    figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
+) -> None:
+    """Write names at the first few of some points, each where it covers no point and no other name, or not at all."""
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    if not len(points):
+        return
+    figure.draw_without_rendering()  # the colour bar takes its room first
+    on_screen = axes.transData.transform(points)
+    dot = 5.0 * figure.dpi / 72.0
+    taken = [Bbox.from_extents(x - dot, y - dot, x + dot, y + dot) for x, y in on_screen]
+    taken += [artist.get_window_extent() for artist in busy]
+    room = axes.get_window_extent()
+    written = 0
+    for k, label in named:
+        if written == _NAMED:
+            return
+        others = taken[:k] + taken[k + 1 :]
+        for x, y, far in _PLACES:
+            text = axes.annotate(
+                label,
+                (float(points[k, 0]), float(points[k, 1])),
+                xytext=(far * x, far * y),
+                textcoords="offset points",
+                ha={1: "left", 0: "center", -1: "right"}[x],
+                va={1: "bottom", 0: "center", -1: "top"}[y],
+                fontsize=8,
+                color=hexed(INK),
+                zorder=4,
+                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": hexed(QUIET), "shrinkA": 0, "shrinkB": 3}
+                if far > 7
+                else None,
+            )
+            text.get_window_extent()  # puts it in its place
+            box = Text.get_window_extent(text)  # that of the words, without the leader
+            free = room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
+            if free and not any(box.overlaps(other) for other in others):
+                taken.append(box)
+                written += 1
+                break
+            text.remove()

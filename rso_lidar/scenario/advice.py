@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar import motion, units
+from rso_lidar import units
 from rso_lidar.detector import Gsfl
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
 from rso_lidar.optics.background import sun_photons_per_s_m2
-from rso_lidar.rpo.relative import RelativeMotion
-from rso_lidar.scenario.constraints import broken
+from rso_lidar.scenario.compliance import broken
 from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
 
@@ -29,7 +28,6 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     """Return one line for each thing that is allowed and probably not meant."""
     seen = seen or preview(scenario)
     lines = list(seen.warned)
-    lines += _models(scenario, seen)
     lines += _field(scenario, seen)
     lines += _window(scenario, seen)
     lines += _detector(scenario)
@@ -44,17 +42,6 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
         lines += broken(scenario.constraints, scenario, seen)
     if not scenario.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
-    return lines
-
-
-def _models(scenario: Scenario, seen: Preview) -> list[str]:
-    """Return where the model of a relative motion is stretched, and which is better."""
-    lines = []
-    for body in scenario.bodies:
-        if isinstance(body.motion, RelativeMotion):
-            chief = motion.Chief(scenario.bodies, body.motion.relative_to, local=scenario.local)
-            with motion.unwarned():
-                lines += [f"{body.name}.motion: {line}" for line in body.motion.validity(seen.epochs, chief)]
     return lines
 
 

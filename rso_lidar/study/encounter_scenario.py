@@ -20,7 +20,7 @@ from rso_lidar.orbit.teme import gcrs_from_teme
 from rso_lidar.pose import turned
 from rso_lidar.rpo.hill import rtn_axes
 from rso_lidar.study.encounters import Encounters
-from rso_lidar.study.sighting import Encounter
+from rso_lidar.study.sighting import Encounter, keep_out_radius_m, rtn_corridors
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250
@@ -56,10 +56,7 @@ def scenario_text(table: Encounters, number: int) -> str:
     model = _model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
-        f"# {row.label} (NORAD {row.norad_id}) passes {table.follower.label} at {row.range_m / units.KM:.3f} km and",
-        f"# {row.speed_m_s:.1f} m/s on {row.closest_utc}. Both fly by element sets, {row.age_days:.1f} and "
-        f"{row.follower_age_days:.1f} days from their epochs,",
-        "# which are good to about a kilometre: a plausible encounter, not a prediction.",
+        *_facts(table, number),
         *_warnings(table, row),
         "version = 1",
         f"name    = {_quoted(title)}",
@@ -86,8 +83,32 @@ def scenario_text(table: Encounters, number: int) -> str:
         f"max_rate_deg_s = {table.max_slew_deg_s:g} }}",
         "",
         _lidar(table),
+        *_constraints(table, name),
     ]
     return "\n".join(lines)
+
+
+def _facts(table: Encounters, number: int) -> list[str]:
+    """Return the comments that say which encounter this is, and how good."""
+    row = table.rows[number - 1]
+    light = "in sunlight" if row.sunlit_fraction >= 0.5 else "in the Earth's shadow"
+    phase = "" if math.isnan(row.phase_deg) else f", {row.phase_deg:.0f} deg between Sun and follower at the object"
+    inside = f"{row.inside_s:,.1f} s" + ("" if row.entered and row.left else " and more")
+    return [
+        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name else ''} past {table.follower.label}:",
+        f"# row {number} of {len(table.rows)}, of {' '.join(table.title.split())}.",
+        f"# Closest approach {row.closest_utc}: {row.range_m / units.KM:.3f} km at {row.speed_m_s:.1f} m/s, {light}{phase}.",
+        f"# It is within {table.within_m / units.KM:g} km for {inside}, in the lidar's reach for {row.lidar_s:,.1f} s; the "
+        f"line of sight turns at {row.slew_deg_s:.3g} deg/s.",
+        "# Both fly by element sets, which are good to about a kilometre at their epochs and worse away from them:",
+        f"# the object's {_age(row.age_days)}, the follower's {_age(row.follower_age_days)} the closest approach.",
+        "# A plausible encounter, not a prediction.",
+    ]
+
+
+def _age(days: float) -> str:
+    """Return how long before or after an instant an epoch lies, from the age of its elements there."""
+    return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
 
 
 def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, float]:
@@ -135,7 +156,27 @@ def _warnings(table: Encounters, row: Encounter) -> list[str]:
             f"# BEWARE: the line of sight turns at {row.slew_deg_s:.3g} deg/s at the closest approach, more than the "
             f"{table.max_slew_deg_s:g} deg/s of the drive."
         )
+    if row.breaks:
+        lines.append(
+            f"# BEWARE: at the closest approach it breaks what is asked by [constraints]: {', '.join(row.breaks)}."
+        )
     return lines
+
+
+def _constraints(table: Encounters, name: str) -> list[str]:
+    """Return the table of what is asked, of this target; corridors in axes that an element set cannot tell are left out."""
+    if table.constraints is None:
+        return []
+    import tomli_w
+
+    tree = table.constraints.model_dump(exclude={"keep_out_m", "corridor"}, exclude_unset=True, exclude_none=True)
+    radius_m = keep_out_radius_m(table.constraints)
+    if radius_m is not None:
+        tree["keep_out_m"] = radius_m
+    corridors = [corridor.replace(target=name) for corridor in rtn_corridors(table.constraints)]
+    if corridors:
+        tree["corridor"] = [corridor.model_dump(exclude_unset=True, exclude_none=True) for corridor in corridors]
+    return [tomli_w.dumps({"constraints": tree})] if tree else []
 
 
 def _motion(elements: ElementSet) -> str:

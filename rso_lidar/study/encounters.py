@@ -18,9 +18,10 @@ from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
-from rso_lidar.study.sighting import Encounter, reach_m, sightings
+from rso_lidar.study.sighting import Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
+    from rso_lidar.scenario.constraints import Constraints
     from rso_lidar.scenario.lidar import Lidar
 
 Order = Literal["range", "time", "speed"]
@@ -50,6 +51,7 @@ class Encounters:
     reach_m: tuple[float, float]
     screened: int
     rejected: tuple[tuple[str, str], ...]
+    constraints: Constraints | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -58,21 +60,66 @@ class Encounters:
     def title(self) -> str:
         """Return one line that says what was asked."""
         return (
-            f"{self.follower.label} within {self.within_m / units.KM:g} km of {self.screened:,} objects, "
-            f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.days:g} days"
+            f"{self.follower.label} within {self.within_m / units.KM:g} km of {counted(self.screened, "object")}, "
+            f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
         )
+
+    @property
+    def span(self) -> str:
+        """Return in words how long was looked."""
+        return counted(self.days, "day")
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Return heads and rows of text, as they are shown; `csv` has more columns."""
         heads = ["#", "object", "norad", "closest approach, UTC", "range, km", "speed, m/s", "inside, s"]
-        heads += ["lidar, s", "slew, deg/s", "usable, s", "phase, deg", "light", "limb, deg", "age, d"]
-        return heads, [_shown(number, row) for number, row in enumerate(self.rows, start=1)]
+        heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
+        heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
+        heads += ["breaks"] if self.constraints is not None else []
+        return heads, [self._shown(number, row) for number, row in enumerate(self.rows, start=1)]
+
+    def _shown(self, number: int, row: Encounter) -> list[str]:
+        light = "Sun" if row.sunlit_fraction >= 0.99 else "dark" if row.sunlit_fraction <= 0.01 else "part"
+        minima = f" ({row.minima} minima)" if row.minima > 1 else ""
+        return [
+            str(number),
+            row.label + minima,
+            str(row.norad_id),
+            row.closest_utc,
+            f"{row.range_m / units.KM:,.3f}",
+            f"{row.speed_m_s:,.1f}",
+            ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
+            f"{row.lidar_s:,.1f}",
+            f"{row.slew_deg_s:,.3f}",
+            *([f"{row.clear_s:,.1f}"] if self._excludes else []),
+            f"{row.usable_s:,.1f}",
+            _degrees(row.phase_deg),
+            _degrees(row.moon_angle_deg),
+            _degrees(row.earth_limb_deg),
+            light,
+            f"{row.age_days:.1f}",
+            *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
+        ]
+
+    @property
+    def _excludes(self) -> list[str]:
+        """Return in words the angles from the line of sight that are asked for."""
+        asked = self.constraints
+        if asked is None:
+            return []
+        angles = (
+            ("Sun {:g} deg while any of it is seen", asked.sun_exclusion_deg),
+            ("Moon {:g} deg", asked.moon_exclusion_deg),
+            ("Earth's limb {:g} deg", asked.earth_exclusion_deg),
+        )
+        return [text.format(angle) for text, angle in angles if angle is not None]
 
     def notes(self) -> list[str]:
         """Return the lines that belong under the table."""
+        limits = f"usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s"
         lines = [
             f"lidar {self.lidar_name}: reaches {self.reach_m[0]:,.0f} to {self.reach_m[1]:,.0f} m (a facing plate of 1 m2, "
-            f"reflectance 0.30); usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s",
+            f"reflectance 0.30); {limits}{', and clear' if self._excludes else ''}",
+            *self._asked(),
             NOTE,
         ]
         if self.rejected:
@@ -81,13 +128,41 @@ class Encounters:
             lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
         return lines
 
+    def _asked(self) -> list[str]:
+        """Return the lines that say what the constraints were held to."""
+        asked = self.constraints
+        if asked is None:
+            return []
+        lines = []
+        if self._excludes:
+            lines.append(f"clear: a boresight at the object keeps off {', '.join(self._excludes)}")
+        radius_m, known = keep_out_radius_m(asked), rtn_corridors(asked)
+        if radius_m is not None:
+            named = f", the largest of {', '.join(asked.keep_out_m)}" if isinstance(asked.keep_out_m, dict) else ""
+            outside = ", but in a corridor" if known else ""
+            lines.append(f"keep-out: {radius_m:g} m about each object{named}{outside}, at the closest approach")
+        for k, corridor in enumerate(asked.corridor):
+            if corridor in known:
+                far = f" to {corridor.to_m:g} m" if corridor.to_m else ""
+                axis = ", ".join(f"{part:g}" for part in corridor.axis)
+                lines.append(
+                    f"corridor[{k}]: {corridor.half_angle_deg:g} deg about [{axis}] in the rtn axes of each object, from "
+                    f"{corridor.from_m:g} m{far}, at the closest approach"
+                )
+            else:
+                lines.append(
+                    f"corridor[{k}]: not applicable: it turns with {corridor.axes or corridor.target}, and element sets "
+                    'tell no attitude; give it in axes "rtn"'
+                )
+        return lines
+
     def table(self) -> str:
         """Return the table as plain text, with its title and notes."""
         if not self.rows:
             return "\n".join([self.title, "no encounter found", *self.notes()])
         heads, body = self.cells()
         widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
-        left = {1, 3}
+        left = {1, 3, *([len(heads) - 1] if heads[-1] == "breaks" else [])}
         lines = [
             "  ".join(
                 cell.ljust(width) if k in left else cell.rjust(width)
@@ -117,6 +192,7 @@ def encounters(
     lidar: Lidar | None = None,
     lidar_name: str = "",
     max_slew_deg_s: float = MAX_SLEW_DEG_S,
+    constraints: Constraints | None = None,
     sunlit: bool = False,
     min_duration_s: float = 0.0,
     sort: Order = "range",
@@ -133,6 +209,7 @@ def encounters(
     follower : catalogue number, name, or an element set of its own
     start_utc, days : span looked at; the start with an offset
     lidar : instrument whose reach is asked for; the preset ``long_range_1064`` if None
+    constraints : exclusion angles of a boresight at the object, keep-out sphere, corridors; each object is held to them
     sunlit : only where the object is in sunlight at the closest approach
     min_duration_s : only stays at least so long [s]
     """
@@ -154,7 +231,7 @@ def encounters(
         )
     found = screen(lead, others, start_utc, days * units.DAY_S, within_m)
     reach = reach_m(lidar)
-    rows = sorted(sightings(found, reach, max_slew_deg_s), key=_KEYS[sort])
+    rows = sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort])
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
         rows=tuple(rows[:limit]),
@@ -168,6 +245,7 @@ def encounters(
         reach_m=reach,
         screened=len(others),
         rejected=(*problems, *found.rejected),
+        constraints=constraints,
     )
 
 
@@ -193,6 +271,11 @@ def checked_output(path: str | Path, *, overwrite: bool) -> Path:
     if place.exists() and not overwrite:
         raise RecordingError(f"{place}: exists already; choose another name, or give --overwrite")
     return place
+
+
+def counted(number: float, noun: str) -> str:
+    """Return a number with its noun, in the plural where it is not one."""
+    return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
 
 
 def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
@@ -258,27 +341,6 @@ def _one_each(sets: list[ElementSet], start_utc: datetime.datetime) -> list[Elem
         if key not in chosen or off_s < chosen[key][0]:
             chosen[key] = off_s, entry
     return [entry for _, entry in chosen.values()]
-
-
-def _shown(number: int, row: Encounter) -> list[str]:
-    light = "Sun" if row.sunlit_fraction >= 0.99 else "dark" if row.sunlit_fraction <= 0.01 else "part"
-    minima = f" ({row.minima} minima)" if row.minima > 1 else ""
-    return [
-        str(number),
-        row.label + minima,
-        str(row.norad_id),
-        row.closest_utc,
-        f"{row.range_m / units.KM:,.3f}",
-        f"{row.speed_m_s:,.1f}",
-        ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
-        f"{row.lidar_s:,.1f}",
-        f"{row.slew_deg_s:,.3f}",
-        f"{row.usable_s:,.1f}",
-        _degrees(row.phase_deg),
-        light,
-        _degrees(row.earth_limb_deg),
-        f"{row.age_days:.1f}",
-    ]
 
 
 def _degrees(angle: float) -> str:

@@ -1,4 +1,4 @@
-"""What one encounter offers to a lidar: light, background, and for how long range and slew allow it to look."""
+"""What one encounter offers to a lidar: light, background, and for how long range, slew and exclusions let it look."""
 
 from __future__ import annotations
 
@@ -11,23 +11,34 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.environment import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
+from rso_lidar.orbit.environment import (
+    angle_rad,
+    beta_angle_rad,
+    earth_limb_angle_rad,
+    phase_angle_rad,
+    shadow_margins_rad,
+)
 from rso_lidar.orbit.epochs import Epochs, utc_text
 from rso_lidar.orbit.fleet import Fleet
+from rso_lidar.orbit.moon import moon_position_m
 from rso_lidar.orbit.screening import Screened
 from rso_lidar.orbit.stays import Stay
 from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
 from rso_lidar.orbit.teme import gcrs_from_teme
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
+from rso_lidar.rpo.hill import rtn_matrix
 
 if TYPE_CHECKING:
+    from rso_lidar.scenario.constraints import Constraints, Corridor
     from rso_lidar.scenario.lidar import Lidar
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
 _EACH_SIDE = 100  # instants looked at before and after the closest approach, twice
+_APART_S = 60.0  # and no farther apart than this: in a formation the line of sight turns once an orbit
 _TOGETHER_M = 1e-3
-_LOT = 1000  # encounters looked at together
+_AT_ONCE = 400_000  # instants of encounters looked at together
+_SKY_STEP_S = 600.0  # between instants at which Sun and Moon are asked for: straight between them to 1e-6 rad
 
 
 @dataclass(frozen=True)
@@ -37,10 +48,14 @@ class Encounter:
     `minima` counts the minima of range in the stay, of which the least is the closest approach; `entered` and `left`
     are False where the days asked for begin or end inside. Angles: `phase_deg` at the object between Sun and follower
     (0: the Sun is behind the follower), `sun_angle_deg` from the line of sight to the Sun, `earth_limb_deg` from it to
-    the Earth's limb (negative: the Earth is behind the object), `beta_deg` of the Sun over the follower's orbit.
-    `slew_deg_s` and `turning_deg_s2` are rate and acceleration of the line of sight in inertial axes,
-    `peak_turning_deg_s2` the greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach, `slew_s` that
-    within the slew limit, `usable_s` that within both (to about 1 %).
+    the Earth's limb (negative: the Earth is behind the object), `moon_angle_deg` to the Moon's centre, `beta_deg` of the
+    Sun over the follower's orbit. `slew_deg_s` and `turning_deg_s2` are rate and acceleration of the line of sight in
+    inertial axes, `peak_turning_deg_s2` the greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach,
+    `slew_s` that within the slew limit, `clear_s` that in which all exclusion angles are kept by a boresight at the object,
+    `usable_s` that within all of them (to about 1 %).
+
+    What is asked by constraints is `kept` or not, None where it is not asked or does not apply. `corridor_angle_deg` is
+    that, at the object, between a corridor's axis and the follower, in the object's rtn axes.
     """
 
     name: str
@@ -60,6 +75,7 @@ class Encounter:
     follower_sunlit_fraction: float
     phase_deg: float
     sun_angle_deg: float
+    moon_angle_deg: float
     earth_limb_deg: float
     beta_deg: float
     slew_deg_s: float
@@ -67,7 +83,14 @@ class Encounter:
     peak_turning_deg_s2: float
     lidar_s: float
     slew_s: float
+    clear_s: float
     usable_s: float
+    sun_kept: bool | None
+    moon_kept: bool | None
+    earth_kept: bool | None
+    keep_out_kept: bool | None
+    corridor_kept: bool | None
+    corridor_angle_deg: float
     time_s: float = field(metadata={"private": True})
     span_s: tuple[float, float] = field(metadata={"private": True})
     stay: Stay = field(repr=False, compare=False, metadata={"private": True})
@@ -77,6 +100,13 @@ class Encounter:
     def label(self) -> str:
         """Return the object's name, or its catalogue number where it has none."""
         return self.name or f"NORAD {self.norad_id}"
+
+    @property
+    def breaks(self) -> tuple[str, ...]:
+        """Return in words which constraints are broken at the closest approach."""
+        kept = (self.sun_kept, self.moon_kept, self.earth_kept, self.keep_out_kept, self.corridor_kept)
+        names = ("Sun", "Moon", "Earth", "keep-out", "corridor")
+        return tuple(name for name, held in zip(names, kept, strict=True) if held is False)
 
     @classmethod
     def columns(cls) -> list[str]:
@@ -98,16 +128,85 @@ def reach_m(lidar: Lidar) -> tuple[float, float]:
     return float(detector.sees_from_m), float(min(detector.sees_to_m, far))
 
 
-def sightings(screened: Screened, reach: tuple[float, float], max_slew_deg_s: float) -> list[Encounter]:
+def sightings(
+    screened: Screened,
+    reach: tuple[float, float],
+    max_slew_deg_s: float,
+    constraints: Constraints | None = None,
+) -> list[Encounter]:
     """Return one encounter for each stay, in the order of the stays."""
-    rows: list[Encounter] = []
-    for begin in range(0, len(screened.stays), _LOT):
-        rows += _some(screened, screened.stays[begin : begin + _LOT], reach, max_slew_deg_s)
-    return rows
+    sky = _Sky(screened, constraints)
+    each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.stays]
+    each = [2 ** math.ceil(math.log2(number / _EACH_SIDE)) * _EACH_SIDE for number in each]
+    rows: list[Encounter | None] = [None] * len(each)
+    for number in sorted(set(each)):
+        alike = [k for k, of in enumerate(each) if of == number]
+        lot = max(1, _AT_ONCE // (4 * number))
+        for begin in range(0, len(alike), lot):
+            some = alike[begin : begin + lot]
+            stays = tuple(screened.stays[k] for k in some)
+            for k, row in zip(some, _some(screened, stays, reach, max_slew_deg_s, sky, number), strict=True):
+                rows[k] = row
+    return [row for row in rows if row is not None]
+
+
+def rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
+    """Return the corridors that an element set can be held to: those in the rtn axes of their target."""
+    return [corridor for corridor in constraints.corridor if corridor.axes == "rtn"] if constraints else []
+
+
+def keep_out_radius_m(constraints: Constraints | None) -> float | None:
+    """Return the radius [m] of the sphere about each object that is kept out of: of several, the largest."""
+    radius_m = constraints.keep_out_m if constraints else None
+    return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
+
+
+class _Sky:
+    """Sun and Moon in TEME axes over the span of a screening, and how near to them and to the Earth one may look."""
+
+    def __init__(self, screened: Screened, constraints: Constraints | None) -> None:
+        self.constraints = constraints
+        last_s = max((stay.leave_s for stay in screened.stays), default=0.0)
+        self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
+        epochs = Epochs(screened.fleet.start_utc, self._time_s)
+        teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
+        self._sun_m = turned(teme_from_gcrs, sun_position_m(epochs))
+        self._moon_m = turned(teme_from_gcrs, moon_position_m(epochs))
+
+    def excluded(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
+        """Return by how much (stay, instant) [rad] a line of sight breaks the worst exclusion; not above 0 where none is.
+
+        Parameters
+        ----------
+        line, position_m : (stay, instant, 3) from the follower to the object, and the follower's place, TEME axes.
+        """
+        asked, worst = self.constraints, np.full(time_s.shape, -np.pi)
+        if asked is None:
+            return worst
+        if asked.sun_exclusion_deg is not None:
+            sun_m = self._at(self._sun_m, time_s)
+            near = asked.sun_exclusion_deg * units.DEG - angle_rad(line, sun_m - position_m)
+            worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # in the umbra the Sun is not seen
+        if asked.moon_exclusion_deg is not None:
+            moon_m = self._at(self._moon_m, time_s)
+            near = asked.moon_exclusion_deg * units.DEG - angle_rad(line, moon_m - position_m)
+            worst = np.maximum(worst, near)
+        if asked.earth_exclusion_deg is not None:
+            near = asked.earth_exclusion_deg * units.DEG - earth_limb_angle_rad(line, position_m)
+            worst = np.maximum(worst, near)
+        return worst
+
+    def _at(self, vectors: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(time_s, self._time_s, column) for column in vectors.T], axis=-1)
 
 
 def _some(
-    screened: Screened, stays: tuple[Stay, ...], reach: tuple[float, float], max_slew_deg_s: float
+    screened: Screened,
+    stays: tuple[Stay, ...],
+    reach: tuple[float, float],
+    max_slew_deg_s: float,
+    sky: _Sky,
+    each_side: int,
 ) -> list[Encounter]:
     lead, fleet = screened.follower, screened.fleet
     which = np.array([stay.which for stay in stays])
@@ -116,7 +215,7 @@ def _some(
     epochs = Epochs(fleet.start_utc, time_s)
     target, own = _gcrs(fleet, which, epochs), _gcrs(lead, np.zeros_like(which), epochs)
     line = target.position_m - own.position_m
-    sun = sun_position_m(epochs)
+    sun, moon = sun_position_m(epochs), moon_position_m(epochs)
     speed = np.linalg.norm(target.velocity_m_s - own.velocity_m_s, axis=1)
     table: dict[str, np.ndarray] = {
         "range_m": range_m,
@@ -127,18 +226,22 @@ def _some(
         "follower_sunlit_fraction": sunlit_fraction(own.position_m, sun),
         "phase_deg": phase_angle_rad(target.position_m, own.position_m, sun) / units.DEG,
         "sun_angle_deg": angle_rad(line, sun - own.position_m) / units.DEG,
+        "moon_angle_deg": angle_rad(line, moon - own.position_m) / units.DEG,
         "earth_limb_deg": earth_limb_angle_rad(line, own.position_m) / units.DEG,
         "beta_deg": beta_angle_rad(own, sun) / units.DEG,
         "time_s": time_s,
     }
-    for name in ("phase_deg", "sun_angle_deg", "earth_limb_deg"):
+    for name in ("phase_deg", "sun_angle_deg", "moon_angle_deg", "earth_limb_deg"):
         table[name][range_m < _TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
-    looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s)
+    looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
+    place_m = turned(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
+    kept, table["corridor_angle_deg"] = _kept(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
         elements = fleet.sets[stay.which]
         values: dict[str, Any] = {name: float(column[k]) for name, column in table.items()}
+        values |= {name: held[k] for name, held in kept.items()}
         rows.append(
             Encounter(
                 name=elements.name,
@@ -159,6 +262,44 @@ def _some(
     return rows
 
 
+def _kept(
+    asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray
+) -> tuple[dict[str, list[bool | None]], np.ndarray]:
+    """Return whether (row) each constraint is kept at the closest approach, and the angle (row) [deg] off a corridor's axis.
+
+    `place_m` (row, 3) is the follower's in the rtn axes of each object. Of several corridors the worst that applies counts.
+    """
+    count = len(place_m)
+    sun_deg, moon_deg, earth_deg, radius_m = (None,) * 4
+    if asked is not None:
+        sun_deg, moon_deg, earth_deg = asked.sun_exclusion_deg, asked.moon_exclusion_deg, asked.earth_exclusion_deg
+        radius_m = keep_out_radius_m(asked)
+    corridors = rtn_corridors(asked)
+    unseen = table["follower_sunlit_fraction"] <= 0.0
+    together = table["range_m"] < _TOGETHER_M
+
+    def held(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
+        return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]
+
+    angle_deg, inside, applies, within = (np.full(count, value) for value in (math.nan, True, False, False))
+    worst = np.full(count, -math.inf)
+    for corridor in corridors:
+        angle = corridor.angle_rad(place_m) / units.DEG
+        here = corridor.applies(place_m) & ~together
+        over = np.where(here, angle - corridor.half_angle_deg, -1e3 - angle)
+        angle_deg, worst = np.where(over > worst, angle, angle_deg), np.maximum(over, worst)
+        inside, applies = inside & ~(here & (over > 0.0)), applies | here
+        within |= corridor.margin_m(place_m) >= 0.0
+    angle_deg[together] = math.nan
+    return {
+        "sun_kept": held(sun_deg, unseen | (table["sun_angle_deg"] >= (sun_deg or 0.0)), ~together),
+        "moon_kept": held(moon_deg, table["moon_angle_deg"] >= (moon_deg or 0.0), ~together),
+        "earth_kept": held(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
+        "keep_out_kept": held(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
+        "corridor_kept": held(0.0, inside, applies),
+    }, angle_deg
+
+
 def _gcrs(fleet: Fleet, which: np.ndarray, epochs: Epochs) -> BodyState:
     position, velocity = fleet.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
@@ -177,6 +318,8 @@ def _looked(
     speed_m_s: np.ndarray,
     reach: tuple[float, float],
     max_slew_deg_s: float,
+    sky: _Sky,
+    each_side: int,
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
     """Return what needs the whole stay, and from when to when [s] the lidar reaches around the nearest (NaN: never).
 
@@ -185,7 +328,7 @@ def _looked(
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])
     scale = np.clip(range_m / np.maximum(speed_m_s, 1e-6), 1e-3, 1e5)[:, None]
-    u = np.linspace(0.0, 1.0, _EACH_SIDE + 1)[1:]
+    u = np.linspace(0.0, 1.0, each_side + 1)[1:]
     sides = []
     for end, sign in ((nearest - [stay.enter_s for stay in stays], -1.0), ([s.leave_s for s in stays] - nearest, 1.0)):
         length = np.maximum(end, 0.0)[:, None]
@@ -210,6 +353,7 @@ def _looked(
     apart = np.sqrt(square)
     too_far = np.maximum(apart / reach[1], reach[0] / np.maximum(apart, 1e-3)) - 1.0
     too_fast = slew / (max_slew_deg_s * units.DEG) - 1.0
+    excluded = sky.excluded(time_s, line, here[0].reshape(line.shape))
     spans = []
     for k in range(len(stays)):
         out = np.flatnonzero(too_far[k] > 0.0)
@@ -223,7 +367,8 @@ def _looked(
         "peak_turning_deg_s2": acceleration.max(axis=1) / units.DEG,
         "lidar_s": _time_below(too_far, step),
         "slew_s": _time_below(too_fast, step),
-        "usable_s": _time_below(np.maximum(too_far, too_fast), step),
+        "clear_s": _time_below(excluded, step),
+        "usable_s": _time_below(np.maximum(np.maximum(too_far, too_fast), excluded), step),
     }, spans
 
 

@@ -85,7 +85,8 @@ def test_wheel_finds_what_it_ships(away):
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
 def test_wheel_flies_two_frames_of_an_example(away, example):
-    shutil.copy(example, away.folder)
+    for file in (example, example.with_suffix(".py")):  # the twin may hold the dynamics
+        shutil.copy(file, away.folder)
     command = ["run", example.name, "-o", f"{example.stem}.h5", "--frames", "0:2", "--overwrite"]
     away("runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)", *command)
     code = "import sys; recording = rso_lidar.open(sys.argv[1]); print(len(recording), recording[1].range_m.shape)"

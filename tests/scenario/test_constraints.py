@@ -6,7 +6,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.constraints import Constraints, Corridor, broken
+from rso_lidar.scenario.compliance import broken
+from rso_lidar.scenario.constraints import Constraints, Corridor
 from rso_lidar.scenario.preview import preview
 
 APPROACH = "examples/tdrs_approach.toml"  # from 3000 m behind along -y of rtn to 300 m; boresight along the velocity

@@ -1,0 +1,209 @@
+"""`rso-lidar catalog`: what a file of element sets holds, what is wrong with it, and a part of it as a file of its own."""
+
+import datetime
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar import units
+from rso_lidar.cli.encounters import instant
+from rso_lidar.errors import CatalogError, RecordingError, RunError, ScenarioError, did_you_mean
+from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
+from rso_lidar.orbit.catalog import REGIMES, read_element_sets
+from rso_lidar.study.encounters import checked_output, counted
+
+SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
+_FIRST = 10  # problems that are told unasked
+
+
+def catalog(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File of element sets (TLE, or OMM).")],
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="GLOB", help="A part of the name, or with * and ? the whole of it.")
+    ] = None,
+    ids: Annotated[
+        list[str] | None, typer.Option("--id", metavar="N", help="Catalogue number; again, or with commas, for more.")
+    ] = None,
+    regime: Annotated[
+        str | None, typer.Option("--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.")
+    ] = None,
+    near: Annotated[
+        str | None, typer.Option("--near", metavar="UTC", help="Epochs about this time, within --max-age-days.")
+    ] = None,
+    max_age_days: Annotated[
+        float | None, typer.Option("--max-age-days", metavar="D", help="How far from --near an epoch may be [days].")
+    ] = None,
+    jumps: Annotated[
+        bool, typer.Option("--jumps", help="Of each --id, where one set gives way to the next, and by how much.")
+    ] = False,
+    problems: Annotated[bool, typer.Option("--problems", help=f"All bad records, not the first {_FIRST}.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write these sets to .json or .csv (OMM), or .tle.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """List the objects of a catalogue and its bad records, and write a part of it."""
+    if (near is None) != (max_age_days is None):
+        raise ScenarioError("--near and --max-age-days go together: give the time, and how far from it")
+    if max_age_days is not None and not 0.0 <= max_age_days < math.inf:
+        raise ScenarioError(f"--max-age-days {max_age_days:g}: is no age; give 0 or more days")
+    if regime is not None and regime not in REGIMES:
+        guess = did_you_mean(regime, REGIMES)
+        raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(REGIMES)})")
+    numbers = _numbers(ids or [])
+    if jumps and not numbers:
+        raise ScenarioError("--jumps: is about one object; name it with --id")
+    if output is not None:
+        _checked(output, overwrite)
+    at = None if near is None else instant("--near", near)
+    whole = Catalog.from_file(file)
+    _known(whole, file, numbers)
+    chosen = whole.filter(
+        name=name,
+        norad_id=numbers or None,
+        regime=regime,  # type: ignore[arg-type]
+        max_age_days=max_age_days,
+        at=at,
+    )
+    objects = _objects(chosen)
+    if output is not None and not chosen.sets:
+        raise CatalogError(f"{file}: no good element set is left to write; loosen --name, --regime or --max-age-days")
+    for line in _table(objects):
+        typer.echo(line)
+    if jumps:
+        for sets in objects:
+            typer.echo("\n".join(_jumps(sets)))
+    typer.echo(_summary(file, whole, chosen, len(objects)))
+    told = whole.problems if problems else whole.problems[:_FIRST]
+    for problem in told:
+        typer.echo(f"bad: {problem}")
+    if len(told) < len(whole.problems):
+        typer.echo(f"and {len(whole.problems) - len(told):,} more bad records: give --problems for all")
+    if output is not None:
+        _write(chosen, output)
+        typer.echo(f"{output}")
+
+
+def heights_km(entry: ElementSet) -> tuple[float, float]:
+    """Return perigee and apogee [km] over the equatorial radius, of the ellipse that mean motion and eccentricity give.
+
+    Kepler's third law on SGP4's mean motion: within some 10 km of an osculating orbit's, as in the tables of catalogues.
+    """
+    per_second = 2.0 * math.pi * entry.mean_motion_rev_day / units.DAY_S
+    axis_m = math.cbrt(units.EARTH_GM_M3_S2 / per_second**2)
+    low, high = axis_m * (1.0 - entry.eccentricity), axis_m * (1.0 + entry.eccentricity)
+    return (low - units.EARTH_RADIUS_M) / units.KM, (high - units.EARTH_RADIUS_M) / units.KM
+
+
+def _numbers(words: Sequence[str]) -> list[int]:
+    """Return the catalogue numbers of some options."""
+    found = []
+    for word in (word for option in words for word in option.replace(",", " ").split() or [option]):
+        if not (word.isascii() and word.isdigit() and 0 < len(word) <= 9):
+            raise ScenarioError(f"--id {word}: is no catalogue number; give up to nine digits, such as 25544")
+        found.append(int(word))
+    return found
+
+
+def _known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
+    """Refuse a catalogue number that the file has not, or only in a bad record."""
+    held = {entry.norad_id for entry in whole}
+    for number in numbers:
+        if number in held:
+            continue
+        bad = next((entry for entry in read_element_sets(file) if entry.norad_id == number and entry.problem), None)
+        if bad is not None:
+            raise CatalogError(str(bad.problem))
+        guess = did_you_mean(str(number), map(str, held))
+        raise CatalogError(f"{file}: no object {number} among {len(held):,}{guess or '; check the number'}")
+
+
+def _objects(chosen: Catalog) -> list[list[ElementSet]]:
+    """Return the sets of each object in the order of their epochs, the objects in the order of the file."""
+    grouped: dict[object, list[ElementSet]] = {}
+    for entry in chosen:
+        grouped.setdefault(entry.identity, []).append(entry)
+    return [sorted(sets, key=lambda entry: (entry.epoch_utc, entry.epoch_rest_ns)) for sets in grouped.values()]
+
+
+def _table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
+    """Return the lines of a table with a row for each object, of its newest set."""
+    if not objects:
+        return ["no object found"]
+    rows = [("name", "norad", "regime", "perigee x apogee, km", "incl, deg", "sets", "epoch, UTC")]
+    for sets in objects:
+        newest = sets[-1]
+        low, high = heights_km(newest)
+        epochs = [_minute(entry.epoch_utc) for entry in sets]
+        rows.append(
+            (
+                newest.name or "-",
+                str(newest.norad_id),
+                newest.regime,
+                f"{low:,.0f} x {high:,.0f}",
+                f"{newest.inclination_deg:.2f}",
+                str(len(sets)),
+                epochs[0] if len(sets) == 1 else f"{epochs[0]} to {epochs[-1]}",
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    left = (0, 2, 6)
+    return [
+        "  ".join(
+            cell.ljust(width) if k in left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _minute(at: datetime.datetime) -> str:
+    return f"{at:%Y-%m-%dT%H:%MZ}"
+
+
+def _jumps(sets: Sequence[ElementSet]) -> list[str]:
+    """Return a line for each switch from one set of an object to the next."""
+    if len(sets) == 1:
+        return [f"{sets[0].label}: one set, no jump"]
+    lines = [f"{sets[0].label}: {len(sets)} sets, which give way to the next half-way between their epochs:"]
+    for jump in SeveralSets(tuple(sets)).jumps():
+        size = f"jumps {jump.position_m:,.0f} m and {jump.velocity_m_s:.2f} m/s"
+        lines.append(
+            f"  {jump.at_utc:%Y-%m-%dT%H:%M:%SZ}  {'SGP4 has no state there' if math.isnan(jump.position_m) else size}"
+        )
+    return lines
+
+
+def _summary(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
+    left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them asked for)"
+    return (
+        f"{file.name}: {counted(len(whole), 'good element set')}{left}, {counted(count, 'object')}; "
+        f"{counted(whole.duplicates, 'duplicate')}, {counted(len(whole.problems), 'bad record')}"
+    )
+
+
+def _checked(output: Path, overwrite: bool) -> None:
+    """Refuse an output that cannot be written."""
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
+        guess = did_you_mean(suffix, SUFFIXES) or ";"
+        raise RecordingError(f"{output}: {what}{guess} (known: {', '.join(SUFFIXES)})")
+    checked_output(output, overwrite=overwrite)
+
+
+def _write(chosen: Catalog, output: Path) -> None:
+    """Write the sets whole or not at all."""
+    draft = output.with_name(f"{output.stem}.part{output.suffix}")
+    try:
+        chosen.write(draft)
+        draft.replace(output)
+    except CatalogError as error:
+        raise CatalogError(str(error).replace(str(draft), str(output))) from None
+    except OSError as error:
+        raise RunError(f"{output}: could not be written: {error.strerror or error}") from None
+    finally:
+        draft.unlink(missing_ok=True)
