@@ -142,7 +142,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
     if local and body.orbits:
         raise ScenarioError(
             f"{body.name}.motion: '{motion.type}' needs an Earth, and [world] axes = \"local\" has none; "
-            "use 'fixed' or 'table', or leave out [world]"
+            "use 'fixed', 'table' or 'state_space', or leave out [world]"
         )
     if not local and isinstance(motion, StateSpace) and motion.axes == "local":
         raise ScenarioError(

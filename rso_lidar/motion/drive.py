@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.motion.dynamics import Dynamics, Function, checked, file_of, found, in_words
+from rso_lidar.motion.dynamics import Dynamics, Function, checked, found, in_words
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
@@ -95,15 +95,6 @@ class StateSpaceDrive(_Travel):
     def label(self) -> str:
         """Return what to call the dynamics in errors."""
         return in_words(self.dynamics)
-
-    @property
-    def file(self) -> str | None:
-        """Return the Python file that the dynamics are in, as named; None where they are not named by a file."""
-        return file_of(self.dynamics)
-
-    def in_file(self, file: str) -> StateSpaceDrive:
-        """Return the same drive with its dynamics in `file`."""
-        return self.replace(dynamics=f"{file}:{self.dynamics.rpartition(':')[2]}")
 
     def steps(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray

@@ -73,15 +73,6 @@ class StateSpaceModel(Part):
         """Return what to call the dynamics in errors."""
         return in_words(self.dynamics)
 
-    @property
-    def file(self) -> str | None:
-        """Return the Python file that the dynamics are in, as named; None where they are not named by a file."""
-        return file_of(self.dynamics)
-
-    def in_file(self, file: str) -> StateSpaceModel:
-        """Return the same model with its dynamics in `file`."""
-        return self.replace(dynamics=f"{file}:{self.dynamics.rpartition(':')[2]}")
-
     def function(self) -> Function:
         """Return the function of the dynamics, wrapped so that what goes wrong in it is one line."""
         return checked(found(self.dynamics), self.label, len(self.initial_state))

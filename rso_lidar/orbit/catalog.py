@@ -21,6 +21,7 @@ from rso_lidar.errors import CatalogError, did_you_mean
 from rso_lidar.orbit.element_set import KEYS, NO_EPOCH, ElementSet
 from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml
 from rso_lidar.orbit.tle_text import checksum, element_line, read_set, written
+from rso_lidar.shipped import find
 
 if TYPE_CHECKING:
     from rso_lidar.orbit.several_sets import SeveralSets
@@ -46,8 +47,11 @@ class Catalog:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Catalog:
-        """Return the catalogue of a file: TLE, 3LE, or OMM in JSON, CSV, XML or KVN; without any record it is an error."""
-        return cls._of(*_contents(Path(path)), str(path))
+        """Return the catalogue of a file: TLE, 3LE, or OMM in JSON, CSV, XML or KVN; without any record it is an error.
+
+        A relative path is looked up in the working folder, then among the shipped data.
+        """
+        return cls._of(*_contents(find(str(path)) or Path(path)), str(path))
 
     @classmethod
     def from_text(cls, text: str, where: str = "catalogue") -> Catalog:

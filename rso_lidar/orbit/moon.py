@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sun import _gcrs_from_mean_of_date
+from rso_lidar.orbit.sun import gcrs_from_mean_of_date
 
 # Meeus, tables 47.A and 47.B: multiples of D, M, M', F; sine of longitude [1e-6 deg] and cosine of distance [m]
 _LONGITUDE_DISTANCE = """
@@ -63,7 +63,7 @@ def _gcrs(t: np.ndarray) -> np.ndarray:
     x, y, z = c * np.cos(longitude), c * np.sin(longitude), np.sin(latitude)
     ce, se = np.cos(obliquity), np.sin(obliquity)
     of_date = distance[:, None] * np.stack([x, ce * y - se * z, se * y + ce * z], axis=-1)
-    return _gcrs_from_mean_of_date(of_date, t)
+    return gcrs_from_mean_of_date(of_date, t)
 
 
 def ecliptic_of_date(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

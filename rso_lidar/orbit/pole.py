@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sun import _gcrs_from_mean_of_date
+from rso_lidar.orbit.sun import gcrs_from_mean_of_date
 
 _ARCSEC = units.DEG / 3600.0
 
@@ -26,7 +26,7 @@ def pole_direction(epochs: Epochs) -> np.ndarray:
     mean_obliquity = (23.439_291 - 0.013_004_2 * t) * units.DEG
     x, y = longitude * _ARCSEC * np.sin(mean_obliquity), obliquity * _ARCSEC
     of_date = np.stack([x, y, np.sqrt(1.0 - x * x - y * y)], axis=-1)
-    return _gcrs_from_mean_of_date(of_date, t)
+    return gcrs_from_mean_of_date(of_date, t)
 
 
 def equator_axes(epochs: Epochs) -> np.ndarray:

@@ -19,7 +19,7 @@ _ARCSEC = units.DEG / 3600.0
 def sun_position_m(epochs: Epochs) -> np.ndarray:
     """Return the Sun's position (time, 3) [m] from the Earth's centre in GCRS axes."""
     t = epochs.tt_centuries()
-    return _gcrs_from_mean_of_date(_mean_of_date_m(t), t)
+    return gcrs_from_mean_of_date(_mean_of_date_m(t), t)
 
 
 def sun_direction(epochs: Epochs) -> np.ndarray:
@@ -70,7 +70,7 @@ def _mean_of_date_m(t: np.ndarray) -> np.ndarray:
     return position
 
 
-def _gcrs_from_mean_of_date(vectors: np.ndarray, t: np.ndarray) -> np.ndarray:
+def gcrs_from_mean_of_date(vectors: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return vectors (time, 3) turned from mean-of-date to J2000.0 axes, which GCRS equals within 0.02 arcsecond."""
     zeta = (2306.2181 * t + 0.301_88 * t**2 + 0.017_998 * t**3) * _ARCSEC
     theta = (2004.3109 * t - 0.426_65 * t**2 - 0.041_833 * t**3) * _ARCSEC

@@ -28,8 +28,9 @@ class YamanakaAnkersen(RelativeState):
     """Linear motion about an elliptic chief, in its rtn axes.
 
     The chief's anomaly is that of its osculating two-body orbit at `start_utc`, so this is two-body motion to first order
-    in the greatest separation rho: off by up to some 6 pi rho^2 / q for each revolution (q the perigee's distance; 2.7 m at
-    1 km in low orbit), and by what perturbations do to the two bodies differently.
+    in the greatest separation rho: off by up to some 6 pi rho^2 / q sqrt((1 + e) / (1 - e)) / (1 - e)^2 for each revolution
+    (q the perigee's distance; 2.7 m at 1 km about a circle in low orbit, 7.5 m at e = 0.3), and by what perturbations do to
+    the two bodies differently.
     """
 
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
@@ -48,7 +49,7 @@ class YamanakaAnkersen(RelativeState):
         if farthest_m > FAR_M:
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
-                f"the neglected second order, here some {6.0 * math.pi * farthest_m**2 / _perigee_m(*start):.3g} m for each "
+                f"the neglected second order, here up to some {_second_order_m(farthest_m, *start):.3g} m for each "
                 "revolution, matters: use nonlinear or relative_elements"
             )
         return sentences + flattening("yamanaka_ankersen", epochs, *start)
@@ -163,6 +164,11 @@ def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.n
     return s - rest * c, c + rest * s
 
 
-def _perigee_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    momentum = np.cross(position_m, velocity_m_s)
-    return float(np.sum(momentum * momentum)) / GM / (1.0 + eccentricity(position_m, velocity_m_s))
+def _second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+    """Return what the neglected second order may come to in a revolution [m], about a chief of that state: a bound found
+    by flying both.
+    """
+    e = float(eccentricity(position_m, velocity_m_s))
+    h = np.cross(position_m, velocity_m_s)
+    perigee_m = float(h @ h) / GM / (1.0 + e)
+    return 6.0 * math.pi * separation_m**2 / perigee_m * math.sqrt((1.0 + e) / (1.0 - e)) / (1.0 - e) ** 2

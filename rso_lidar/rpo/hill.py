@@ -34,11 +34,12 @@ _BLOCK = 8192  # epochs worked out at a time: what fits a processor's cache
 class Hill(RelativeState):
     """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
 
-    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model.
-    Off from two bodies by up to 6 pi rho^2 / r for each revolution (rho the greatest separation, r the orbit's radius; 2.7 m
-    at 1 km in low orbit), and by up to 30 e rho. With `curvilinear` the equations hold for height, arc along the track and
-    arc across it instead of x, y, z: then the error is up to 15 pi h^2 / r for each revolution, with h the greatest height
-    or arc across, however far along the track, and the acceleration is along the axes at the body.
+    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. Off from
+    two bodies by up to 6 pi rho^2 / r for each revolution (rho the greatest separation, r the orbit's radius; 2.7 m
+    at 1 km in low orbit), and by up to 30 e rho (to e = 0.5). With `curvilinear` the equations hold for height, arc
+    along the track and arc across it instead of x, y, z: then the error is up to 15 pi h^2 / r for each revolution,
+    with h the greatest height or arc across, however far along the track, and the acceleration is along the axes at
+    the body.
     """
 
     type: Literal["hill"] = "hill"

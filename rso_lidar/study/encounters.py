@@ -60,7 +60,7 @@ class Encounters:
     def title(self) -> str:
         """Return one line that says what was asked."""
         return (
-            f"{self.follower.label} within {self.within_m / units.KM:g} km of {counted(self.screened, "object")}, "
+            f"{self.follower.label} within {self.within_m / units.KM:g} km of {counted(self.screened, 'object')}, "
             f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
         )
 

@@ -90,7 +90,7 @@ class Encounter:
     earth_kept: bool | None
     keep_out_kept: bool | None
     corridor_kept: bool | None
-    corridor_angle_deg: float
+    corridor_angle_deg: float | None
     time_s: float = field(metadata={"private": True})
     span_s: tuple[float, float] = field(metadata={"private": True})
     stay: Stay = field(repr=False, compare=False, metadata={"private": True})
@@ -236,7 +236,7 @@ def _some(
     looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
     place_m = turned(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
-    kept, table["corridor_angle_deg"] = _kept(sky.constraints, table, place_m)
+    kept = _kept(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
         elements = fleet.sets[stay.which]
@@ -262,10 +262,8 @@ def _some(
     return rows
 
 
-def _kept(
-    asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray
-) -> tuple[dict[str, list[bool | None]], np.ndarray]:
-    """Return whether (row) each constraint is kept at the closest approach, and the angle (row) [deg] off a corridor's axis.
+def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray) -> dict[str, list[Any]]:
+    """Return whether (row) each constraint is kept at the closest approach, and the angle [deg] off a corridor's axis.
 
     `place_m` (row, 3) is the follower's in the rtn axes of each object. Of several corridors the worst that applies counts.
     """
@@ -297,7 +295,8 @@ def _kept(
         "earth_kept": held(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
         "keep_out_kept": held(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
         "corridor_kept": held(0.0, inside, applies),
-    }, angle_deg
+        "corridor_angle_deg": angle_deg.tolist() if corridors else [None] * count,
+    }
 
 
 def _gcrs(fleet: Fleet, which: np.ndarray, epochs: Epochs) -> BodyState:

@@ -1,5 +1,8 @@
 """`rso-lidar encounters`: what it prints, what it writes, and what it refuses."""
 
+import csv
+from pathlib import Path
+
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -54,6 +57,34 @@ def test_a_lidar_of_a_scenario_file(call, tmp_path):
     assert rl.Scenario.load(tmp_path / "a.toml").lidar.detector.armed_to_m == 3000
 
 
+def test_exclusions_by_options(call, tmp_path):
+    place = tmp_path / "a.csv"
+    out = call(FLYBY, *ASKED, "--sun-exclusion", 100, "--keep-out", "1500m", "--csv", place)
+    assert "Sun 100 deg while any of it is seen" in out
+    assert "keep-out: 1500 m about each object" in out
+    with place.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["sun_kept"] for row in rows} == {"true", "false"}
+    assert {row["moon_kept"] for row in rows} == {""}  # not asked
+    assert all(row["keep_out_kept"] == str(float(row["range_m"]) >= 1500.0).lower() for row in rows)
+    assert all(0.0 < float(row["clear_s"]) <= float(row["inside_s"]) for row in rows)
+    assert all(0.0 <= float(row["moon_angle_deg"]) <= 180.0 for row in rows)
+
+
+def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_path):
+    camera = tmp_path / "camera.toml"
+    text = Path(shipped("examples/tle_flyby.toml")).read_text(encoding="utf-8")
+    corridor = '[[constraints.corridor]]\ntarget = "stage"\naxis = [1, 0, 0]\nhalf_angle_deg = 20\n'
+    camera.write_text(
+        f"{text}\n[constraints]\nmoon_exclusion_deg = 15\nearth_exclusion_deg = 4\n{corridor}", encoding="utf-8"
+    )
+    out = call(FLYBY, *ASKED, "--lidar", camera, "--moon-exclusion", 25, "--scenario", 1, "-o", tmp_path / "a.toml")
+    assert "keeps off Moon 25 deg, Earth's limb 4 deg" in out
+    assert "corridor[0]: not applicable: it turns with stage" in out
+    made = rl.Scenario.load(tmp_path / "a.toml").constraints
+    assert (made.moon_exclusion_deg, made.earth_exclusion_deg, made.corridor) == (25.0, 4.0, ())
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -65,6 +96,13 @@ def test_a_lidar_of_a_scenario_file(call, tmp_path):
         (["--days", "-1"], "days: -1 is no span"),
         (["--follower", "99004"], "did you mean"),
         (["--lidar", "long_range"], "did you mean 'long_range_1064'"),
+        (["--sun-exclusion", "0"], "give degrees over 0, under 180"),
+        (["--earth-exclusion", "nan"], "--earth-exclusion nan: is no angle"),
+        (["--keep-out", "500"], "--keep-out 500: has no unit; write 500km or 500m"),
+        (["--keep-out", "0m"], "--keep-out: 0 m is no radius"),
+        (["--min-duration", "nan"], "--min-duration nan: is no duration"),
+        (["--csv", "{}/a.txt"], "end its name with .csv"),
+        (["--scenario", "1", "-o", "{}/a.h5"], "end its name with .toml"),
         (["--sort", "rnage"], "did you mean 'range'"),
         (["--scenario", "1"], "go together"),
         (["--scenario", "99", "-o", "{}/a.toml"], "give a number from 1 to"),

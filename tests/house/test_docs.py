@@ -141,8 +141,8 @@ PICTURES = sorted((DOCS / "pictures").iterdir())
 def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach"}
-    instrument = (DOCS / "instrument.md").read_text(encoding="utf-8")
-    assert {name for name in figures if f"](pictures/{name}.png)" in instrument} == figures
+    told = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md"))
+    assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 
 
 @pytest.mark.parametrize("file", PICTURES, ids=lambda file: file.name)

@@ -6,15 +6,20 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
 from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.orbit import teme
 from rso_lidar.orbit.catalog import Catalog
 from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.environment import angle_rad, earth_limb_angle_rad
+from rso_lidar.orbit.moon import moon_position_m
+from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
 from rso_lidar.picture.encounters import encounter_figure
-from rso_lidar.scenario import Lidar
+from rso_lidar.scenario import Constraints, Corridor, Lidar
 from rso_lidar.shipped import shipped
 from rso_lidar.study import encounters, reach_m, scenario_text
 
@@ -75,6 +80,10 @@ def test_geometry_is_that_of_the_scenario(table):
     cosine = float(np.sum(line * sun) / np.linalg.norm(line))
     assert row.sun_angle_deg == pytest.approx(math.degrees(math.acos(cosine)), abs=1e-3)
     assert row.phase_deg == pytest.approx(180.0 - row.sun_angle_deg, abs=1e-2)  # the Sun is far away
+    moon = (
+        moon_position_m(orbit.Epochs(scenario.time.start_utc, np.array([at_s]))) - truth.states["follower"].position_m
+    )
+    assert row.moon_angle_deg == pytest.approx(math.degrees(angle_rad(line, moon)[0]), abs=1e-6)
     # the attitude looks at the object at the closest approach: along body +x
     seen = truth.poses.pose("follower", name).translation
     assert np.allclose(np.atleast_2d(seen)[0] / row.range_m, [1.0, 0.0, 0.0], atol=1e-4)
@@ -147,6 +156,159 @@ def test_figure_draws_every_row(table):
     assert sum(len(dots.get_offsets()) for dots in axes.collections) == 4
     assert axes.get_yscale() == "log"
     figure.canvas.draw()
+
+
+def test_names_cover_no_point_and_no_other_name():
+    rng = np.random.default_rng(11)
+    minutes = rng.integers(0, 1440, 60)
+    times = np.datetime64("2024-09-17T00:00:00", "ms") + minutes.astype("timedelta64[m]")
+    range_m = rng.uniform(100.0, 5e4, 60)
+    names = [f"TRANSPORTER-16 OBJECT {k}" for k in range(60)]
+    figure = encounter_figure(times, range_m, np.full(60, 5.0), minutes % 2 == 0, names, 5e4, 8e3)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    labels = [text for text in axes.texts if text.get_text() in names]
+    assert len(labels) >= 3
+    boxes = [Text.get_window_extent(text) for text in labels]
+    points = np.concatenate([axes.transData.transform(dots.get_offsets()) for dots in axes.collections])
+    assert len(points) == 60
+    for k, box in enumerate(boxes):
+        assert not any(box.contains(*point) for point in points)
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+ASKED = Constraints(
+    sun_exclusion_deg=100.0,
+    moon_exclusion_deg=60.0,
+    earth_exclusion_deg=10.0,
+    keep_out_m=1200.0,
+    corridor=(
+        Corridor(target="x", axes="rtn", axis=(0, -1, 0), half_angle_deg=30.0, to_m=1300.0),
+        Corridor(target="x", axes="port", axis=(1, 0, 0), half_angle_deg=30.0),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def asked():
+    return encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.5, constraints=ASKED)
+
+
+def flown(elements, start_utc, time_s):
+    return teme.states(elements, orbit.Epochs(start_utc, time_s))
+
+
+def clear(table, row, time_s):
+    """Return whether each exclusion is kept at some instants, by the words of `Constraints`: Sun, Moon, Earth."""
+    asked, epochs = table.constraints, orbit.Epochs(table.start_utc, time_s)
+    own = flown(table.follower, table.start_utc, time_s).position_m
+    line = flown(row.elements, table.start_utc, time_s).position_m - own
+    sun, moon = sun_position_m(epochs), moon_position_m(epochs)
+    return (
+        (sunlit_fraction(own, sun) == 0.0) | (np.degrees(angle_rad(line, sun - own)) >= asked.sun_exclusion_deg),
+        np.degrees(angle_rad(line, moon - own)) >= asked.moon_exclusion_deg,
+        np.degrees(earth_limb_angle_rad(line, own)) >= asked.earth_exclusion_deg,
+    )
+
+
+def test_exclusions_at_the_closest_approach_and_for_how_long_they_are_kept(asked):
+    assert {row.sun_kept for row in asked.rows} == {True, False}
+    for row in asked.rows[:4]:
+        at = clear(asked, row, np.array([row.time_s]))
+        assert [row.sun_kept, row.moon_kept, row.earth_kept] == [bool(kept[0]) for kept in at]
+        kept = np.all(clear(asked, row, np.linspace(row.stay.enter_s, row.stay.leave_s, 20_001)), axis=0)
+        assert 0.0 < row.clear_s < row.inside_s
+        # 0.1 s between the instants here; the table promises a per cent
+        assert row.clear_s == pytest.approx(np.mean(kept) * row.inside_s, rel=0.01, abs=0.3)
+        assert row.usable_s <= min(row.clear_s, row.lidar_s, row.slew_s) + 1e-9
+
+
+def test_exclusions_of_a_formation_that_stays_all_day():
+    chief = next(entry for entry in Catalog.from_file(FLYBY) if entry.norad_id == 99003)
+    bare = chief.__dict__ | {"line1": "", "line2": ""}
+    lead = ElementSet(**bare)
+    other = ElementSet(**bare | {"norad_id": 7, "eccentricity": chief.eccentricity + 3e-5})
+    table = encounters(
+        [other], lead, within_m=20e3, start_utc=START, days=1.0, constraints=ASKED.replace(earth_exclusion_deg=1.0)
+    )
+    (row,) = table.rows
+    assert row.inside_s == 86_400.0
+    # half a turn of the line of sight an orbit: seconds count
+    kept = np.all(clear(table, row, np.linspace(0.0, 86_400.0, 43_201)), axis=0)
+    assert 0.05 < np.mean(kept) < 0.95
+    assert row.clear_s == pytest.approx(np.mean(kept) * 86_400.0, rel=0.01)
+
+
+def test_without_exclusions_all_is_clear_and_nothing_said(table, asked):
+    bare = encounters(FLYBY, 99003, within_m=20e3, start_utc=START, days=0.5)
+    assert [row.closest_utc for row in bare.rows] == [row.closest_utc for row in asked.rows]
+    for row in bare.rows:
+        assert row.clear_s == pytest.approx(row.inside_s, abs=1e-6)
+        assert (row.sun_kept, row.keep_out_kept, row.corridor_kept, row.breaks) == (None, None, None, ())
+        assert row.corridor_angle_deg is None
+    assert "clear" not in bare.table()
+    assert "breaks" in asked.table()
+
+
+def test_keep_out_and_corridor_at_the_closest_approach(asked):
+    kept = []
+    for row in asked.rows:
+        at = np.array([row.time_s])
+        body = flown(row.elements, START, at)
+        back = flown(asked.follower, START, at).position_m[0] - body.position_m[0]
+        out = body.position_m[0] / np.linalg.norm(body.position_m[0])
+        normal = np.cross(body.position_m[0], body.velocity_m_s[0])
+        along = np.cross(normal / np.linalg.norm(normal), out)
+        angle_deg = math.degrees(math.acos(float(np.sum(-along * back)) / row.range_m))
+        assert row.corridor_angle_deg == pytest.approx(angle_deg, abs=1e-4)
+        inside = angle_deg <= 30.0 and row.range_m <= 1300.0
+        assert row.corridor_kept == (None if row.range_m > 1300.0 else inside)
+        assert row.keep_out_kept == (row.range_m >= 1200.0 or inside)  # a corridor leads through the sphere
+        kept.append((row.keep_out_kept, row.corridor_kept))
+    assert {(True, None), (True, True)} & set(kept)
+    assert any(row.range_m < 1200.0 for row in asked.rows)
+
+
+def test_a_sphere_alone_is_held_to_every_object():
+    table = encounters(
+        FLYBY,
+        99003,
+        within_m=20e3,
+        start_utc=START,
+        days=0.5,
+        constraints=Constraints(keep_out_m={"a": 5.0, "b": 1200.0}),
+    )
+    assert {row.keep_out_kept for row in table.rows} == {True, False}
+    assert all(row.keep_out_kept == (row.range_m >= 1200.0) for row in table.rows)
+    assert all(row.breaks == (() if row.keep_out_kept else ("keep-out",)) for row in table.rows)
+    assert "keep-out: 1200 m about each object, the largest of a, b" in table.table()
+
+
+def test_notes_say_what_was_asked_and_what_element_sets_cannot_tell(asked):
+    notes = "\n".join(asked.notes())
+    assert "Sun 100 deg while any of it is seen, Moon 60 deg, Earth's limb 10 deg" in notes
+    assert "corridor[0]: 30 deg about [0, -1, 0] in the rtn axes of each object, from 0 m to 1300 m" in notes
+    assert "corridor[1]: not applicable: it turns with port" in notes
+
+
+def test_the_scenario_carries_facts_and_constraints(asked):
+    number, row = next((k, row) for k, row in enumerate(asked.rows, start=1) if row.breaks)
+    text = scenario_text(asked, number)
+    facts = "\n".join(line for line in text.splitlines() if line.startswith("#"))
+    for fact in (
+        f"row {number} of {len(asked)}",
+        row.closest_utc,
+        f"{row.range_m / 1e3:.3f} km",
+        f"{row.speed_m_s:.1f} m/s",
+    ):
+        assert fact in facts
+    assert "good to about a kilometre" in facts
+    assert f"BEWARE: at the closest approach it breaks what is asked by [constraints]: {', '.join(row.breaks)}" in facts
+    scenario = rl.Scenario.loads(text)
+    (corridor,) = scenario.constraints.corridor  # the other is in axes that this target has not
+    assert corridor == ASKED.corridor[0].replace(target=scenario.target[0].name)
+    assert scenario.constraints.replace(corridor=()) == ASKED.replace(corridor=())
+    assert "constraints.keep_out_m" in scenario.describe()
 
 
 def test_an_encounter_of_messages_is_written_inline():
