@@ -34,7 +34,7 @@ def catalog(
         str | None, typer.Option("--near", metavar="UTC", help="Epochs about this time, within --max-age-days.")
     ] = None,
     max_age_days: Annotated[
-        float | None, typer.Option("--max-age-days", metavar="D", help="How far from --near an epoch may be [days].")
+        float | None, typer.Option("--max-age-days", metavar="D", help="How far from --near an epoch may be (days).")
     ] = None,
     jumps: Annotated[
         bool, typer.Option("--jumps", help="Of each --id, where one set gives way to the next, and by how much.")

@@ -34,21 +34,21 @@ def encounters(
         str, typer.Option("--lidar", metavar="PRESET|FILE", help="Camera by name, or a scenario file with one.")
     ] = "long_range_1064",
     sun_exclusion: Annotated[
-        float | None, typer.Option("--sun-exclusion", metavar="DEG", help="How near to the Sun one may look [deg].")
+        float | None, typer.Option("--sun-exclusion", metavar="DEG", help="How near to the Sun one may look (deg).")
     ] = None,
     moon_exclusion: Annotated[
-        float | None, typer.Option("--moon-exclusion", metavar="DEG", help="How near to the Moon one may look [deg].")
+        float | None, typer.Option("--moon-exclusion", metavar="DEG", help="How near to the Moon one may look (deg).")
     ] = None,
     earth_exclusion: Annotated[
-        float | None, typer.Option("--earth-exclusion", metavar="DEG", help="How near to the Earth's limb [deg].")
+        float | None, typer.Option("--earth-exclusion", metavar="DEG", help="How near to the Earth's limb (deg).")
     ] = None,
     keep_out: Annotated[
         str | None, typer.Option("--keep-out", metavar="LENGTH", help="Sphere not to enter, with its unit: 500m.")
     ] = None,
     sunlit: Annotated[bool, typer.Option("--sunlit", help="Only objects in sunlight at the closest approach.")] = False,
-    min_duration: Annotated[float, typer.Option("--min-duration", metavar="S", help="Only stays so long [s].")] = 0.0,
+    min_duration: Annotated[float, typer.Option("--min-duration", metavar="S", help="Only stays so long (s).")] = 0.0,
     max_slew: Annotated[
-        float, typer.Option("--max-slew", metavar="DEG_S", help="How fast the line of sight may turn [deg/s].")
+        float, typer.Option("--max-slew", metavar="DEG_S", help="How fast the line of sight may turn (deg/s).")
     ] = MAX_SLEW_DEG_S,
     sort: Annotated[str, typer.Option("--sort", help="Order: range, time or speed.")] = "range",
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only the first so many rows.")] = None,

@@ -21,7 +21,7 @@ class ProximityOperation(RelativeMotion):
     """An operation about the body `relative_to`, planned by Clohessy-Wiltshire in its rtn axes from `start_utc` on.
 
     Good for near-circular chiefs and short distances: off by up to 6 pi rho^2 / r for each revolution of free flight, and
-    by up to 20 e rho (see `Hill`); `validity` says where that matters.
+    by up to 30 e rho (see `Hill`); `validity` says where that matters.
     """
 
     keep_out_m: NotNegative = 0.0

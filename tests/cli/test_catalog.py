@@ -8,6 +8,7 @@ import pytest
 
 from rso_lidar.cli import main
 from rso_lidar.cli.catalog import heights_km
+from rso_lidar.errors import CatalogError
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.tle_text import checksum
 from rso_lidar.shipped import shipped
@@ -142,6 +143,21 @@ def test_a_set_that_no_tle_can_name_leaves_nothing(call, tmp_path):
     assert "write .json" in err[0]
     assert [place.name for place in tmp_path.iterdir()] == ["nine.json"]
     assert call(source, "--id", "123456789", "-o", tmp_path / "nine.csv")[0] == 0
+
+
+def test_a_write_that_fails_half_way_leaves_what_was_there(call, file, tmp_path, monkeypatch):
+    output = tmp_path / "a.json"
+    output.write_text("[]", encoding="utf-8")
+
+    def broken(self, path):
+        path.write_text("[{", encoding="utf-8")
+        raise CatalogError(f"{path}: cannot be written: no room: choose another place")
+
+    monkeypatch.setattr(Catalog, "write", broken)
+    status, _, err = call(file, "-o", output, "--overwrite")
+    assert (status, err) == (2, [f"error: {output}: cannot be written: no room: choose another place"])
+    assert output.read_text(encoding="utf-8") == "[]"
+    assert {place.name for place in tmp_path.iterdir()} == {"some.tle", "a.json"}
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ FORCES = (
     "{ zonal_degree = 6, sun = true, moon = true, drag = { area_m2 = 4.0, mass_kg = 400.0 }, "
     "radiation_pressure = { area_m2 = 4.0, mass_kg = 400.0 } }"
 )
+STATE = "7e6, 1e5, 0.0, -86.0, 6036.0, 4528.0"  # nearly a circle
 RIGID = "0.1, 0.2, 0.3, 0.9273618495495703, 0.001, -0.002, 0.003"
 
 ORBITS = {
@@ -35,21 +36,22 @@ ORBITS = {
         f'{{ type = "kepler", {WHEN}, semi_major_axis_km = -7000.0, eccentricity = 2.0, inclination_deg = 30.0, '
         "raan_deg = 10.0, argument_of_perigee_deg = 20.0, true_anomaly_deg = -40.0 }"
     ),
-    "state": f'{{ type = "state", {WHEN}, position_m = [7e6, 1e5, 0.0], velocity_m_s = [10.0, 6036.0, 4528.0] }}',
+    "state": f'{{ type = "state", {WHEN}, position_m = [7e6, 1e5, 0.0], velocity_m_s = [-86.0, 6036.0, 4528.0] }}',
     "j2": f'{{ type = "j2", {ELEMENTS} }}',
     "numerical": (
         f'{{ type = "numerical", initial = {KEPLER}, forces = {FORCES}, maneuvers = ['
         '{ type = "impulse", at_s = 300.0, delta_v_m_s = [0.1, 0.5, -0.2] }, '
-        '{ type = "burn", from_s = 500.0, duration_s = 800.0, thrust_n = [0.0, 5.0, 0.0], mass_kg = 400.0, isp_s = 220.0 }] }'
+        '{ type = "burn", from_s = 500.0, duration_s = 800.0, thrust_n = [0.0, 5.0, 0.0], mass_kg = 400.0, '
+        "isp_s = 220.0 }] }"
     ),
     "ephemeris, OEM": '{ type = "ephemeris", file = "low.oem" }',
     "ephemeris, CSV": '{ type = "ephemeris", file = "low.csv", interpolation = "lagrange", degree = 9 }',
     "state_space, inertial": (
-        '{ type = "state_space", dynamics = "dynamics.py:two_bodies", initial_state = [7e6, 1e5, 0.0, 10.0, 6036.0, 4528.0] }'
+        f'{{ type = "state_space", dynamics = "dynamics.py:two_bodies", initial_state = [{STATE}] }}'
     ),
     "state_space, inertial rigid body": (
         '{ type = "state_space", dynamics = "dynamics.py:two_bodies_turning", layout = "rigid_body", '
-        f"initial_state = [7e6, 1e5, 0.0, 10.0, 6036.0, 4528.0, {RIGID}] }}"
+        f"initial_state = [{STATE}, {RIGID}] }}"
     ),
 }
 _ABOUT = 'relative_to = "chief"'
@@ -128,7 +130,9 @@ ATTITUDES = {
     "nadir, yaw steering": '{ type = "nadir", yaw_steering = true, euler_zyx_deg = [0.0, 5.0, 0.0] }',
     "table, AEM": '{ type = "table", file = "turn.aem" }',
     "table in rtn": '{ type = "table", file = "turn.csv", axes = "rtn" }',
-    "slew, rtn to look_at": f'{{ type = "slew", first = {{ type = "rtn" }}, then = {{ type = "look_at", at = "chief" }}, {_LIMITS} }}',
+    "slew, rtn to look_at": (
+        '{ type = "slew", first = { type = "rtn" }, then = { type = "look_at", at = "chief" }, ' + f"{_LIMITS} }}"
+    ),
     "slew, nadir to Sun": f'{{ type = "slew", first = {{ type = "nadir" }}, then = {_SUNWARD}, {_LIMITS} }}',
     "slew, spin to nadir": (
         f'{{ type = "slew", first = {_SPIN}, then = {{ type = "nadir", yaw_steering = true }}, {_LIMITS} }}'

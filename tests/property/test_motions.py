@@ -4,6 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import rso_lidar as rl
+from rso_lidar import motion, units
+from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.orbit.elements import Elements, cartesian
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.kepler import State
+from rso_lidar.rpo.eccentric import YamanakaAnkersen
+from rso_lidar.rpo.hill import Hill
+from rso_lidar.rpo.nonlinear import Nonlinear
 from tests.property.motions_for_tests import (
     ATTITUDES,
     KEPLER,
@@ -15,16 +25,6 @@ from tests.property.motions_for_tests import (
     write_files,
 )
 
-import rso_lidar as rl
-from rso_lidar import motion, units
-from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.orbit.elements import Elements, cartesian
-from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import State
-from rso_lidar.rpo.eccentric import YamanakaAnkersen
-from rso_lidar.rpo.hill import Hill
-from rso_lidar.rpo.nonlinear import Nonlinear
-
 pytestmark = pytest.mark.filterwarnings("ignore::rso_lidar.errors.RsoLidarWarning")
 
 GM = units.EARTH_GM_M3_S2
@@ -34,9 +34,9 @@ STEP_S = 2.0
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0 / STEP_S
 GRID_S = (TIMES_S[:, None] + STEP_S * np.arange(-2, 3)).ravel()
 
-# The five-point difference is off by h^4/30 of the fifth derivative: 16/30 n^4 v = 6e-9 m/s at n = 1.1e-3 rad/s, v = 7.6 km/s,
-# and by some 1e-9 m/s of rounding (1e-9 m over the step). Faster by four times at the open orbit's perigee, and the zonal
-# harmonics have waves six times as short.
+# The five-point difference is off by h^4/30 of the fifth derivative: 16/30 n^4 v = 6e-9 m/s at n = 1.1e-3 rad/s and
+# v = 7.6 km/s, and by some 1e-9 m/s of rounding (1e-9 m over the step). At the open orbit's perigee all is faster, and
+# zonal harmonics have waves six times as short.
 EXACT_M_S = 2e-8
 SHORT_WAVES_M_S = 1e-6
 # SGP4's velocity leaves out small rates of its periodic terms: some cm/s (Vallado et al. 2006, 3.D).
@@ -281,7 +281,7 @@ def test_about_a_circle_both_linear_models_are_the_same(direction, anomaly):
 @settings(max_examples=60)
 @given(directions, st.floats(0.0, 0.7), st.floats(-np.pi, np.pi))
 def test_linear_models_are_off_by_the_square_of_the_separation(direction, e, anomaly):
-    """Halved separation, a quarter of the difference to two bodies; the rest is of third order, rho^3 / q^2 times a factor."""
+    """Halved separation, a quarter of the difference to two bodies; the rest is of third order, some rho^3 / q^2."""
     direction = direction / np.linalg.norm(direction)
     chief, n = chief_of(e, anomaly)
     time_s = np.linspace(0.0, 2.0 / n, 5)
@@ -302,7 +302,7 @@ def test_clohessy_wiltshire_is_off_by_the_eccentricity_times_the_separation(dire
     """First order in e: halving a small e halves the difference from Yamanaka and Ankersen, to e^2 of the separation."""
     off = []
     for e in (2e-4, 1e-4):
-        chief, n = chief_of(e, anomaly)
+        chief, _ = chief_of(e, anomaly)
         place, speed = 1000.0 * direction[:3], 1000.0 * 1.08e-3 * direction[3:]
         time_s = np.linspace(0.0, 2000.0, 5)
         linear, circular = (flown(kind, place, speed, chief, time_s)[0] for kind in (YamanakaAnkersen, Hill))

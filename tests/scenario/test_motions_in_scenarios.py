@@ -1,4 +1,4 @@
-"""Every type of motion and attitude in a scenario's text: it is described, flown, and refused in one line that says where."""
+"""Every type of motion and attitude in a scenario's text: described, flown, and refused in one line that says where."""
 
 import re
 
@@ -238,7 +238,7 @@ ECCENTRIC = KEPLER.replace("eccentricity = 0.001", "eccentricity = 0.1").replace
         ),
         (
             RELATIVE["relative_elements"],
-            KEPLER,
+            KEPLER.replace("6928", "6728"),
             400000,
             ["relative_elements: the chief comes down to", "drag", "numerical"],
         ),
@@ -287,7 +287,8 @@ def test_a_run_past_the_end_of_a_table_says_which_epochs(load):
 
 
 def test_an_orbit_that_falls_says_when(load):
-    falling = '{ type = "state", epoch_utc = 2024-09-17T12:00:00Z, position_m = [6.6e6, 0.0, 0.0], velocity_m_s = [-100.0, 4000.0, 0.0] }'
+    place = "position_m = [6.6e6, 0.0, 0.0], velocity_m_s = [-100.0, 4000.0, 0.0]"
+    falling = f'{{ type = "state", epoch_utc = 2024-09-17T12:00:00Z, {place} }}'
     line = refusal(load, scenario_text(f'{{ type = "numerical", initial = {falling} }}'))
     assert "follower.motion" in line
     assert re.search(r"ground|Earth", line)
