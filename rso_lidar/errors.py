@@ -5,8 +5,10 @@ was bad (`RsoLidarError` that is a `ValueError`) and 1 when a run failed.
 """
 
 import difflib
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 
@@ -48,6 +50,30 @@ class RunError(RsoLidarError, RuntimeError):
 
 class RsoLidarWarning(UserWarning):
     """Something that is allowed and probably not meant."""
+
+
+_still: ContextVar[bool] = ContextVar("still", default=False)
+
+
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """Keep still, in this thread, about what the run itself has warned of, where something is worked out on the side."""
+    token = _still.set(True)
+    try:
+        yield
+    finally:
+        _still.reset(token)
+
+
+def told() -> bool:
+    """Return whether warnings are wanted here; finding out what to warn of may cost time."""
+    return not _still.get()
+
+
+def warn(message: str) -> None:
+    """Warn of something that is allowed and probably not meant, unless `unwarned`."""
+    if told():
+        warnings.warn(message, RsoLidarWarning, stacklevel=3)
 
 
 @contextmanager

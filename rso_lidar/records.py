@@ -8,7 +8,7 @@ return, NaN in a range and 0 in an intensity; sky in an integer label is -1.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -387,4 +387,4 @@ class Command:
     divergence_rad: float | None = None
     energy_j: float | None = None
     gate_delay_s: float | None = None
-    inputs: Mapping[str, Any] | None = None
+    inputs: Mapping[str, Sequence[float]] | None = None

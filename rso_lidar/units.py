@@ -42,6 +42,10 @@ SUN_RADIUS_M = 6.957e8
 # IAU 2015 resolution B3, nominal irradiance at 1 AU, 1361 W/m2, over the speed of light: on what absorbs it.
 SOLAR_PRESSURE_N_M2 = 1361.0 / SPEED_OF_LIGHT_M_S
 
+EARTH_FLATTENING = 1.0 / 298.257_223_563  # WGS84
+
+STANDARD_GRAVITY_M_S2 = 9.806_65  # 3rd CGPM 1901, exact; specific impulse is counted in it
+
 DAY_S = 86_400.0
 
 # Multiply by these to reach SI; divide by them to leave it.

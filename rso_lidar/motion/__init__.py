@@ -1,6 +1,6 @@
 """Where everything is, and how it is turned."""
 
-from rso_lidar.motion.aem import AttitudeTable
+from rso_lidar.motion.aem import AttitudeTable, write_aem, write_attitude_csv
 from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
@@ -23,7 +23,7 @@ from rso_lidar.motion.ptu import (
 from rso_lidar.motion.slew import Slew
 from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.sunward import Nadir, SunPointing
-from rso_lidar.motion.truth import Chief, truth, unwarned
+from rso_lidar.motion.truth import Chief, truth
 
 __all__ = [
     "LIDAR_FROM_PTU",
@@ -66,7 +66,8 @@ __all__ = [
     "start",
     "step",
     "truth",
-    "unwarned",
     "with_lidar",
     "working_order",
+    "write_aem",
+    "write_attitude_csv",
 ]

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rso_lidar.errors import unwarned
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
 from rso_lidar.motion.ptu import Mount, Ptu, ptu_link, sense, start, step
-from rso_lidar.motion.truth import Flights, truth, unwarned
+from rso_lidar.motion.truth import Flights, truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, turned
 from rso_lidar.records import Command, PtuAngles, Truth

@@ -125,6 +125,32 @@ def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
         ) from None
 
 
+def seen_by(body: Body, bodies: Sequence[Body]) -> list[Body]:
+    """Return the bodies that the attitude of one looks at, and those about which they move in turn, itself untilted.
+
+    They keep their attitudes only where these matter: where axes that they declare are looked at, or carry others.
+    """
+    by_name = {one.name: one for one in bodies}
+    hosts = {axes.name: one for one in bodies for axes in one.axes}
+    tilted: dict[str, bool] = {}
+
+    def need(name: str, turned: bool) -> None:
+        if tilted.get(name, False) or (name in tilted and not turned):
+            return
+        tilted[name] = turned
+        one = by_name[name]
+        relative_to = getattr(one.motion, "relative_to", None)
+        if relative_to is not None:
+            need(relative_to, isinstance(one.motion, Fixed | Table))
+        if turned or one is body:
+            for law in _laws(one.attitude):
+                if isinstance(law, LookAt):
+                    need(law.at if law.at in by_name else hosts[law.at].name, law.at in hosts)
+
+    need(body.name, False)
+    return [by_name[name] if turned else by_name[name].replace(attitude=None) for name, turned in tilted.items()]
+
+
 def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
     seen: set[str] = set()
     for axes in [axes for body in bodies for axes in body.axes]:

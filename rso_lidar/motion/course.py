@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.motion.body import Body
+from rso_lidar.errors import ScenarioError, did_you_mean, unwarned
+from rso_lidar.motion.body import Body, seen_by
 from rso_lidar.motion.dynamics import Flight
+from rso_lidar.motion.slew import Slew
 from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
@@ -33,23 +34,27 @@ class Course:
     ) -> None:
         self._bodies, self._epochs, self._local, self._sun = bodies, epochs, local, sun_direction
         self.flights = _flights(bodies) if commanded else {}
+        _plannable(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
         self._since_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
         """Return the truth at one of the epochs by number; `command` was given at the flash before."""
-        if self._whole is not None:
-            return self._whole.at(row)
         for name, inputs in ((command.inputs if command else None) or {}).items():
             if name not in self.flights:
                 guess = did_you_mean(name, self.flights)
                 raise ScenarioError(
                     f"command: inputs are given for '{name}', which has no state-space model{guess} "
-                    f"(known: {', '.join(self.flights)})"
+                    f"(known: {', '.join(self.flights) or 'none'})"
                 )
             self.flights[name].hold(self._since_s, _numbers(name, inputs))
         self._since_s = float(self._epochs.time_s[row])
-        return self._at(self._epochs.at(row)).at(0)
+        if self._whole is not None:
+            return self._whole.at(row)
+        if row == 0:
+            return self._at(self._epochs.at(row)).at(0)
+        with unwarned():  # the first has said it
+            return self._at(self._epochs.at(row)).at(0)
 
     def _at(self, epochs: Epochs) -> Truth:
         return truth(self._bodies, epochs, local=self._local, sun_direction=self._sun, flights=self.flights)
@@ -64,6 +69,19 @@ def _flights(bodies: Sequence[Body]) -> dict[str, Flight]:
             name = f"{body.name}.attitude" if body.name in flights else body.name
             flights[name] = Flight(body.attitude)
     return flights
+
+
+def _plannable(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
+    """Refuse slews that look at what a controller moves: where that will be, no plan can know."""
+    for body in bodies:
+        if not isinstance(body.attitude, Slew):
+            continue
+        moved = [one.name for one in seen_by(body, bodies) if one.name in flights or f"{one.name}.attitude" in flights]
+        if moved:
+            raise ScenarioError(
+                f"{body.name}.attitude: a slew is planned ahead, and a controller moves '{moved[0]}', on which it depends; "
+                "use one law, or turn the body by a 'state_space' attitude"
+            )
 
 
 def _numbers(name: str, inputs: object) -> np.ndarray:

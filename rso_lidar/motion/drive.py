@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.motion.dynamics import Dynamics, Function, checked, found, in_words
+from rso_lidar.motion.dynamics import Dynamics, Function, checked, found, in_words, stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
@@ -100,7 +100,7 @@ class StateSpaceDrive(_Travel):
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
     ) -> tuple[tuple[Pair, Pair], tuple[float, ...]]:
         """Return (angle, rate) of pan and of tilt, and the further state, after each row of `held` [rad] for `dt` [s]."""
-        f = _function(self)
+        f = _function(self, stamp(self.dynamics))
         (pan, pan_rate), (tilt, tilt_rate) = axes
         x, ends = np.array([pan, tilt, pan_rate, tilt_rate, *further]), self.travel_rad
         for tick, u in enumerate(held):
@@ -117,7 +117,7 @@ class StateSpaceDrive(_Travel):
 
 
 @functools.lru_cache(maxsize=16)
-def _function(drive: StateSpaceDrive) -> Function:
+def _function(drive: StateSpaceDrive, _stamp: tuple[int, int]) -> Function:
     return checked(found(drive.dynamics), drive.label, 4 + len(drive.further_state))
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
 
-from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean
+from rso_lidar.errors import PropagationError, RsoLidarError, ScenarioError, did_you_mean
 from rso_lidar.orbit.integrate import Derivative, Solution
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.shipped import find
@@ -20,6 +20,7 @@ from rso_lidar.shipped import find
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
 _PANEL_S = 60.0
+_COMMANDED_PANEL_S = 1.0  # under commands little is asked beyond the next one
 _KEPT = 1000  # pieces between two inputs that are remembered
 
 
@@ -30,6 +31,8 @@ def _named_or_callable(value: Any) -> Any:
             raise ValueError(f"'{value}' names no function: write 'file.py:name' or 'package.module:name'")
     elif not callable(value):
         raise ValueError(f"needs 'file.py:name', 'package.module:name' or a function f(t, x, u), not {value!r:.60}")
+    elif not isinstance(value, Hashable):
+        raise ValueError(f"{value!r:.60} cannot be hashed: give it a __hash__, as @dataclass(frozen=True) does")
     return value
 
 
@@ -77,8 +80,10 @@ class StateSpaceModel(Part):
         """Return the function of the dynamics, wrapped so that what goes wrong in it is one line."""
         return checked(found(self.dynamics), self.label, len(self.initial_state))
 
-    def solution(self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0) -> Solution:
-        """Return x(t - start_s) from `state` at `start_s` [s] on, under constant inputs."""
+    def solution(
+        self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0, panel_s: float = _PANEL_S
+    ) -> Solution:
+        """Return x(t - start_s) from `state` at `start_s` [s] on, under constant inputs, in panels of `panel_s` [s]."""
         function = self.function()
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
@@ -88,7 +93,7 @@ class StateSpaceModel(Part):
         return Solution(
             steady,
             state,
-            panel_s=_PANEL_S,
+            panel_s=panel_s,
             rtol=max(self.relative_tolerance, 1e-13),
             atol=self.absolute_tolerance,
             name=self.label,
@@ -102,6 +107,7 @@ class Flight:
         self.model = model
         self._inputs = np.array(model.inputs, dtype=float)
         self._pieces = [(0.0, model.solution(np.array(model.initial_state, dtype=float), self._inputs))]
+        self._lost_s = (np.inf, -np.inf)
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
         """Hold other inputs from `time_s` [s] on, which is not before the instant of the last ones."""
@@ -117,13 +123,22 @@ class Flight:
         if self._pieces[-1][0] == time_s:
             del self._pieces[-1]
         self._inputs = inputs
-        self._pieces.append((time_s, self.model.solution(state, inputs, time_s)))
-        del self._pieces[1:-_KEPT]
+        self._pieces.append((time_s, self.model.solution(state, inputs, time_s, _COMMANDED_PANEL_S)))
+        if len(self._pieces) > _KEPT + 1:
+            self._lost_s = (min(self._lost_s[0], self._pieces[1][0]), self._pieces[2][0])
+            del self._pieces[1]
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Return x (time, n) at `time_s` (time,) [s]."""
         times = np.asarray(time_s, dtype=float)
         begins = np.array([begin for begin, _ in self._pieces])
+        lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
+        if lost.any():
+            raise PropagationError(
+                f"{self.model.label}: what was flown from {self._lost_s[0]:g} to {self._lost_s[1]:g} s is forgotten, more "
+                f"than {_KEPT} commands ago: ask for later instants",
+                lost,
+            )
         piece = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
         states = np.empty((len(times), len(self.model.initial_state)))
         for number in np.unique(piece):
@@ -133,10 +148,24 @@ class Flight:
         return states
 
 
-@functools.lru_cache(maxsize=64)
 def open_loop(model: StateSpaceModel) -> Flight:
-    """Return the flight of a model that nobody commands, worked out once."""
+    """Return the flight of a model that nobody commands, worked out once for its dynamics as they are now."""
+    return _flown(model, stamp(model.dynamics))
+
+
+@functools.lru_cache(maxsize=64)
+def _flown(model: StateSpaceModel, _stamp: tuple[int, int]) -> Flight:
     return Flight(model)
+
+
+def stamp(dynamics: Any) -> tuple[int, int]:
+    """Return what changes where the file of dynamics does."""
+    place = file_of(dynamics)
+    path = find(place) if place is not None else None
+    if path is None:
+        return (0, 0)
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
 
 
 def checked(function: Function, label: str, n: int) -> Function:
@@ -186,8 +215,7 @@ def _module(place: str) -> Any:
     path = find(place)
     if path is None:
         raise ScenarioError(f"{place}: no such file; check the path of the dynamics")
-    status = path.stat()
-    return _file_module(path.resolve(), status.st_mtime_ns, status.st_size)
+    return _file_module(path.resolve(), *stamp(f"{place}:"))
 
 
 @functools.lru_cache(maxsize=32)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import RsoLidarWarning, ScenarioError, placed
+from rso_lidar.errors import ScenarioError, placed, told, unwarned, warn
 from rso_lidar.motion.attitude import FixedAttitude
-from rso_lidar.motion.body import Body, working_order
+from rso_lidar.motion.body import Body, seen_by, working_order
 from rso_lidar.motion.dynamics import Flight, open_loop
 from rso_lidar.motion.ephemeris import Fixed, Table
 from rso_lidar.motion.joint import sun_in_body
@@ -58,8 +56,11 @@ def truth(
                 tree = _with_origin(tree, body, sky)
             states[body.name] = _state(tree, name, len(epochs))
         else:
+            body = sky.by_name[name]
             with placed(f"{name}.attitude"):
-                tree = _with_body(tree, sky.by_name[name], sky)
+                tree = _with_body(tree, body, sky)
+            with placed(f"{name}.joint"):
+                tree = _with_joints(tree, body, sky)
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
     if sky.sun_m is not None:
@@ -77,6 +78,7 @@ class _Sky:
     sun_direction: np.ndarray | None
     flights: Flights
     by_name: dict[str, Body] = field(default_factory=dict)
+    chiefs: dict[str, Chief] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.by_name.update({body.name: body for body in self.bodies})
@@ -106,29 +108,53 @@ class _Sky:
             return np.ones(len(self.epochs))
         return sunlit_fraction(state.position_m, self.sun_m)
 
-    def elsewhere(self, epochs: Epochs, bodies: Sequence[Body]) -> Truth:
-        """Return where some of the bodies are at other instants."""
-        with unwarned():
-            return truth(bodies, epochs, local=self.local, sun_direction=self.sun_direction, flights=self.flights)
+    def chief(self, tree: PoseTree, name: str) -> Chief:
+        """Return the trajectory of a body that stands in the tree already."""
+        if name not in self.chiefs:
+            here = _state(tree, self.by_name[name].origin, len(self.epochs))
+            self.chiefs[name] = Chief(
+                self.bodies, name, local=self.local, flights=self.flights, known=(self.epochs, here)
+            )
+        return self.chiefs[name]
 
 
 class Chief:
-    """The trajectory of a body that others move about, however that body moves itself."""
+    """The trajectory of a body that others move about, however that body moves itself.
+
+    `known` are epochs at which its states are known already.
+    """
 
     def __init__(
-        self, bodies: Sequence[Body], name: str, *, local: bool = False, flights: Flights | None = None
+        self,
+        bodies: Sequence[Body],
+        name: str,
+        *,
+        local: bool = False,
+        flights: Flights | None = None,
+        known: tuple[Epochs, BodyState] | None = None,
     ) -> None:
-        by_name = {body.name: body for body in bodies}
-        chain = [by_name[name]]
-        while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
-            chain.append(by_name[relative_to])
         self._name, self._local, self._flights = name, local, flights
-        self._bare = [body.replace(attitude=None, axes=()) for body in chain]
+        self._by_name = {body.name: body for body in bodies}
+        self._known = [] if known is None else [known]
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        for at, states in self._known:
+            if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
+                return states
         with unwarned():
-            return truth(self._bare, epochs, local=self._local, flights=self._flights).states[self._name]
+            states = truth(self._bare, epochs, local=self._local, flights=self._flights).states[self._name]
+        if len(epochs) == 1:  # the start, which is asked for again and again
+            self._known = [*self._known[-3:], (epochs, states)]
+        return states
+
+    @cached_property
+    def _bare(self) -> list[Body]:
+        """Return the body and those that it moves about in turn, without their turns."""
+        chain = [self._by_name[self._name]]
+        while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
+            chain.append(self._by_name[relative_to])
+        return [body.replace(attitude=None, axes=()) for body in chain]
 
 
 def _direction(given: Sequence[float] | np.ndarray | None, local: bool) -> np.ndarray | None:
@@ -142,14 +168,6 @@ def _direction(given: Sequence[float] | np.ndarray | None, local: bool) -> np.nd
         raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
     unit: np.ndarray = direction / length
     return unit
-
-
-@contextmanager
-def unwarned() -> Iterator[None]:
-    """Keep still about what the run itself has warned of, where its bodies are worked out once more on the side."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RsoLidarWarning)
-        yield
 
 
 def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
@@ -177,20 +195,16 @@ def _with_origin(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
             return tree.with_node(body.origin, ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3)))
         return _in_orbit(tree, body, BodyState(*place))
     if isinstance(motion, RelativeMotion):
-        chief = Chief(sky.bodies, motion.relative_to, local=sky.local, flights=sky.flights)
+        chief = sky.chief(tree, motion.relative_to)
         place = motion.relative(sky.epochs, chief)
-        _warn(body, motion.validity(sky.epochs, chief))
+        for line in motion.validity(sky.epochs, chief) if told() else ():
+            warn(f"{body.name}.motion: {line}")
         return _about(tree, body, sky.by_name[motion.relative_to], *place)
     state = motion.states(sky.epochs)
-    if isinstance(motion, J2 | Ephemeris):
-        _warn(body, motion.validity(sky.epochs))
+    if isinstance(motion, J2 | Ephemeris) and told():
+        for line in motion.validity(sky.epochs):
+            warn(f"{body.name}.motion: {line}")
     return _in_orbit(tree, body, state)
-
-
-def _warn(body: Body, lines: list[str]) -> None:
-    """Tell where the model of a body's motion is stretched, and which is better."""
-    for line in lines:
-        warnings.warn(f"{body.name}.motion: {line}", RsoLidarWarning, stacklevel=2)
 
 
 def _in_orbit(tree: PoseTree, body: Body, state: BodyState) -> PoseTree:
@@ -230,13 +244,21 @@ def _with_body(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
     tree = tree.with_node(body.name, body.origin, Link((np.zeros(3), matrix), np.zeros(3), rate))
     for extra in body.axes:
         tree = tree.with_node(extra.name, body.name, extra.link)
-    if body.joints:
-        seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
-        if sky.sun_m is not None:
-            whole = tree.link(ROOT, body.name)
-            seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, sky.to_sun)
-        for joint in body.joints:
-            tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(sky.epochs.time_s, *seen))
+    return tree
+
+
+def _with_joints(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
+    """Return the tree with the axes of a body's hinges under its own."""
+    if not body.joints:
+        return tree
+    seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+    if sky.sun_m is not None:
+        whole = tree.link(ROOT, body.name)
+        line = sky.sun_m if sky.local else sky.sun_m - whole.translation_m
+        to_sun = line / np.linalg.norm(line, axis=1, keepdims=True)
+        seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, to_sun)
+    for joint in body.joints:
+        tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(sky.epochs.time_s, *seen))
     return tree
 
 
@@ -274,9 +296,11 @@ def _situation(tree: PoseTree, body: Body, sky: _Sky) -> Situation:
         return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
 
     def at(epochs: Epochs) -> Situation:
-        untilted = [one.replace(attitude=None) if one.name == body.name else one for one in sky.bodies]
-        there = _Sky(tuple(untilted), epochs, sky.local, sky.sun_direction, sky.flights)
-        return _situation(sky.elsewhere(epochs, untilted).poses, body, there)
+        some = seen_by(body, sky.bodies)
+        there = _Sky(tuple(some), epochs, sky.local, sky.sun_direction, sky.flights)
+        with unwarned():
+            poses = truth(some, epochs, local=sky.local, sun_direction=sky.sun_direction, flights=sky.flights).poses
+        return _situation(poses, body, there)
 
     return Situation(
         sky.epochs,

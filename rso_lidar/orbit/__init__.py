@@ -10,7 +10,7 @@ from rso_lidar.orbit.lambert import lambert, lambert_all
 from rso_lidar.orbit.maneuver import Burn, Impulse
 from rso_lidar.orbit.mean_elements import J2
 from rso_lidar.orbit.numerical import Numerical
-from rso_lidar.orbit.oem import Ephemeris
+from rso_lidar.orbit.oem import Ephemeris, write_ephemeris_csv, write_oem
 from rso_lidar.orbit.omm import Omm
 from rso_lidar.orbit.sgp4_orbit import SeveralSets, Tle
 from rso_lidar.orbit.trajectory import Trajectory
@@ -37,4 +37,6 @@ __all__ = [
     "lambert",
     "lambert_all",
     "utc_text",
+    "write_ephemeris_csv",
+    "write_oem",
 ]

@@ -24,7 +24,6 @@ from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
-_FLATTENING = 1.0 / 298.257_223_563  # WGS84
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # inside it the pull grows no more: nothing flies there
 Push = tuple[float, float, float]
 Pull = Callable[[float, Push, Push], tuple[Push, float]]
@@ -173,7 +172,7 @@ def _zonal(zonals: tuple[float, ...], r: Push, radius: float, pole: Push) -> Pus
 def _air_drag(drag: Drag, r: Push, radius: float, v: Push, pole: Push) -> Push:
     """Return drag [m/s2]; height above the ellipsoid to first order in the flattening, within 50 m (Vallado eq. 8-28)."""
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
-    density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - _FLATTENING * s * s))
+    density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - units.EARTH_FLATTENING * s * s))
     if density == 0.0:
         return 0.0, 0.0, 0.0
     w = units.EARTH_ROTATION_RAD_S

@@ -1,7 +1,8 @@
 """Ordinary differential equations, integrated so that an instant has the same bits whatever other instants are asked for.
 
-DOP853 (Hairer, Norsett & Wanner, Solving ODEs I, sec. II.5; scipy's) with its dense output, in whole panels of fixed length
-from t = 0, forward and backward. A panel once worked out is kept; panels end where the right-hand side is not smooth.
+DOP853 (Hairer, Norsett & Wanner, Solving ODEs I, sec. II.5; scipy's) with its dense output, in panels of fixed length from
+t = 0, forward and backward, step by step as far as is asked. A step once made is kept; panels end where the right-hand side
+is not smooth.
 """
 
 from __future__ import annotations
@@ -16,17 +17,21 @@ import numpy as np
 from rso_lidar.errors import PropagationError
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
+Jump = tuple[float, Callable[[np.ndarray], np.ndarray]]
 _NEAR_S = 1e-9  # two breaks nearer than this are one
 
 
 class Solution:
     """x(t) of x' = f(t, x) with x(0) given, at any instants.
 
+    Where f fails in a step that reaches beyond what is asked, a shorter one is made up to there: at the edge of what f
+    knows, and only there, the bits depend on the last instant that is asked for.
+
     Parameters
     ----------
     f : ``f(t, x (n,)) -> (n,)`` with t in seconds from the start
     x0 : (n,) state at t = 0
-    panel_s : length of a panel [s]; some hundred steps fit well
+    panel_s : length of a panel [s], in which the step size may grow
     rtol, atol : tolerances of a step, relative and absolute (one number, or one for each entry of x)
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
     breaks : further instants [s] at which f is not smooth, such as a thruster's switching
@@ -41,60 +46,113 @@ class Solution:
         panel_s: float,
         rtol: float = 1e-13,
         atol: float | np.ndarray = 1e-9,
-        jumps: Sequence[tuple[float, Callable[[np.ndarray], np.ndarray]]] = (),
+        jumps: Sequence[Jump] = (),
         breaks: Sequence[float] = (),
         name: str = "integration",
     ) -> None:
-        self._f, self._panel_s, self._name = f, panel_s, name
-        self._tolerances = {"rtol": rtol, "atol": atol}
-        self._jumps = sorted(jumps, key=lambda jump: jump[0])
-        self._breaks = sorted({*(at for at, _ in self._jumps), *breaks})
         x0 = np.array(x0, dtype=float)
-        self._ends: dict[int, list[tuple[float, np.ndarray]]] = {1: [(0.0, x0)], -1: [(0.0, x0)]}
-        self._dense: dict[int, list[Any]] = {1: [], -1: []}
+        breaks = sorted({*(at for at, _ in jumps), *breaks})
+        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_when), breaks, name)
+        self._ways = {way: _Way(way, *shared) for way in (1, -1)}
+        self._n = len(x0)
         self._lock = RLock()
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Return x (time, n) at `time_s` (time,) [s]; at a jump, what is after it."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
-        values = np.empty((len(times), len(self._ends[1][0][1])))
-        for way in (1, -1):
-            of = np.flatnonzero(times >= 0.0 if way == 1 else times < 0.0)
-            if len(of):
-                self._reach(way, float(np.max(way * times[of])), times)
-                ends = np.array([way * at for at, _ in self._ends[way]])
-                # forward, an instant on an edge belongs to the panel that begins there: after a jump
-                panel = np.searchsorted(ends, way * times[of], side="right" if way == 1 else "left") - 1
-                for number in np.unique(panel):
-                    rows = of[panel == number]
-                    values[rows] = self._dense[way][number](times[rows]).T
+        values = np.empty((len(times), self._n))
+        with self._lock:
+            for way, of in ((1, times >= 0.0), (-1, times < 0.0)):
+                rows = np.flatnonzero(of)
+                if len(rows):
+                    values[rows] = self._ways[way].at(times[rows], times)
         return values
 
-    def _reach(self, way: int, until_s: float, asked: np.ndarray) -> None:
-        """Work out panels, forward (1) or backward (-1), until one lies beyond `until_s` [s]."""
-        from scipy.integrate import solve_ivp
 
-        with self._lock:
-            ends, dense = self._ends[way], self._dense[way]
-            while way * ends[-1][0] <= until_s or not dense:
-                begin, x = ends[-1]
-                end = way * self._next(way * begin, way)
-                made = solve_ivp(self._f, (begin, end), x, method="DOP853", dense_output=True, **self._tolerances)
-                if not made.success or not np.all(np.isfinite(made.y[:, -1])):
-                    bad = way * asked > way * begin
-                    raise PropagationError(
-                        f"{self._name}: the integration breaks down {begin:g} s from its start "
-                        f"({made.message.rstrip('.')}): check state and dynamics, or ask for a shorter run",
-                        bad,
-                    )
-                x = made.y[:, -1]
-                for at, jump in self._jumps if way == 1 else ():
-                    if abs(at - end) < _NEAR_S:
-                        x = np.asarray(jump(x), dtype=float)
-                dense.append(made.sol)
-                ends.append((end, x))
+def _when(jump: Jump) -> float:
+    return jump[0]
 
-    def _next(self, begin: float, way: int) -> float:
-        """Return where the panel that begins at `begin` (counted forward) ends: at the grid's next edge, or a break."""
+
+class _Way:
+    """One direction from t = 0: the steps made so far, and the solver that makes the next."""
+
+    def __init__(
+        self,
+        way: int,
+        f: Derivative,
+        x0: np.ndarray,
+        panel_s: float,
+        tolerances: dict[str, Any],
+        jumps: Sequence[Jump],
+        breaks: Sequence[float],
+        name: str,
+    ) -> None:
+        self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name
+        self._jumps = jumps if way == 1 else ()
+        self._breaks = [way * at for at in breaks]
+        self._ends, self._steps = [0.0], list[Any]()  # of the steps, counted in this direction; and their polynomials
+        self._solver: Any = None
+        self._x = x0
+
+    def at(self, times: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        """Return x (time, n) at instants [s] of this direction; `asked` are all, for the mask of an error."""
+        until = float(np.max(self._way * times))
+        beyond = self._reach(until, asked)
+        # an instant on an edge belongs to the step that begins there: after a jump
+        step = np.searchsorted(self._ends, self._way * times, side="right") - 1
+        values = np.empty((len(times), len(self._x)))
+        for number in np.unique(step):
+            rows = step == number
+            polynomial = self._steps[number] if number < len(self._steps) else beyond
+            values[rows] = polynomial(times[rows]).T
+        return values
+
+    def _reach(self, until: float, asked: np.ndarray) -> Any:
+        """Make steps until one ends beyond `until`; or return a piece up to there, where f knows no more."""
+        from scipy.integrate import DOP853, solve_ivp
+
+        while self._ends[-1] <= until:
+            begin = self._ends[-1]
+            x = self._x if self._solver is None else self._solver.y
+            try:
+                if self._solver is None:
+                    bound = self._way * self._next(begin)
+                    self._solver = DOP853(self._f, self._way * begin, x, bound, **self._tolerances)
+                message = self._solver.step()
+            except Exception:
+                self._solver = None
+                self._x = x
+                if begin >= until:
+                    raise
+                tail = solve_ivp(
+                    self._f,
+                    (self._way * begin, self._way * until),
+                    x,
+                    "DOP853",
+                    dense_output=True,
+                    **self._tolerances,
+                )
+                return tail.sol
+            if self._solver.status == "failed" or not np.all(np.isfinite(self._solver.y)):
+                self._solver = None
+                raise PropagationError(
+                    f"{self._name}: the integration breaks down {self._way * begin:g} s from its start "
+                    f"({(message or 'infinite').rstrip('.')}): check state and dynamics, or ask for a shorter run",
+                    self._way * asked > begin,
+                )
+            self._steps.append(self._solver.dense_output())
+            self._ends.append(self._way * self._solver.t)
+            if self._solver.status == "finished":
+                self._x, self._solver = self._jumped(self._solver.y), None
+        return None
+
+    def _jumped(self, x: np.ndarray) -> np.ndarray:
+        for at, jump in self._jumps:
+            if abs(at - self._ends[-1]) < _NEAR_S:
+                x = np.asarray(jump(x), dtype=float)
+        return x
+
+    def _next(self, begin: float) -> float:
+        """Return where the panel that begins at `begin` ends: at the grid's next edge, or a break."""
         edge = (math.floor(begin / self._panel_s + 1e-9) + 1) * self._panel_s
-        return min([at for at in (way * b for b in self._breaks) if at > begin + _NEAR_S] + [edge])
+        return min([at for at in self._breaks if at > begin + _NEAR_S] + [edge])

@@ -12,9 +12,9 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import model_validator
 
+from rso_lidar import units
 from rso_lidar.part import NotNegative, Part, Positive, Vector
 
-STANDARD_GRAVITY_M_S2 = 9.806_65  # CGPM 1901, which specific impulse is counted in
 Axes3 = Literal["rtn", "vnc", "inertial"]
 
 
@@ -71,7 +71,7 @@ class Burn(Part):
     def _flow_kg_s(self) -> float:
         if self.thrust_n is None or self.isp_s is None:
             return 0.0
-        return math.hypot(*self.thrust_n) / (STANDARD_GRAVITY_M_S2 * self.isp_s)
+        return math.hypot(*self.thrust_n) / (units.STANDARD_GRAVITY_M_S2 * self.isp_s)
 
     @property
     def until_s(self) -> float:
@@ -88,7 +88,7 @@ class Burn(Part):
         if self.isp_s is None:
             return math.hypot(*self.thrust_n) / self.mass_kg * self.duration_s
         left = 1.0 - self._flow_kg_s * self.duration_s / self.mass_kg
-        return -STANDARD_GRAVITY_M_S2 * self.isp_s * math.log(left)
+        return -units.STANDARD_GRAVITY_M_S2 * self.isp_s * math.log(left)
 
     def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
         """Return the acceleration [m/s2] in inertial axes while it burns, `time_s` counted from the start of the run."""

@@ -43,7 +43,7 @@ CUT = 8  # sub-intervals of a step
 _MOST_STATES = 400_000  # flown at a time: some 50 MB
 _SHELL_INSTANTS = 13
 _SHELL_MARGIN_M = 50e3
-_J2_R2_M2 = 1.082_63e-3 * units.EARTH_RADIUS_M**2
+_J2_R2_M2 = units.EARTH_J2 * units.EARTH_RADIUS_M**2
 _SPEED_OFF_M_S = 5.0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import functools
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning
+from rso_lidar.errors import CatalogError, PropagationError, warn
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.teme import failed, failure, gcrs_from_teme, teme, warn_stale
@@ -122,11 +121,9 @@ def warn_jumps(label: str, jumps: Sequence[Jump]) -> None:
         return
     worst = max(jumps, key=lambda jump: (jump.position_m == jump.position_m, jump.position_m))
     times = "once" if len(jumps) == 1 else f"{len(jumps)} times"
-    warnings.warn(
+    warn(
         f"{label}: switches element sets {times} in this span, the largest jump {worst.position_m:.0f} m and "
-        f"{worst.velocity_m_s:.2f} m/s at {worst.at_utc:%Y-%m-%dT%H:%M:%SZ}: for a smooth motion fly one set (nearest)",
-        RsoLidarWarning,
-        stacklevel=3,
+        f"{worst.velocity_m_s:.2f} m/s at {worst.at_utc:%Y-%m-%dT%H:%M:%SZ}: for a smooth motion fly one set (nearest)"
     )
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import datetime
 import functools
-import warnings
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rso_lidar.errors import CatalogError, RsoLidarWarning
+from rso_lidar.errors import CatalogError, warn
 from rso_lidar.orbit import catalog
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.omm import Omm
@@ -95,11 +94,7 @@ class Tle(Part):
             bad = [entry.problem for entry in read if entry.problem]
             if not good:
                 raise CatalogError(str(bad[0]))
-            warnings.warn(
-                f"{good[0].label}: {len(bad)} of {len(read)} element sets are left out, the first is {bad[0]}",
-                RsoLidarWarning,
-                stacklevel=2,
-            )
+            warn(f"{good[0].label}: {len(bad)} of {len(read)} element sets are left out, the first is {bad[0]}")
         return of_sets(good)
 
     def inline(self, near_utc: datetime.datetime, folder: Path | None = None) -> Tle | Omm:

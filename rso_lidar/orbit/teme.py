@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import datetime
 import functools
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import PropagationError, RsoLidarWarning
+from rso_lidar.errors import PropagationError, warn
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs, skyfield_tt
 from rso_lidar.pose import turned
@@ -61,11 +60,9 @@ def age_days(elements: ElementSet, epochs: Epochs) -> float:
 def warn_stale(elements: ElementSet, days: float) -> None:
     """Warn where elements are flown more than a week from their epoch."""
     if days > STALE_DAYS:
-        warnings.warn(
+        warn(
             f"{elements.kind} {elements.label}: flown {days:.1f} days from its epoch {elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
-            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the run",
-            RsoLidarWarning,
-            stacklevel=3,
+            f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the run"
         )
 
 

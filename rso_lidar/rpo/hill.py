@@ -158,22 +158,6 @@ def _fly(
     w += s * q
 
 
-def two_impulse_hop(
-    from_m: np.ndarray | Vector, to_m: np.ndarray | Vector, duration_s: float, mean_motion_rad_s: float
-) -> np.ndarray:
-    """Return the departure velocity (3) [m/s] that flies from one position [m] to another in `duration_s`, all rtn."""
-    still, start = np.zeros(3), np.asarray(from_m, dtype=float)
-    coast, _ = clohessy_wiltshire(start, still, duration_s, mean_motion_rad_s)
-    per_velocity_s = clohessy_wiltshire(still, np.eye(3), duration_s, mean_motion_rad_s)[0].T
-    if duration_s <= 0.0 or np.linalg.cond(per_velocity_s) > 1e9:
-        raise ScenarioError(
-            f"hop: no departure velocity reaches the aim in {duration_s:g} s (zero, or whole half revolutions of the "
-            "chief): change the duration"
-        )
-    velocity: np.ndarray = np.linalg.solve(per_velocity_s, np.asarray(to_m, dtype=float) - coast)
-    return velocity
-
-
 def state_at_start(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
     """Return a chief's position (3) [m] and velocity (3) [m/s] in GCRS axes at `start_utc`."""
     state = chief.states(Epochs(start_utc, np.zeros(1)))

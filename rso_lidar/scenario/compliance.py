@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
+from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.environment import least, spans_below
 from rso_lidar.pose import PoseTree
@@ -74,7 +75,7 @@ def _keep_out(constraints: Constraints, scenario: Scenario, seen: Preview, targe
 
     def poses(time_s: np.ndarray) -> PoseTree:
         epochs = Epochs(scenario.time.start_utc, time_s)
-        with motion.unwarned():
+        with unwarned():
             course = motion.truth(
                 scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
             )

@@ -9,6 +9,8 @@ import platform
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rso_lidar.errors import warn
+from rso_lidar.motion.dynamics import in_words
 from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
@@ -49,6 +51,7 @@ def resolved(scenario: Scenario) -> str:
     """Return the scenario as TOML with every default written out and element sets inline."""
     import tomli_w
 
+    _warn_of_nameless(scenario)
     tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
     tables = [*tree["target"], tree["follower"]]
     for table, body in zip(tables, scenario.bodies, strict=True):
@@ -78,6 +81,21 @@ def _inline(part: Any, start_utc: datetime.datetime) -> Any:
         if isinstance(value, Part) and (written := _inline(value, start_utc)) is not value:
             changes[name] = written
     return part.replace(**changes) if changes else part
+
+
+def _warn_of_nameless(scenario: Scenario) -> None:
+    """Warn of dynamics that no recording can find again."""
+    parts = [
+        (f"{body.name}.{place}", getattr(body, place)) for body in scenario.bodies for place in ("motion", "attitude")
+    ]
+    parts += [("ptu.response", scenario.ptu.response)] if scenario.ptu else []
+    for place, part in parts:
+        dynamics = getattr(part, "dynamics", None)
+        if dynamics is not None and "<" in in_words(dynamics):
+            warn(
+                f"{place}.dynamics: {in_words(dynamics)} has no name by which a recording could find it again; "
+                "define it in a module or file, and name it there"
+            )
 
 
 def _sha256(file: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar import motion, orbit
+from rso_lidar import motion, orbit, rpo
 from rso_lidar.picture.sight import sight
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import PtuAngles, Truth, specs
@@ -105,15 +105,10 @@ def plan_of(scenario: Scenario, target: str | None) -> tuple[list[tuple[float, n
 
     Impulses are (time [s], change of velocity (3) [m/s] in the target's rtn axes); a motion without a plan has none.
     """
-    bodies = {body.name: body for body in scenario.bodies}
-    flown: Any = bodies["follower"].motion
-    if target is None or getattr(flown, "relative_to", None) != target or not hasattr(flown, "plan"):
-        return [], None
-    chief: Any = bodies[target].motion
-    if not hasattr(chief, "states"):
+    flown = scenario.bodies[-1].motion
+    if not isinstance(flown, rpo.ProximityOperation) or flown.relative_to != target:
         return [], None
     with scenario.placed("follower.motion"):
-        plan = flown.plan(scenario.time.start_utc, chief)
+        plan = flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
     given = [(float(one.time_s), np.asarray(one.delta_v_m_s, dtype=float)) for one in plan.impulses]
-    keep_out_m = getattr(flown, "keep_out_m", 0.0) or None
-    return [one for one in given if 0.0 <= one[0] <= scenario.span[1]], keep_out_m
+    return [one for one in given if 0.0 <= one[0] <= scenario.span[1]], flown.keep_out_m or None

@@ -312,3 +312,99 @@ def test_in_an_inertial_world_local_axes_are_refused_and_the_other_way_round():
         body = motion.Body(name="cart", motion=StateSpace(dynamics=flat, initial_state=(7e6,) + (0.0,) * 5, axes=axes))
         with pytest.raises(ScenarioError, match=words):
             motion.truth([body], epochs(), local=local)
+
+
+def test_an_edited_file_is_read_again(file):
+    assert fly(f"{file}:push").states["cart"].position_m[1, 1] == pytest.approx(0.2)
+    file.write_text(DYNAMICS.replace("0.1", "0.30"))
+    assert fly(f"{file}:push").states["cart"].position_m[1, 1] == pytest.approx(0.6)
+
+
+def test_dynamics_that_end_can_be_flown_to_their_end():
+    def ends(t, x, _u):
+        if t > 12.0:
+            raise ValueError("the table ends at 12 s")
+        return np.concatenate([x[3:6], [1.0, 0.0, 0.0]])
+
+    model = StateSpace(dynamics=ends, initial_state=(0.0,) * 6, axes="local")
+    course = motion.truth([motion.Body(name="cart", motion=model)], epochs(np.array([0.0, 12.0])), local=True)
+    assert course.states["cart"].position_m[1, 0] == pytest.approx(72.0)
+
+
+def test_what_cannot_be_hashed_or_found_again_is_told():
+    class Plain:
+        __hash__ = None
+
+        def __call__(self, t, x, u):
+            return np.zeros(6)
+
+    with pytest.raises(ScenarioError, match="cannot be hashed"):
+        StateSpace(dynamics=Plain(), initial_state=(0.0,) * 6, axes="local")
+    nameless = StateSpace(dynamics=lambda t, x, u: np.zeros(6), initial_state=(0.0,) * 6, axes="local")
+    with pytest.warns(rl.RsoLidarWarning, match="has no name by which a recording could find it again"):
+        _ = cart_scenario(follower=rl.Follower(motion=nameless)).source
+
+
+def test_inputs_without_a_model_are_an_error():
+    still = cart_scenario(follower=rl.Follower(motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))))
+    with pytest.raises(ScenarioError, match=re.escape("which has no state-space model (known: none)")):
+        list(rl.simulate(still, lambda _: rl.Command(inputs={"follower": (1.0,)})))
+
+
+def test_what_a_long_flight_has_forgotten_is_an_error():
+    flight = Flight(StateSpace(dynamics=flat, initial_state=(0.0,) * 6, inputs=(0.0,) * 3, axes="local"))
+    for k in range(1100):
+        flight.hold(0.1 * k, (0.01 * (k % 7), 0.0, 0.0))
+    flight(np.array([0.05, 109.0]))
+    with pytest.raises(PropagationError, match="is forgotten"):
+        flight(np.array([5.0, 109.0]))
+
+
+def test_a_slew_toward_what_a_controller_moves_is_refused():
+    plate = rl.Target(
+        name="plate",
+        model="plate",
+        motion=rl.Fixed(position_m=(200.0, 5.0, 0.0)),
+        attitude=rl.Slew(
+            first=rl.FixedAttitude(),
+            then=rl.LookAt(at="follower"),
+            at_s=1.0,
+            max_rate_deg_s=5.0,
+            max_acceleration_deg_s2=5.0,
+        ),
+    )
+    scenario = cart_scenario(target=(plate,))
+    assert len(list(rl.simulate(scenario))) == 6  # nobody moves anything
+    with pytest.raises(
+        ScenarioError, match=r"plate.attitude: a slew is planned ahead, and a controller moves 'follower'"
+    ):
+        list(rl.simulate(scenario, lambda _: None))
+
+
+def test_a_stretched_model_is_told_once_in_a_loop():
+    """However many flashes there are, and in whichever thread a frame is made."""
+    import warnings
+
+    chief = rl.Target(name="plate", model="plate", motion=CHIEF)
+    far = StateSpace(
+        dynamics=hill,
+        initial_state=(0.0, -200.0, 0.0, 0.0, 0.0, 0.0),
+        inputs=(0.0,) * 3,
+        axes="rtn",
+        relative_to="plate",
+    )
+    other = rl.Target(
+        name="other",
+        model="plate",
+        motion=rl.Hill(relative_to="plate", position_m=(0.0, 20e3, 0.0), velocity_m_s=(0.0, 0.0, 0.0)),
+    )
+    scenario = cart_scenario(
+        world=rl.World(),
+        target=(chief, other),
+        follower=rl.Follower(motion=far, attitude=rl.LookAt(at="plate")),
+        ptu=None,
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        list(rl.simulate(scenario, lambda _: None))
+    assert len([one for one in caught if "hill: the separation" in str(one.message)]) == 1

@@ -67,6 +67,31 @@ def test_a_jump_is_seen_at_its_own_instant_and_not_a_moment_before():
 def test_what_breaks_down_says_where():
     blow_up = Solution(lambda _t, x: x * x, np.ones(1), panel_s=0.6, name="blow_up")  # x = 1 / (1 - t)
     np.testing.assert_allclose(blow_up(np.array([0.5])), [[2.0]], rtol=1e-10)
-    with pytest.raises(PropagationError, match=r"blow_up: the integration breaks down 0.6 s from its start") as caught:
+    with pytest.raises(PropagationError, match=r"blow_up: the integration breaks down 1 s from its start") as caught:
         blow_up(np.array([0.5, 1.5]))
     assert caught.value.bad.tolist() == [False, True]
+
+
+def test_two_jumps_at_one_instant_act_in_the_order_given():
+    rolling = Solution(
+        lambda _t, _x: np.zeros(1),
+        np.ones(1),
+        panel_s=10.0,
+        jumps=[(4.0, lambda x: x + 1.0), (4.0, lambda x: x * 10.0)],
+    )
+    assert rolling(np.array([3.9, 4.0]))[:, 0].tolist() == [1.0, 20.0]
+
+
+def test_what_f_does_not_know_is_not_asked_of_it_unless_it_must():
+    """A table that ends at 12 s can be flown to 12 s, although steps and panels would reach beyond."""
+
+    def table(t, x):
+        if t > 12.0:
+            raise ValueError("the table ends at 12 s")
+        return np.array([x[1], np.cos(t)])
+
+    rolling = Solution(table, np.zeros(2), panel_s=60.0)
+    np.testing.assert_allclose(rolling(np.array([3.0, 11.0, 12.0]))[:, 0], 1.0 - np.cos([3.0, 11.0, 12.0]), atol=1e-9)
+    with pytest.raises(ValueError, match="the table ends"):
+        rolling(np.array([3.0, 12.5]))
+    np.testing.assert_allclose(rolling(np.array([10.0]))[:, 0], 1.0 - np.cos(10.0), atol=1e-9)

@@ -38,12 +38,14 @@ ORBITS = {
     ),
     "state": f'{{ type = "state", {WHEN}, position_m = [7e6, 1e5, 0.0], velocity_m_s = [-86.0, 6036.0, 4528.0] }}',
     "j2": f'{{ type = "j2", {ELEMENTS} }}',
+    "j2, osculating": f'{{ type = "j2", {ELEMENTS}, elements = "osculating" }}',
     "numerical": (
         f'{{ type = "numerical", initial = {KEPLER}, forces = {FORCES}, maneuvers = ['
         '{ type = "impulse", at_s = 300.0, delta_v_m_s = [0.1, 0.5, -0.2] }, '
         '{ type = "burn", from_s = 500.0, duration_s = 800.0, thrust_n = [0.0, 5.0, 0.0], mass_kg = 400.0, '
         "isp_s = 220.0 }] }"
     ),
+    "numerical from a tle": '{ type = "numerical", initial = { type = "tle", file = "low.tle" } }',
     "ephemeris, OEM": '{ type = "ephemeris", file = "low.oem" }',
     "ephemeris, CSV": '{ type = "ephemeris", file = "low.csv", interpolation = "lagrange", degree = 9 }',
     "state_space, inertial": (
@@ -64,10 +66,14 @@ RELATIVE = {
         f'{{ type = "relative_elements", {_ABOUT}, delta_a_m = 10.0, delta_lambda_m = -900.0, delta_ex_m = 50.0, '
         "delta_ey_m = 40.0, delta_ix_m = 30.0, delta_iy_m = -20.0 }"
     ),
+    "relative_elements of two bodies": (
+        f'{{ type = "relative_elements", {_ABOUT}, delta_lambda_m = -900.0, delta_ex_m = 50.0, j2 = false }}'
+    ),
     "nonlinear": f'{{ type = "nonlinear", {_ABOUT}, {PLACE} }}',
     "nonlinear with forces": f'{{ type = "nonlinear", {_ABOUT}, {PLACE}, forces = {FORCES} }}',
     "station_keeping": f'{{ type = "station_keeping", {_ABOUT}, position_m = [30.0, -100.0, 10.0] }}',
     "v_bar_approach": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = -900.0, to_m = -20.0, speed_m_s = 0.4 }}',
+    "v_bar_approach by hops": f'{{ type = "v_bar_approach", {_ABOUT}, from_m = 900.0, to_m = 20.0, hops = 3 }}',
     "r_bar_approach": f'{{ type = "r_bar_approach", {_ABOUT}, from_m = -900.0, to_m = -20.0, hops = 3, speed_m_s = 0.4 }}',
     "hop": (
         f'{{ type = "hop", {_ABOUT}, from_m = [0.0, -3000.0, 0.0], to_m = [0.0, -300.0, 0.0], duration_s = 2000.0, '

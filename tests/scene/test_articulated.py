@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
+from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.joint import FixedAngle, FollowSun, Joint
 from rso_lidar.scene import Hinged, articulated
@@ -15,9 +16,9 @@ NORTH = ("solar_array_north", "solar_substrate_north", "solar_yoke_north")
 HINGE_M = (0.0, -0.012, -0.128)
 
 
-def scenario(angle=None, **changes):
+def scenario(angle=None, sun=(0.0, 1.0, 1.0), parts=NORTH, **changes):
     """A relay satellite whose northern array turns about its boom, seen from 100 m."""
-    joint = (Joint(name="north", parts=NORTH, position_m=HINGE_M, axis=(1.0, 0.0, 0.0), angle=angle),) if angle else ()
+    joint = (Joint(name="north", parts=parts, position_m=HINGE_M, axis=(1.0, 0.0, 0.0), angle=angle),) if angle else ()
     target = rl.Target(
         name="tdrs",
         model="tdrs",
@@ -28,7 +29,7 @@ def scenario(angle=None, **changes):
     return rl.Scenario(
         version=1,
         name="hinged",
-        world=rl.World(axes="local", sun_direction=(0.0, 1.0, 1.0)),
+        world=rl.World(axes="local", sun_direction=sun),
         time=rl.Time(start_utc=START, duration_s=1.0, frame_rate_hz=1.0),
         target=(target,),
         follower=rl.Follower(motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))),
@@ -44,18 +45,25 @@ def frame_of(scenario):
     return next(rl.simulate(scenario, keep=("hits",)))
 
 
+def key(hits):
+    """Return a number for the direction of each hit's ray."""
+    return np.round(hits.rays.direction[hits.ray, :2] * 1e9) @ [1.0, 1e10]
+
+
 def test_at_angle_zero_nothing_changes():
     """The same rays meet the same facets of the same parts; ranges agree to a micrometre, the bound of the house."""
     rigid, hinged = frame_of(scenario()), frame_of(scenario(FixedAngle()))
     one, two = rigid.kept["hits"], hinged.kept["hits"]
-    # each surface has a sampling density of its own: compare pixel by pixel what is nearest
-    for name in ("target", "part"):
-        same = getattr(rigid.labels, name) == getattr(hinged.labels, name)
-        assert same.mean() > 0.995
-    both = (rigid.labels.facet == hinged.labels.facet) & (rigid.labels.facet >= 0)
-    assert both.sum() > 0.9 * (rigid.labels.facet >= 0).sum()
-    assert one.weight.sum() == pytest.approx(two.weight.sum(), rel=0.01)
     assert set(np.unique(two.target)) == {0}
+    # Nothing is small enough to be sampled more finely, so that the rays are the same; at an edge, where float32 decides,
+    # a few of ten thousand may go the other way.
+    _, a, b = np.intersect1d(key(one), key(two), return_indices=True)
+    assert len(a) > 0.999 * max(len(one.ray), len(two.ray))
+    same = one.facet[a] == two.facet[b]
+    assert same.mean() > 0.999
+    facing = same & (one.cos_incidence[a] > 0.01)  # edge-on, embree's own distance stands
+    np.testing.assert_allclose(one.range_m[a][facing], two.range_m[b][facing], rtol=0, atol=1e-6)
+    assert np.array_equal(one.part[a][same], two.part[b][same])
 
 
 def test_a_turned_part_is_the_part_of_a_turned_mesh():
@@ -89,11 +97,22 @@ def test_an_array_that_follows_the_sun_faces_it():
 
 
 def test_a_hinged_part_shades_and_is_shaded():
-    """With the Sun behind the body its array is lit where the body's shadow does not fall: some hits, not all."""
-    made = scenario(FixedAngle(angle_deg=60.0), filter_width_nm=1.0)
-    hits = frame_of(made).kept["hits"]
-    assert hits.sunlight_per_sr is not None
-    assert 0.0 < (hits.sunlight_per_sr > 0.0).mean() < 1.0
+    """Where rays meet the same facet with and without the other surface, light can only be lost, and on both some is."""
+    dishes = ("antenna_single_access_east", "antenna_single_access_west")
+    made = scenario(FixedAngle(), sun=(-1.0, -1.0, 0.0), parts=dishes)
+    truth = frame_of(made).truth
+    surfaces, lidar = made.surfaces, made.instrument
+    rays = optics.pixel_rays(lidar.receiver, lidar.laser, scene.extent(surfaces, truth))
+    together = scene.cast(rays, surfaces, truth, sun=True)
+    for one in surfaces:
+        alone = scene.cast(rays, [one], truth, sun=True)
+        _, a, b = np.intersect1d(
+            together.ray * 10**6 + together.facet, alone.ray * 10**6 + alone.facet, return_indices=True
+        )
+        assert len(a) > 300
+        assert np.all(together.sunlight_per_sr[a] <= alone.sunlight_per_sr[b] + 1e-15)
+        lost = np.sum((together.sunlight_per_sr[a] == 0.0) & (alone.sunlight_per_sr[b] > 0.0))
+        assert lost > 100
 
 
 def test_a_hinge_in_the_way_hides_what_is_behind():
