@@ -124,7 +124,7 @@ def scenario_keys() -> str:
     for cls, section in found.items():
         lines += [f"{'#' * section.level} {section.title}", ""]
         if section.places:
-            lines += ["Stands at " + ", ".join(f"`{place}`" for place in section.places) + ".", ""]
+            lines += ["Stands at " + ", ".join(dict.fromkeys(f"`{place}`" for place in section.places)) + ".", ""]
         lines += [_prose(cls), ""]
         rows = [
             (

@@ -10,6 +10,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
+from rso_lidar.orbit.sun import sun_position_m
 from rso_lidar.scene.library import model
 from rso_lidar.units import DEG, SPEED_OF_LIGHT_M_S
 
@@ -405,9 +406,10 @@ def test_safety_ellipse_turns_the_arrays_once_in_the_frames_of_a_day():
         hinge = course.pose("tdrs", f"tdrs.array_{side}").rotation.as_rotvec()[:, 0]
         turned = np.ptp(np.unwrap(hinge)) / scenario.time.seconds(scenario.time.n_frames - 1)
         assert turned == pytest.approx(2 * np.pi / 86164.0, rel=0.01)
-        sun = np.einsum(
-            "tij,tj->ti", course.pose(f"tdrs.array_{side}", "inertial").rotation.as_matrix(), course.sun_direction
-        )
+        to_sun = sun_position_m(scenario.epochs()) - course.states["tdrs"].position_m
+        to_sun /= np.linalg.norm(to_sun, axis=1, keepdims=True)
+        turn = course.pose(f"tdrs.array_{side}", "inertial").rotation.as_matrix()
+        sun = np.einsum("tij,tj->ti", turn, to_sun)
         assert np.abs(sun[:, 1]).max() < 1e-12  # as near to the Sun as the boom allows
         assert sun[:, 2].min() > np.cos(10 * DEG)  # beta and inclination together stay below ten degrees
 

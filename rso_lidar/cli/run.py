@@ -25,7 +25,10 @@ def run(
     file: ScenarioFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5).")],
     frames: Annotated[
-        str | None, typer.Option("--frames", metavar="A:B", help="Frames A to B-1 only; A:B:C takes every Cth.")
+        str | None,
+        typer.Option(
+            "--frames", metavar="A:B", help="Frames A to B-1 only; a third number after another colon is the step."
+        ),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all noise, instead of the file's.")] = None,
     threads: Annotated[

@@ -47,7 +47,7 @@ def truth(
         typer.Option("--body", metavar="NAME", help="Body of an .oem or .aem (the follower); target of a picture."),
     ] = None,
     every_s: Annotated[
-        float | None, typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames.")
+        float | None, typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames; the last frame is there in any case.")
     ] = None,
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
@@ -57,6 +57,7 @@ def truth(
     kind = _kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))
     frames = np.arange(0, scenario.time.n_frames, _stride(every_s, scenario))
+    frames = np.union1d(frames, scenario.time.n_frames - 1)  # whoever flies a table wants it whole
     if suffix in FIGURE_SUFFIXES:
         picture.save_figure(_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":
@@ -78,7 +79,7 @@ def _checked(output: Path, overwrite: bool) -> str:
     suffix = output.suffix.lower()
     if suffix not in SUFFIXES:
         what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES) or ';'} (known: {', '.join(SUFFIXES)})")
+        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
     if output.is_dir():
         raise ScenarioError(f"{output}: is a folder; name a file in it")
     if output.exists() and not overwrite:
@@ -94,7 +95,7 @@ def _kind(figure: str | None, suffix: str) -> str:
     if suffix not in FIGURE_SUFFIXES:
         raise ScenarioError(f"--figure {figure}: is for pictures; end the output with .png, or leave --figure out")
     if figure not in FIGURES:
-        guess = did_you_mean(figure, FIGURES) or ";"
+        guess = did_you_mean(figure, FIGURES)
         raise ScenarioError(f"--figure {figure}: no such picture{guess} (known: {', '.join(FIGURES)})")
     return figure
 

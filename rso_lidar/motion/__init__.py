@@ -1,7 +1,7 @@
 """Where everything is, and how it is turned."""
 
 from rso_lidar.motion.aem import AttitudeTable, write_aem, write_attitude_csv
-from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, with_lidar
+from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, driven, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
 from rso_lidar.motion.course import Course
@@ -62,6 +62,7 @@ __all__ = [
     "Tumble",
     "asked",
     "demand",
+    "driven",
     "sense",
     "start",
     "step",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rso_lidar import units
 from rso_lidar.errors import unwarned
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
@@ -63,6 +64,30 @@ def asked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand(course.time_s)
     return np.stack(pan_tilt(_toward(ptu, bodies, course)), axis=-1)
+
+
+def driven(
+    ptu: Ptu,
+    bodies: Sequence[Body],
+    course: Truth,
+    start_utc: datetime.datetime,
+    *,
+    local: bool,
+    sun_direction: Sequence[float] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pan and tilt (time, 2) [rad], and their rates [rad/s], to which the drive comes at the epochs of a course.
+
+    With its misalignment, without jitter; the drive is stepped from t = 0, at some million ticks of 1 ms a second.
+    """
+    times = course.time_s
+    follow = demand(ptu, bodies, start_utc, float(times[-1]), local=local, sun_direction=sun_direction)
+    state = start(ptu, follow)
+    rows = []
+    for time_s in times.tolist():
+        state = step(ptu, state, follow, time_s)
+        rows.append((*state.angle_rad, *state.rate_rad_s))
+    angles, rates = np.hsplit(np.array(rows), 2)
+    return angles + np.array(ptu.errors.misalignment_deg) * units.DEG, rates
 
 
 def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:

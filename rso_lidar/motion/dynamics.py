@@ -172,13 +172,15 @@ def checked(function: Function, label: str, n: int) -> Function:
     """Return a function of dynamics whose errors, and answers that are no (n,) finite numbers, are one line."""
 
     def asked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        x, u = np.array(x), np.array(u)
+        x.flags.writeable = u.flags.writeable = False  # what f writes into them would change the flight
         try:
             rates = np.asarray(function(t, x, u), dtype=float)
         except RsoLidarError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit, GeneratorExit) as error:
             raise ScenarioError(
-                f"{label}: failed at t = {t:g} s with {type(error).__name__}: {error}; mend the dynamics"
+                f"{label}: failed at t = {t:g} s with {type(error).__name__}{_said(error)}; mend the dynamics"
             ) from error
         if rates.shape != (n,):
             raise ScenarioError(f"{label}: gave a shape of {rates.shape} at t = {t:g} s; the state has {n} entries")
@@ -187,6 +189,12 @@ def checked(function: Function, label: str, n: int) -> Function:
         return rates
 
     return asked
+
+
+def _said(error: BaseException) -> str:
+    """Return what an error says, after a colon, if it says anything."""
+    text = " ".join(str(error).split())
+    return f": {text}" if text else ""
 
 
 def found(dynamics: Any) -> Function:
@@ -210,8 +218,10 @@ def _module(place: str) -> Any:
     if not place.endswith(".py"):
         try:
             return importlib.import_module(place)
-        except Exception as error:
-            raise ScenarioError(f"{place}: cannot be imported ({type(error).__name__}: {error}); check it") from None
+        except (Exception, SystemExit) as error:
+            raise ScenarioError(
+                f"{place}: cannot be imported ({type(error).__name__}{_said(error)}); check it"
+            ) from None
     path = find(place)
     if path is None:
         raise ScenarioError(f"{place}: no such file; check the path of the dynamics")
@@ -226,10 +236,10 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         line = getattr(error, "lineno", None)
         where = f"line {line}: " if line else ""
         raise ScenarioError(
-            f"{path.name}: {where}cannot be imported ({type(error).__name__}: {error}); mend it"
+            f"{path.name}: {where}cannot be imported ({type(error).__name__}{_said(error)}); mend it"
         ) from None
     return module

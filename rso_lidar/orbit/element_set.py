@@ -55,16 +55,35 @@ _ONLY = {
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP4/SDP4", "SDP4"),
 }
 KNOWN = frozenset(KEYS) | frozenset(_ONLY)
+# What an orbit about the Earth can have: slower is beyond its Hill sphere (1.5 million km, 0.0047 rev/day), faster inside
+# the Earth (17.04 rev/day at its equatorial radius), both by Kepler's third law, with some room.
+SLOWEST_REV_DAY, FASTEST_REV_DAY = 0.004, 18.0
 SGP4_XP = 4  # the ephemeris type of element sets for another theory, which SGP4 would fly kilometres off
 
 _EPOCH = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))[T ](\d\d):(\d\d):(\d\d)(?:\.(\d*))?(Z|[+-]00:?00)?", re.ASCII | re.IGNORECASE
 )
 
+# C0 and C1 controls, the separators of lines and paragraphs, and what turns the direction of writing.
+_UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb]+")
+
+
+def printable(text: str) -> str:
+    """Return a text as one line that can be printed: controls become a space, and halves of a character a '?'.
+
+    >>> printable("A\\nB \\ud800")
+    'A B ?'
+    """
+    if text.isprintable():
+        return text
+    return _UNPRINTED.sub(" ", text.encode("utf-8", "replace").decode("utf-8")).strip()
+
 
 @dataclass(frozen=True)
 class ElementSet:
     """One element set as it was written. `problem` says what is wrong with it; `where` is its file and line or record.
+
+    Texts are made `printable`, wherever they come from: a name is one line.
 
     `epoch_utc` is cut to whole microseconds, `epoch_rest_ns` is what is left of it. Rates are as TLE and OMM print them:
     `mean_motion_dot_rev_day2` is half the rate, `mean_motion_ddot_rev_day3` a sixth of its rate; SGP4 uses neither. What
@@ -93,6 +112,12 @@ class ElementSet:
     classification: str = "U"
     element_set_no: int = 0
     rev_at_epoch: int = 0
+
+    def __post_init__(self) -> None:
+        for key in ("name", "object_id", "classification", "problem"):
+            text = getattr(self, key)
+            if text and not text.isprintable():
+                object.__setattr__(self, key, printable(text))
 
     @property
     def label(self) -> str:
@@ -263,6 +288,11 @@ def impossible(elements: ElementSet) -> str | None:
         return f"eccentricity {elements.eccentricity:g} is not from 0 to below 1"
     if not elements.mean_motion_rev_day > 0.0:
         return f"mean motion {elements.mean_motion_rev_day:g} rev/day is not above 0"
+    if not SLOWEST_REV_DAY <= elements.mean_motion_rev_day <= FASTEST_REV_DAY:
+        return (
+            f"mean motion {elements.mean_motion_rev_day:g} rev/day is of no orbit about the Earth, which has "
+            f"{SLOWEST_REV_DAY:g} to {FASTEST_REV_DAY:g}"
+        )
     if not 0.0 <= elements.inclination_deg <= 180.0:
         return f"inclination {elements.inclination_deg:g} is not from 0 to 180 degrees"
     for what, angle in (

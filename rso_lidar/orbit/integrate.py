@@ -18,6 +18,7 @@ from rso_lidar.errors import PropagationError
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
 Jump = tuple[float, Callable[[np.ndarray], np.ndarray]]
+_MOST_STEPS = 200_000  # some 400 days of a low orbit, and half a gigabyte
 _NEAR_S = 1e-9  # two breaks nearer than this are one
 
 
@@ -113,6 +114,12 @@ class _Way:
 
         while self._ends[-1] <= until:
             begin = self._ends[-1]
+            if len(self._steps) >= _MOST_STEPS:
+                raise PropagationError(
+                    f"{self._name}: {_MOST_STEPS:,} steps of integration reach {self._way * begin:g} s of the "
+                    f"{self._way * until:g} s that are asked: shorten the run, or smooth the dynamics",
+                    self._way * asked > begin,
+                )
             x = self._x if self._solver is None else self._solver.y
             try:
                 if self._solver is None:

@@ -65,13 +65,14 @@ class Flight:
     ) -> None:
         field = forces.field(start_utc)
         burns = [maneuver for maneuver in maneuvers if isinstance(maneuver, Burn)]
-        self._ground = {1: math.inf, -1: math.inf}  # when it was first seen inside the Earth, forward and backward
+        # In air nothing orbits below 100 km, and a fall through it is so stiff that it takes minutes to work out.
+        self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
+        floor_m2 = (units.EARTH_RADIUS_M + self._floor_m) ** 2
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
             rx, ry, rz, vx, vy, vz, _, *open_ = x.tolist()
-            if rx * rx + ry * ry + rz * rz < units.EARTH_RADIUS_M**2:
-                way = 1 if t >= 0.0 else -1
-                self._ground[way] = min(self._ground[way], abs(t))
+            if rx * rx + ry * ry + rz * rz < floor_m2:
+                raise _FallError(t)
             (ax, ay, az), rough = field(t, (rx, ry, rz), (vx, vy, vz))
             for burn, valve in zip(burns, open_, strict=True):
                 if valve > 0.5 and t >= 0.0:
@@ -101,16 +102,22 @@ class Flight:
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Return rows [position m, velocity m/s] (time, 6)."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
-        rows = self._solution(times)[:, :6]
-        bad = (times >= self._ground[1]) | (-times >= self._ground[-1])
-        if bad.any():
-            way = 1 if times[np.argmax(bad)] >= 0.0 else -1
+        try:
+            return self._solution(times)[:, :6]
+        except _FallError as fall:
+            by_s = float(fall.args[0])
+            way = 1.0 if by_s >= 0.0 else -1.0
+            bad = way * times >= way * by_s
+            where = f"falls below {self._floor_m / units.KM:g} km" if self._floor_m else "meets the Earth"
             raise PropagationError(
-                f"numerical: meets the Earth by {way * self._ground[way]:.0f} s after the start, before {int(bad.sum())} of "
-                f"{len(bad)} epochs: end the run before that, or raise the orbit",
+                f"numerical: {where} by {by_s:.0f} s after the start, before {int(bad.sum())} of {len(bad)} epochs: end the "
+                "run before that, or raise the orbit",
                 bad,
-            )
-        return rows
+            ) from None
+
+
+class _FallError(Exception):
+    """The orbit ends; the argument is when [s]."""
 
 
 def solution(

@@ -12,13 +12,25 @@ from collections.abc import Iterator
 from typing import Any
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.element_set import KNOWN, REQUIRED, ElementSet, from_omm
+from rso_lidar.orbit.element_set import KNOWN, REQUIRED, ElementSet, from_omm, printable
 
 Found = tuple[list[ElementSet], list[str]]
 
 _OBJECT = re.compile(r"\{[^{}]*(\})?")
 _KVN_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*=\s*(.*?)\s*")
-_UNIT = re.compile(r"\s*\[[^\]]*\]$")
+_UNIT = re.compile(r"(.*?)\s*\[(.*)\]")
+_TEXTS = ("OBJECT_NAME", "OBJECT_ID")  # may end in brackets
+# The units of the standard, tables 4-3 and 7.7: the only ones that a number may carry, without regard to case.
+_UNITS = {
+    "MEAN_MOTION": ("rev/day",),
+    "INCLINATION": ("deg",),
+    "RA_OF_ASC_NODE": ("deg",),
+    "ARG_OF_PERICENTER": ("deg",),
+    "MEAN_ANOMALY": ("deg",),
+    "BSTAR": ("1/ER", "1/[Earth radii]"),
+    "MEAN_MOTION_DOT": ("rev/day**2",),
+    "MEAN_MOTION_DDOT": ("rev/day**3",),
+}
 _FIRST_KEY = "CCSDS_OMM_VERS"
 _TWICE = "' stands there twice"
 
@@ -47,7 +59,8 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = {key.upper(): value for key, value in pairs}
     if len(found) < len(pairs):
         keys = [key.upper() for key, _ in pairs]
-        found["!"] = next(key for key in keys if keys.count(key) > 1)
+        seen: set[str] = set()
+        found["!"] = next(key for key in keys if key in seen or seen.add(key))  # type: ignore[func-returns-value]
     return found
 
 
@@ -149,8 +162,21 @@ def read_xml(text: str, where: str) -> Found:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, RecursionError) as error:
         return _saved_xml(text, where, str(error))
-    messages = [node for node in root.iter() if _local(node.tag) == "OMM"]
-    return [_from_xml(node, f"{where}: record {k}") for k, node in enumerate(messages, start=1)], []
+    return [_from_leaves(leaves, f"{where}: record {k}") for k, leaves in enumerate(_messages(root), start=1)], []
+
+
+def _messages(root: Any) -> list[list[Any]]:
+    """Return the nodes within each `omm`, those of an `omm` within it left out."""
+    found: list[list[Any]] = []
+    ahead: list[tuple[Any, list[Any]]] = [(root, [])]
+    while ahead:
+        node, within = ahead.pop()
+        if _local(node.tag) == "OMM":
+            within = []
+            found.append(within)
+        within.append(node)
+        ahead += [(child, within) for child in reversed(node)]
+    return found
 
 
 def _saved_xml(text: str, where: str, error: str) -> Found:
@@ -159,8 +185,10 @@ def _saved_xml(text: str, where: str, error: str) -> Found:
 
     sets: list[ElementSet] = []
     starts = [found.start() for found in re.finditer(r"<(?:\w+:)?omm\b", text, re.IGNORECASE)]
+    line, counted = 1, 0
     for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
-        place = f"{where}: line {text.count(chr(10), 0, start) + 1}"
+        line, counted = line + text.count("\n", counted, start), start
+        place = f"{where}: line {line}"
         piece = re.match(r"<(\w+:)?omm\b.*?</(?:\w+:)?omm\s*>", text[start:end], re.IGNORECASE | re.DOTALL)
         if piece is None:
             sets.append(_broken(place, "this message is cut off", _glimpsed(text[start:end])))
@@ -170,7 +198,7 @@ def _saved_xml(text: str, where: str, error: str) -> Found:
         except ET.ParseError as wrong:
             sets.append(_broken(place, f"this message is no XML ({wrong})", _glimpsed(piece[0])))
             continue
-        sets.append(_from_xml(node, place))
+        sets.append(_from_leaves(_messages(node)[0], place))
     junk = [] if any(entry.problem for entry in sets) else [f"{where}: is no whole XML ({error}): fetch it again"]
     return sets, junk
 
@@ -179,15 +207,23 @@ def _glimpsed(text: str) -> dict[str, str]:
     return dict(re.findall(r"<(OBJECT_NAME|NORAD_CAT_ID)[^>]*>([^<]*)<", text))
 
 
-def _from_xml(node: Any, place: str) -> ElementSet:
+def _from_leaves(nodes: list[Any], place: str) -> ElementSet:
     fields: dict[str, str] = {}
-    twice: str | None = None
-    for leaf in node.iter():
+    wrong: str | None = None
+    for leaf in nodes:
         key = _local(leaf.tag)
         if key in KNOWN:
-            twice = twice or (key if key in fields else None)
+            wrong = wrong or (f"key '{key}{_TWICE}" if key in fields else _of_unit(key, leaf.get("units")))
             fields.setdefault(key, (leaf.text or "").strip())
-    return from_omm(fields, place, f"key '{twice}{_TWICE}" if twice else None)
+    return from_omm(fields, place, wrong)
+
+
+def _of_unit(key: str, unit: str | None) -> str | None:
+    """Return in words that a unit is not the standard's, or None."""
+    allowed = _UNITS.get(key, ())
+    if unit is None or "".join(unit.split()).casefold() in {"".join(known.split()).casefold() for known in allowed}:
+        return None
+    return f"{key} is in [{_short(unit)}], which must be {f'[{allowed[0]}]' if allowed else 'without a unit'}"
 
 
 def _local(tag: Any) -> str:
@@ -216,7 +252,10 @@ class Kvn:
             self._place, self._wrong = f"{self._where}: line {number}", ""
         elif key in self._fields and key in KNOWN:
             self._wrong = self._wrong or f"key '{key}{_TWICE}, again in line {number}"
-        self._fields.setdefault(key, found[2] if key == "OBJECT_NAME" else _UNIT.sub("", found[2]))
+        value, unit = found[2], None if key in _TEXTS else _UNIT.fullmatch(found[2])
+        if unit and key in KNOWN:
+            value, self._wrong = unit[1], self._wrong or _of_unit(key, unit[2]) or ""
+        self._fields.setdefault(key, value)
         return iter(ended)
 
     def end(self) -> Iterator[ElementSet]:
@@ -227,5 +266,5 @@ class Kvn:
 
 
 def _short(text: str) -> str:
-    text = " ".join(text.split())
+    text = printable(" ".join(text.split()))
     return text if len(text) <= 40 else f"{text[:37]}..."

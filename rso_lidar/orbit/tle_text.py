@@ -57,6 +57,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
     elif after is None:
         problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
     elif not after[1].startswith("2 "):
+        at += element_line(after[1]) is None and len(after[1]) == LINE_LENGTH  # its line 2, spoilt, is no name
         problem = f"{where}: line {after[0]}: line 2 of an element set must begin with '2 ', not '{after[1][:12]}'"
     else:
         line2, at = after[1], at + 1
@@ -64,16 +65,17 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
             line2 = line2[:LINE_LENGTH]
         problem = _problem(line1, number, line2, after[0], where) or ""
     identity = norad_id((line1 or line2)[2:7]) or 0
+    try:
+        told = _fields(line1, line2)
+    except (ValueError, OverflowError, IndexError) as error:
+        told = {}
+        problem = problem or f"{place}: a number cannot be read ({error}): fetch the set again"
     if not problem:
-        found = ElementSet(name, identity, line1, line2, place, None, **_fields(line1, line2))
+        found = ElementSet(name, identity, line1, line2, place, None, **told)
         out = impossible(found)
         if out is None:
             return found, at
         problem = f"{place}: {out}: fetch the set again"
-    try:
-        told = _fields(line1, line2)
-    except (ValueError, OverflowError, IndexError):
-        told = {}
     return ElementSet(name, identity, line1, line2, place, problem, **told), at
 
 
@@ -152,7 +154,7 @@ def _line_problem(which: int, line: str) -> str | None:
     if len(line) != LINE_LENGTH:
         what = "is truncated" if len(line) < LINE_LENGTH else "is too long"
         return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}: fetch the set again"
-    if not line.isascii():
+    if not (line.isascii() and line.isprintable()):
         return "holds a character that no element set has: fetch the set again"
     expected = str(checksum(line))
     if line[68] != expected:
@@ -164,7 +166,10 @@ def _line_problem(which: int, line: str) -> str | None:
             return f"column {column + 1} is '{line[column]}' and should be blank (shifted columns): fetch the set again"
     for what, (first, end) in _NUMBERS[which].items():
         field = line[first:end]
-        if not _NUMBER.fullmatch(field.replace(" ", "0") if what == "eccentricity" else field):
+        if what == "eccentricity":
+            if not re.fullmatch(r"[ 0-9]{7}", field):
+                return f"eccentricity '{field}' is not seven digits, with the point implied: fetch the set again"
+        elif not _NUMBER.fullmatch(field):
             return f"{what} '{field}' is not a number: fetch the set again"
     if which == 1:
         day = line[20:32].strip()
@@ -192,7 +197,11 @@ def norad_id(field: str) -> int | None:
 
 
 def written(elements: ElementSet) -> tuple[str, str]:
-    """Return lines 1 and 2 of an element set: its own, or new ones, rounded to the digits that a TLE has."""
+    """Return lines 1 and 2 of an element set: its own, or new ones, rounded to the digits that a TLE has.
+
+    What its columns cannot hold is an error: a number above 339999, a year that two digits do not tell, any number that
+    would not be read as an orbit again.
+    """
     if elements.line1:
         return elements.line1, elements.line2
     number, code = elements.norad_id, f"{elements.norad_id:05d}"
@@ -205,11 +214,12 @@ def written(elements: ElementSet) -> tuple[str, str]:
     day, in_day = epoch.timetuple().tm_yday, round((epoch - midnight) / datetime.timedelta(microseconds=864))
     designator = re.sub(r"^(?:19|20)(\d\d)-", r"\1", elements.object_id)[:8]
     rate = f"{elements.mean_motion_dot_rev_day2:+.8f}".replace("+0.", " .").replace("-0.", "-.")
-    if len(rate) != 10 or e > 9_999_999 or in_day == 10**8 or elements.mean_motion_rev_day >= 100.0:
-        raise CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
+    out = CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
+    if len(rate) != 10 or e > 9_999_999 or in_day == 10**8 or not 1957 <= epoch.year <= 2056 or impossible(elements):
+        raise out
     line1 = (
         f"1 {code}{elements.classification[:1]} {designator:8s} {epoch.year % 100:02d}{day:03d}.{in_day:08d} {rate} "
-        f"{_packed(elements.mean_motion_ddot_rev_day3)} {_packed(elements.bstar_per_earth_radius)} "
+        f"{_packed(elements.mean_motion_ddot_rev_day3, out)} {_packed(elements.bstar_per_earth_radius, out)} "
         f"{elements.ephemeris_type % 10:d} {elements.element_set_no % 10_000:4d}"
     )
     angles = (elements.raan_deg % 360.0, elements.argument_of_perigee_deg % 360.0, elements.mean_anomaly_deg % 360.0)
@@ -217,11 +227,14 @@ def written(elements: ElementSet) -> tuple[str, str]:
         f"2 {code} {elements.inclination_deg:8.4f} {angles[0]:8.4f} {e:07d} {angles[1]:8.4f} {angles[2]:8.4f} "
         f"{elements.mean_motion_rev_day:11.8f}{elements.rev_at_epoch % 100_000:5d}"
     )
-    return f"{line1}{checksum(line1)}", f"{line2}{checksum(line2)}"
+    line1, line2 = f"{line1}{checksum(line1)}", f"{line2}{checksum(line2)}"
+    if _problem(line1, 1, line2, 2, ""):
+        raise out
+    return line1, line2
 
 
-def _packed(value: float) -> str:
-    """Return a number in eight columns with an implied point and exponent."""
+def _packed(value: float, out: CatalogError) -> str:
+    """Return a number in eight columns with an implied point and exponent; where it has no room, raise `out`."""
     if abs(value) < 1e-14:
         return " 00000+0" if value == 0.0 else " 00000-9"
     exponent = max(math.floor(math.log10(abs(value))) + 1, -9)
@@ -229,5 +242,5 @@ def _packed(value: float) -> str:
     if digits == 100_000:
         digits, exponent = 10_000, exponent + 1
     if exponent > 9:
-        raise CatalogError(f"{value:g} does not fit the columns of a TLE: write .json")
+        raise out
     return f"{'-' if value < 0 else ' '}{digits:05d}{'-' if exponent < 0 else '+'}{abs(exponent)}"

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar import units
+from rso_lidar import motion, units
 from rso_lidar.detector import Gsfl
+from rso_lidar.motion import Slew
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
 from rso_lidar.optics.background import sun_photons_per_s_m2
+from rso_lidar.orbit import Numerical
+from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.compliance import broken
 from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _LIGHT_TIME_M = 0.01
+_BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
 _LOUDER = 1.05  # times the noise in the dark
 _FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
@@ -28,7 +32,9 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     """Return one line for each thing that is allowed and probably not meant."""
     seen = seen or preview(scenario)
     lines = list(seen.warned)
+    lines += _drive(scenario, seen)
     lines += _field(scenario, seen)
+    lines += _plans(scenario)
     lines += _window(scenario, seen)
     lines += _detector(scenario)
     lines += _lens(scenario)
@@ -42,6 +48,47 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
         lines += broken(scenario.constraints, scenario, seen)
     if not scenario.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
+    return lines
+
+
+def _drive(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return where the PTU's drive does not keep up with what it is asked."""
+    half_rad = 0.5 * min(scenario.lidar.receiver.fov_rad, scenario.lidar.laser.divergence_rad)
+    if seen.behind_rad is None or not seen.behind_rad.max() > _BEHIND * half_rad:
+        return []
+    at = int(np.argmax(seen.behind_rad))
+    return [
+        f"ptu: the drive is up to {seen.behind_rad[at] / units.DEG:.3g}° behind what it is asked, at {seen.time_s[at]:g} s, "
+        f"and half the field or beam is {half_rad / units.DEG:.3g}°; give the response a higher max_rate_deg_s, "
+        "max_acceleration_deg_s2 or bandwidth, or turn the follower"
+    ]
+
+
+def _plans(scenario: Scenario) -> list[str]:
+    """Return what is doubtful about plans: failures that lead into the keep-out sphere, turns that never come."""
+    lines = []
+    end_s = scenario.span[1]
+    for body in scenario.bodies:
+        flown, law = body.motion, body.attitude
+        if isinstance(flown, ProximityOperation) and flown.keep_out_m > 0.0:
+            chief = motion.Chief(scenario.bodies, flown.relative_to, local=scenario.local)
+            safe_m = flown.plan(scenario.time.start_utc, chief).passive_safety_m()
+            if safe_m < flown.keep_out_m:
+                lines.append(
+                    f"{body.name}.motion: if thrust stops at the worst instant it drifts to {safe_m:.3g} m, inside its "
+                    f"keep-out sphere of {flown.keep_out_m:g} m; choose another path, or fly it slower"
+                )
+        if isinstance(law, Slew) and law.at_s > end_s:
+            lines.append(
+                f"{body.name}.attitude: its slew begins at {law.at_s:g} s, after the last frame at {end_s:g} s; shift at_s"
+            )
+        if isinstance(flown, Numerical):
+            late = [one for one in flown.maneuvers if getattr(one, "at_s", getattr(one, "from_s", 0.0)) > end_s]
+            if late:
+                lines.append(
+                    f"{body.name}.motion: {len(late)} of its {len(flown.maneuvers)} maneuvers come after the last frame at "
+                    f"{end_s:g} s; shift them"
+                )
     return lines
 
 

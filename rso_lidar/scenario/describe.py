@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial, plate, trial
-from rso_lidar.orbit import Tle, utc_text
+from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.orbit.omm import Omm
 from rso_lidar.rpo.operation import ProximityOperation
@@ -38,7 +38,7 @@ def describe(scenario: Scenario) -> str:
     lines.append(f"follower    {_motion(scenario, len(scenario.target), seen)}")
     lines += _plan_lines(scenario)
     lines += environment_lines(scenario, seen)
-    lines += _instrument_lines(scenario)
+    lines += _instrument_lines(scenario, seen)
     for sight in seen.sights:
         lines += _budget_lines(scenario, sight, seen)
     warned = advice(scenario, seen)
@@ -82,6 +82,8 @@ def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
         text += f" {sets.norad_id} {sets.name}, {age_days:.1f} days from epoch"
     if getattr(flown, "relative_to", None):
         text += f" relative to {flown.relative_to}"  # type: ignore[union-attr]
+    if isinstance(flown, Numerical):
+        text += f" from {flown.initial.type}; {_forces(flown)}"
     attitude = body.attitude.type if body.attitude else "as its motion"
     if body.orbits:
         state = seen.states[body.name]
@@ -91,6 +93,21 @@ def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
             f"i {orbit.inclination_rad / units.DEG:.3f}°, period {orbit.period_s / 60.0:.1f} min"
         )
     return f"{text}; attitude {attitude}"
+
+
+def _forces(flown: Numerical) -> str:
+    """Return the forces and maneuvers of an integrated motion in words."""
+    forces = flown.forces
+    zonals = f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
+    words = [
+        zonals,
+        *(name.replace("_", " ") for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)),
+    ]
+    if flown.maneuvers:
+        words.append(
+            f"{len(flown.maneuvers)} maneuver{'s' * (len(flown.maneuvers) > 1)} of {flown.delta_v_m_s:.4g} m/s"
+        )
+    return ", ".join(words)
 
 
 def _plan_lines(scenario: Scenario) -> list[str]:
@@ -105,17 +122,18 @@ def _plan_lines(scenario: Scenario) -> list[str]:
 
 
 def _ends(values: np.ndarray, unit: str, digits: int) -> str:
-    return f"{values[0]:.{digits}f} -> {values[-1]:.{digits}f} {unit}"
+    first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
+    return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
 
 
-def _instrument_lines(scenario: Scenario) -> list[str]:
+def _instrument_lines(scenario: Scenario, seen: Preview) -> list[str]:
     laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
     ptu = "none, the lidar looks along the follower's +x"
     if scenario.ptu:
         point = scenario.ptu.point
         ptu = f"{point.type}{' ' + point.at if point.type == 'track' else ''}, response {scenario.ptu.response.type}"
     return [
-        f"ptu         {ptu}",
+        f"ptu         {ptu}{_behind(seen)}",
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "
         f"{scenario.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
@@ -125,6 +143,13 @@ def _instrument_lines(scenario: Scenario) -> list[str]:
         *_more_optics(scenario),
         *_detector_lines(scenario),
     ]
+
+
+def _behind(seen: Preview) -> str:
+    """Return how far the drive is behind, or that it has not been asked."""
+    if seen.behind_rad is None:
+        return ""
+    return f", at most {seen.behind_rad.max() / units.DEG:.3f}° behind what it is asked"
 
 
 def _more_optics(scenario: Scenario) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _MOST_EPOCHS = 400
+_LONGEST_S = {"first_order": 4000.0, "second_order": 4000.0, "state_space": 60.0}  # for which the drive is stepped
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """How the lidar sees one target, over the epochs of a preview; angles with a PTU that stands on its demand."""
+    """How the lidar sees one target, over the epochs of a preview."""
 
     name: str
     range_m: np.ndarray
@@ -50,8 +51,9 @@ class Preview:
 
     epochs: Epochs
     sights: tuple[Sight, ...]
-    truth: Truth  # with ptu and lidar, on the PTU's demand
+    truth: Truth  # with ptu and lidar
     warned: tuple[str, ...]
+    behind_rad: np.ndarray | None  # (time) of the PTU from what it is asked; None: as if it stood on that
 
     @property
     def time_s(self) -> np.ndarray:
@@ -75,10 +77,8 @@ def preview(scenario: Scenario) -> Preview:
             course = motion.truth(
                 scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
             )
-        angles = np.zeros((len(epochs), 2))
-        if scenario.ptu:
-            angles = motion.asked(scenario.ptu, scenario.bodies, course)
-    poses = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
+            angles, rates, behind_rad = _pointed(scenario, course)
+    poses = motion.with_lidar(course.poses, scenario.ptu, angles, rates, scenario.lidar.mount)
     receivers = [scenario.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
     half_field = np.array([receiver.field_edge for receiver in receivers])
     sights = [
@@ -86,7 +86,26 @@ def preview(scenario: Scenario) -> Preview:
         for number, target in enumerate(scenario.target)
     ]
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
-    return Preview(epochs, tuple(sights), replace(course, poses=poses), tuple(lines))
+    return Preview(epochs, tuple(sights), replace(course, poses=poses), tuple(lines), behind_rad)
+
+
+def _pointed(scenario: Scenario, course: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return pan and tilt (time, 2) [rad] of the PTU, their rates [rad/s], and how far (time) they are behind what is asked.
+
+    The drive's own where the run is short enough to step it in a second or two; else its demand, and None for the last.
+    """
+    ptu = scenario.pan_tilt
+    if ptu is None:
+        return np.zeros((len(course.time_s), 2)), np.zeros((len(course.time_s), 2)), None
+    asked = motion.asked(ptu, scenario.bodies, course)
+    longest_s = 0.0 if ptu.response.type == "ideal" else _LONGEST_S.get(ptu.response.type, _LONGEST_S["second_order"])
+    if course.time_s[-1] > longest_s:
+        return asked, np.zeros_like(asked), None
+    world: dict[str, Any] = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    angles, rates = motion.driven(ptu, scenario.bodies, course, scenario.time.start_utc, **world)
+    missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
+    missed[:, 0] *= np.cos(asked[:, 1])
+    return angles, rates, np.hypot(missed[:, 0], missed[:, 1])
 
 
 def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int) -> Sight:
