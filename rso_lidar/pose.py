@@ -150,6 +150,12 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return product
 
 
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a . b (…) of vectors (…, 3), term by term: library sums give an epoch other bits alone than among many."""
+    product: np.ndarray = np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
+    return product
+
+
 class PoseTree(Mapping[str, Link]):
     """Axes by name, each with one parent and the link to it; the root is ``inertial``.
 

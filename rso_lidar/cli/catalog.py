@@ -10,9 +10,10 @@ import typer
 
 from rso_lidar import units
 from rso_lidar.cli.encounters import instant
-from rso_lidar.errors import CatalogError, RecordingError, RunError, ScenarioError, did_you_mean
+from rso_lidar.errors import CatalogError, RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.catalog import REGIMES, read_element_sets
+from rso_lidar.picture.output import beside
 from rso_lidar.study.encounters import checked_output, counted
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
@@ -71,19 +72,19 @@ def catalog(
     objects = _objects(chosen)
     if output is not None and not chosen.sets:
         raise CatalogError(f"{file}: no good element set is left to write; loosen --name, --regime or --max-age-days")
-    for line in _table(objects):
-        typer.echo(line)
+    lines = _table(objects)
     if jumps:
-        for sets in objects:
-            typer.echo("\n".join(_jumps(sets)))
-    typer.echo(_summary(file, whole, chosen, len(objects)))
+        lines += [line for sets in objects for line in _jumps(sets)]
+    if output is not None:  # first, so that what cannot be written is all that is said
+        _write(chosen, output)
+    for line in (*lines, _summary(file, whole, chosen, len(objects))):
+        typer.echo(line)
     told = whole.problems if problems else whole.problems[:_FIRST]
     for problem in told:
         typer.echo(f"bad: {problem}")
     if len(told) < len(whole.problems):
         typer.echo(f"and {len(whole.problems) - len(told):,} more bad records: give --problems for all")
     if output is not None:
-        _write(chosen, output)
         typer.echo(f"{output}")
 
 
@@ -197,13 +198,8 @@ def _checked(output: Path, overwrite: bool) -> None:
 
 def _write(chosen: Catalog, output: Path) -> None:
     """Write the sets whole or not at all."""
-    draft = output.with_name(f"{output.stem}.part{output.suffix}")
-    try:
-        chosen.write(draft)
-        draft.replace(output)
-    except CatalogError as error:
-        raise CatalogError(str(error).replace(str(draft), str(output))) from None
-    except OSError as error:
-        raise RunError(f"{output}: could not be written: {error.strerror or error}") from None
-    finally:
-        draft.unlink(missing_ok=True)
+    with beside(output.expanduser()) as draft:
+        try:
+            chosen.write(draft)
+        except CatalogError as error:
+            raise CatalogError(str(error).replace(str(draft), str(output))) from None

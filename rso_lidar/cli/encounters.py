@@ -99,6 +99,8 @@ def encounters(
         typer.echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and table.rows:
         typer.echo(f"{_draw(table, plot)}")
+    elif plot is not None:
+        typer.echo("no picture written: there is no encounter to draw", err=True)
     if text is not None and output is not None:
         typer.echo(f"{write_text(output, text, overwrite=overwrite)}")
     elif scenario is not None:
@@ -109,7 +111,7 @@ def _show(table: Encounters) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console()
+    console = Console(markup=False, emoji=False)  # names were written by others
     if not console.is_terminal or not table.rows:
         typer.echo(table.table())
         return

@@ -10,7 +10,6 @@ from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library import model
 from rso_lidar.scene.library import models as catalogue
 
-
 _WIDE = 100  # columns that bounds to the millimetre need
 
 

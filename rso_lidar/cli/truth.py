@@ -24,7 +24,7 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES, beside
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.timeline import columns, course, plan_of, utc
+from rso_lidar.study.timeline import columns, course, plan_of, umbras, utc
 
 FIGURES = ("relative", "orbit", "angles", "ptu")
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
@@ -47,7 +47,12 @@ def truth(
         typer.Option("--body", metavar="NAME", help="Body of an .oem or .aem (the follower); target of a picture."),
     ] = None,
     every_s: Annotated[
-        float | None, typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames; the last frame is there in any case.")
+        float | None,
+        typer.Option(
+            "--every",
+            metavar="S",
+            help="Seconds from row to row, in whole frames; and the last frame.",
+        ),
     ] = None,
     settings: Settings = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
@@ -137,7 +142,7 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
     target = _named(body, targets) if body else next(iter(targets), None)
     place, angles = course(scenario, frames, drive=kind in STEPPED)
     if kind == "orbit":
-        return inertial_figure(place, scenario.name)
+        return inertial_figure(place, scenario.name, shadows_s=umbras(scenario))
     if kind == "ptu":
         assert scenario.ptu is not None
         response = scenario.ptu.response
@@ -149,9 +154,20 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
         )
     if kind == "angles":
         edges = scenario.instrument.at(0.0).receiver.field_edge
-        return angles_figure(place, target, scenario.name, half_field_rad=float(np.arctan(np.min(edges))))
-    impulses, keep_out_m = plan_of(scenario, target)
-    return picture.orbit_figure(place, target, impulses=impulses, keep_out_m=keep_out_m, title=scenario.name)
+        half = float(np.arctan(np.min(edges)))
+        shadow = umbras(scenario).get(target or "")
+        return angles_figure(place, target, scenario.name, half_field_rad=half, shadow_s=shadow)
+    plan = plan_of(scenario, target)
+    if plan is None:
+        return picture.orbit_figure(place, target, title=scenario.name)
+    return picture.orbit_figure(
+        place,
+        target,
+        impulses=[(one.time_s, one.delta_v_m_s) for one in plan.impulses if one.time_s <= scenario.span[1]],
+        keep_out_m=getattr(scenario.bodies[-1].motion, "keep_out_m", 0.0) or None,
+        delta_v_m_s=plan.delta_v_m_s,
+        title=scenario.name,
+    )
 
 
 def _csv(path: Path, table: dict[str, np.ndarray]) -> None:

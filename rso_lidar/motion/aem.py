@@ -228,6 +228,10 @@ def _axes(message: ccsds.Message, segment: ccsds.Segment) -> tuple[str, bool]:
         if axes == "teme":
             raise ScenarioError(f"{message.where}: line {other.line}: an attitude in TEME: have it written in GCRF")
     entry = segment.meta.get("ATTITUDE_DIR")
+    if entry is None and message.version.startswith(
+        "1"
+    ):  # obligatory there (504.0-B-1, table 4-3); left out from 2.0 on
+        message.need(segment, "ATTITUDE_DIR")
     direction = entry.value.upper() if entry is not None else "A2B"
     if direction not in ("A2B", "B2A"):
         line = entry.line if entry is not None else segment.line

@@ -6,21 +6,20 @@ in one file. A bad record of another object does not stop a good one from being 
 
 from __future__ import annotations
 
-import csv
 import datetime
 import functools
-import io
-import json
+import numbers
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar.errors import CatalogError, did_you_mean
-from rso_lidar.orbit.element_set import KEYS, NO_EPOCH, ElementSet
-from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml
-from rso_lidar.orbit.tle_text import checksum, element_line, read_set, written
+from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
+from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
+from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written
 from rso_lidar.shipped import find
 
 if TYPE_CHECKING:
@@ -51,11 +50,13 @@ class Catalog:
 
         A relative path is looked up in the working folder, then among the shipped data.
         """
-        return cls._of(*_contents(find(str(path)) or Path(path)), str(path))
+        return cls._of(*_contents(find(_path(path)) or Path(path)), str(path))
 
     @classmethod
     def from_text(cls, text: str, where: str = "catalogue") -> Catalog:
         """Return the catalogue of a text; `where` is its name in messages."""
+        if not isinstance(text, str):
+            raise CatalogError(f"{where}: is {shown(text)}, no text: give a str, or from_file the path of a file")
         return cls._of(*_parsed(text, where), where)
 
     @classmethod
@@ -100,26 +101,34 @@ class Catalog:
         `name` is a part of the name, without regard to case, or with * and ? the whole of it; `regime` is one of leo, meo,
         geo, heo, other (`ElementSet.regime` says what they are); `max_age_days` is counted from `at`, before or after.
         """
+        if name is not None and not isinstance(name, str):
+            raise CatalogError(f"name: {shown(name)} is no text: give a part of a name")
         if regime is not None and regime not in REGIMES:
             raise CatalogError(f"regime: '{regime}' is unknown: use one of {', '.join(REGIMES)}")
         if (max_age_days is None) != (at is None):
             raise CatalogError("max_age_days: is counted from an instant: give max_age_days and at together")
-        instants = [instant for instant in (*(epoch_within or ()), at) if instant is not None]
-        if any(instant.tzinfo is None for instant in instants):
-            raise CatalogError("filter: a time without an offset is ambiguous: give it a time zone, such as UTC")
+        if max_age_days is not None and not (isinstance(max_age_days, numbers.Real) and max_age_days >= 0.0):
+            raise CatalogError(f"max_age_days: {shown(max_age_days)} is no age: give 0 or more days")
+        if epoch_within is not None:
+            if not isinstance(epoch_within, Sequence) or isinstance(epoch_within, str) or len(epoch_within) != 2:
+                raise CatalogError(f"epoch_within: {shown(epoch_within)} is no span: give two times, first and last")
+            if _instant("epoch_within", epoch_within[0]) > _instant("epoch_within", epoch_within[1]):
+                raise CatalogError("epoch_within: ends before it begins: give the earlier time first")
+        if at is not None:
+            _instant("at", at)
         kept: Iterable[ElementSet] = self.sets
         if name is not None:
             whole = _pattern(name)
             kept = [entry for entry in kept if whole.fullmatch(entry.name)]
         if norad_id is not None:
-            wanted = {norad_id} if isinstance(norad_id, int) else set(norad_id)
+            wanted = _numbers(norad_id)
             kept = [entry for entry in kept if entry.norad_id in wanted]
         if regime is not None:
             kept = [entry for entry in kept if entry.regime == regime]
         if epoch_within is not None:
             kept = [entry for entry in kept if epoch_within[0] <= entry.epoch_utc <= epoch_within[1]]
         if max_age_days is not None and at is not None:
-            age_s = max_age_days * 86_400.0
+            age_s = float(max_age_days) * 86_400.0
             kept = [entry for entry in kept if abs((entry.epoch_utc - at).total_seconds()) <= age_s]
         return Catalog(tuple(kept), self.problems, self.duplicates, self.where)
 
@@ -134,20 +143,17 @@ class Catalog:
         """Return the trajectory of one object, by number or name: the nearest of its sets at each instant."""
         from rso_lidar.orbit.several_sets import SeveralSets
 
-        name, number = (which, None) if isinstance(which, str) else (None, which)
+        name, number = (which, None) if isinstance(which, str) else (None, next(iter(_numbers([which]))))
         return SeveralSets(tuple(of_one(self.sets, self.where, name, number)))
 
     def write(self, path: str | Path) -> None:
         """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt), rounded to what a TLE can hold."""
-        path, suffix = Path(path), Path(path).suffix.lower()
+        path = Path(_path(path))
+        suffix = path.suffix.lower()
         if suffix == ".json":
-            text = "[" + ",\n".join(json.dumps(entry.omm()) for entry in self.sets) + "]\n"
+            text = written_json(self.sets)
         elif suffix == ".csv":
-            table = io.StringIO()
-            rows = csv.DictWriter(table, KEYS, lineterminator="\n")
-            rows.writeheader()
-            rows.writerows(entry.omm() for entry in self.sets)
-            text = table.getvalue()
+            text = written_csv(self.sets)
         elif suffix in (".tle", ".3le", ".txt"):
             named = [(*([f"0 {entry.name}"] if entry.name else []), *written(entry)) for entry in self.sets]
             text = "".join(f"{line}\n" for lines in named for line in lines)
@@ -157,6 +163,30 @@ class Catalog:
             path.write_text(text, encoding="utf-8")
         except OSError as error:
             raise CatalogError(f"{path}: cannot be written: {error.strerror}: choose another place") from None
+
+
+def _path(path: Any) -> str:
+    if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
+        raise CatalogError(f"catalogue: {shown(path)} is no path: give the path of a file of element sets")
+    return os.fspath(path)
+
+
+def _instant(what: str, at: Any) -> datetime.datetime:
+    if not isinstance(at, datetime.datetime):
+        raise CatalogError(f"{what}: {shown(at)} is no time: give a datetime with its time zone")
+    if at.tzinfo is None:
+        raise CatalogError(f"{what}: a time without an offset is ambiguous: give it a time zone, such as UTC")
+    return at
+
+
+def _numbers(wanted: Any) -> set[int]:
+    """Return the catalogue numbers that are asked for, one or several."""
+    several = isinstance(wanted, Iterable) and not isinstance(wanted, str | bytes) and getattr(wanted, "ndim", 1) != 0
+    found = list(wanted) if several else [wanted]
+    for number in found:
+        if isinstance(number, bool) or not isinstance(number, numbers.Integral):
+            raise CatalogError(f"norad_id: {shown(number)} is no catalogue number: give a whole number, such as 25544")
+    return {int(number) for number in found}
 
 
 def _epoch(entry: ElementSet) -> tuple[datetime.datetime, float]:
@@ -182,7 +212,7 @@ def _pattern(name: str) -> re.Pattern[str]:
 
 def read_element_sets(path: str | Path) -> list[ElementSet]:
     """Return every element set of a catalogue, bad ones with their `problem`; a file without any is an error."""
-    return list(_contents(Path(path))[0])
+    return list(_contents(Path(_path(path)))[0])
 
 
 def read_object(path: Path, where: str, name: str | None, norad_id: int | None) -> tuple[ElementSet, ...]:
@@ -214,13 +244,8 @@ def _contents(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
-    content = path.read_bytes()
-    try:
-        utf16 = content[:2] in (b"\xff\xfe", b"\xfe\xff")  # what some shells make of a file they redirect
-        text = content.decode("utf-16" if utf16 else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")  # a sign in a name spoils nothing else
-    if "\0" in text:
+    text = decoded(path.read_bytes())
+    if text is None:
         raise CatalogError(f"{path}: is not UTF-8 text: name a file of two-line element sets")
     sets, junk = _parsed(text, str(path))
     return tuple(sets), tuple(junk)
@@ -284,8 +309,8 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
     def no_name() -> None:
         if name is not None:
             junk.append(
-                f"{where}: line {name[0]}: '{name[1][:40]}' is no element line, and none follows that it could name: "
-                "remove it"
+                f"{where}: line {name[0]}: '{printable(name[1][:40])}' is no element line, and none follows that it "
+                "could name: remove it"
             )
 
     at = 0

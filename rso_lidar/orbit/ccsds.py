@@ -125,7 +125,7 @@ def read_message(text: str, kind: str, where: str) -> Message:
 
 
 def _checked(message: Message, kind: str) -> Message:
-    if not re.fullmatch(r"[123]\.\d+", message.version):
+    if not re.fullmatch(r"[123]\.[0-9]+", message.version):
         raise ScenarioError(f"{message.where}: CCSDS_{kind}_VERS {message.version} is not known: write 1.0, 2.0 or 3.0")
     if not message.segments:
         raise ScenarioError(f"{message.where}: has no segment: give META_START ... META_STOP and rows under it")
@@ -201,7 +201,7 @@ def choose(message: Message, wanted: str | None) -> list[Segment]:
 def number(where: str, name: str, cell: str) -> float:
     """Return a cell as a finite number."""
     try:
-        value = float(cell)
+        value = float(cell if cell.isascii() and "_" not in cell else "no number")
     except ValueError:
         raise ScenarioError(f"{where}: {name} '{cell.strip():.40}' is not a number: correct it") from None
     if not abs(value) <= GREATEST:

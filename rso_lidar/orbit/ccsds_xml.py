@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 from xml.parsers import expat
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds import Entry, Message, Segment
 
-# One data row: its cells are the leaves in it, in the order that the other notation has.
-_ROWS = ("stateVector", "attitudeState")
-_ORDER = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT", "Q1", "Q2", "Q3", "QC")
+# One data row: its cells are the leaves in it, by name, in the order that the other notation has.
+_ROWS = {
+    "stateVector": ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"),
+    "attitudeState": ("EPOCH", "Q1", "Q2", "Q3", "QC"),
+}
+_ACCELERATION = ("X_DDOT", "Y_DDOT", "Z_DDOT")
 _SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
 _LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; those of a quaternion have none
 
@@ -77,14 +81,34 @@ class _Reader:
         if tag in _SKIPPED or any(tag in _SKIPPED for tag in self.path):
             return
         if tag in _ROWS and self.row is not None:
-            cells = [self.row[name] for name in _ORDER if name in self.row]
-            self.message.segments[-1].rows.append((self.row_line, cells))
+            self.message.segments[-1].rows.append((self.row_line, self.cells(tag, self.row)))
             if "QC" in self.row:
                 self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
             self.row = None
         elif self.row is not None and value:
+            self.once(tag, self.row, line)
             self.row[tag] = value
         elif "metadata" in self.path and value and self.message.segments:
+            self.once(tag, self.message.segments[-1].meta, line)
             self.message.segments[-1].meta[tag] = Entry(value, line)
         elif "header" in self.path and value:
+            self.once(tag, self.message.header, line)
             self.message.header[tag] = Entry(value, line)
+
+    def once(self, tag: str, known: Collection[str], line: int) -> None:
+        """Refuse a second leaf of one name."""
+        if tag in known:
+            raise ScenarioError(f"{self.where}: line {line}: {tag} stands there twice: remove one")
+
+    def cells(self, tag: str, row: dict[str, str]) -> list[str]:
+        """Return a row's words; a state vector that lacks a part is refused: what follows would take its place."""
+        names = _ROWS[tag]
+        if tag == "stateVector":
+            names += _ACCELERATION if any(name in row for name in _ACCELERATION) else ()
+            lacking = [name for name in names if name not in row]
+            if lacking:
+                raise ScenarioError(
+                    f"{self.where}: line {self.row_line}: the {tag} lacks {', '.join(lacking)}: "
+                    f"give all of {', '.join(names)}"
+                )
+        return [row[name] for name in names if name in row]

@@ -69,9 +69,9 @@ _UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u206
 
 
 def printable(text: str) -> str:
-    """Return a text as one line that can be printed: controls become a space, and halves of a character a '?'.
+    r"""Return a text as one line that can be printed: controls become a space, and halves of a character a '?'.
 
-    >>> printable("A\\nB \\ud800")
+    >>> printable("A\nB \ud800")
     'A B ?'
     """
     if text.isprintable():
@@ -228,15 +228,13 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
             return value
         found = _number(value)
         if found is None:
-            wrong.append(f"{key} {_shown(value)} is not a number")
+            wrong.append(f"{key} {shown(value)} is not a number")
         return math.nan if found is None else found
 
     def whole(key: str, most: int = 10**9) -> int:
         value = number(key, 0.0)
         if value != value or not 0 <= value < most or value != int(value):
-            wrong.append(
-                f"{key} {_shown(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits"
-            )
+            wrong.append(f"{key} {shown(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits")
             return 0
         return int(value)
 
@@ -245,7 +243,7 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
         wrong.append(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
-            wrong.append(f"{key} is {_shown(fields[key])}, which SGP4 cannot fly: it needs {allowed[0]}")
+            wrong.append(f"{key} is {shown(fields[key])}, which SGP4 cannot fly: it needs {allowed[0]}")
     epoch, rest_ns = NO_EPOCH, 0.0
     if text("EPOCH"):
         try:
@@ -315,7 +313,7 @@ def epoch_of(text: str) -> tuple[datetime.datetime, float]:
     """
     found = _EPOCH.fullmatch(text)
     if found is None:
-        raise ValueError(f"EPOCH {_shown(text)} is no UTC instant such as 2024-09-17T12:00:00.123456")
+        raise ValueError(f"EPOCH {shown(text)} is no UTC instant such as 2024-09-17T12:00:00.123456")
     year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
     digits = (decimals or "").ljust(6, "0")
     try:
@@ -329,9 +327,9 @@ def epoch_of(text: str) -> tuple[datetime.datetime, float]:
         )
     except (ValueError, OverflowError):
         why = "falls in a leap second or beyond the clock" if int(second) >= 60 else "is on no calendar"
-        raise ValueError(f"EPOCH {_shown(text)} {why}") from None
+        raise ValueError(f"EPOCH {shown(text)} {why}") from None
     if not 1957 <= epoch.year <= 2200:
-        raise ValueError(f"EPOCH {_shown(text)} is not between 1957 and 2200")
+        raise ValueError(f"EPOCH {shown(text)} is not between 1957 and 2200")
     return epoch, float(f"0.{digits[6:] or 0}") * 1e3
 
 
@@ -347,7 +345,8 @@ def _number(value: Any) -> float | None:
     return found if math.isfinite(found) else None
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a value in quotes, cut to 40 signs, as errors name it."""
     try:
         text = " ".join(str(value).split())
     except (ValueError, RecursionError):  # an integer of thousands of digits

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,6 +23,7 @@ _NEAR_PARABOLA = 0.1  # |x - 1| within which Battin's series replaces the closed
 _STEPS = 100
 _EPS = float(np.finfo(float).eps)
 _PARALLEL = 1e-10  # sine of the transfer angle below which the positions span no plane
+MOST_REVOLUTIONS = 1000  # for which all orbits are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,8 @@ def lambert_all(
 ) -> tuple[Transfer, ...]:
     """Return every orbit from one position (3) [m] to another in `duration_s` [s]: short ways first, then by revolutions.
 
-    `normal` (3) is needed where the positions are in one line with the Earth's centre and span no plane of their own.
+    `normal` (3) is needed where the positions are in one line with the Earth's centre and span no plane of their own. A
+    time for more than 1000 revolutions is refused: `lambert` finds the orbits of one number of them, however large.
 
     >>> radius = 7e6
     >>> day = lambert_all(np.array([radius, 0, 0]), np.array([0, radius, 0]), 20_000.0)
@@ -58,6 +60,11 @@ def lambert_all(
     [(0, None, 'short'), (1, 'low', 'short'), (1, 'high', 'short')]
     """
     arc = _Arc.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    if arc.scaled_time > math.pi * (MOST_REVOLUTIONS + 1):
+        raise ScenarioError(
+            f"duration_s: {duration_s:g} s leave time for some {arc.scaled_time / math.pi:.3g} revolutions, and orbits of "
+            f"up to {MOST_REVOLUTIONS} are listed: give less, or ask lambert for one number of revolutions"
+        )
     ways: tuple[Literal["short", "long"], ...] = ("short", "long")
     return tuple(
         Transfer(*arc.velocities(x, way), revolutions, branch, way)
@@ -82,22 +89,42 @@ def lambert(
     `prograde` and `retrograde` are about `normal` (3), the Earth's axis +z where none is given. `branch` counts from one
     revolution on. Raises `ScenarioError` where there is no such orbit, saying how many revolutions there is time for.
     """
+    for name, word, known in (("way", way, get_args(Way)), ("branch", branch, get_args(Branch))):
+        if word not in known:
+            raise ScenarioError(f"{name}: '{word!s:.40}' is not known: write one of {', '.join(known)}")
+    if isinstance(revolutions, bool) or not isinstance(revolutions, int | np.integer) or revolutions < 0:
+        raise ScenarioError(f"revolutions: {revolutions!r:.40} is no number of whole turns: give 0 or more")
     chosen: Literal["short", "long"]
     if way in ("short", "long"):
         chosen = "long" if way == "long" else "short"
     else:
-        pole = np.array([0.0, 0.0, 1.0]) if normal is None else np.asarray(normal, dtype=float)
-        turns = float(np.sum(np.cross(np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float)) * pole))
+        pole = np.array([0.0, 0.0, 1.0]) if normal is None else _vector("normal", normal)
+        turns = float(np.sum(np.cross(_vector("from_m", from_m), _vector("to_m", to_m)) * pole))
         chosen = "short" if (turns >= 0.0) == (way == "prograde") else "long"
-    found = [each for each in lambert_all(from_m, to_m, duration_s, gm_m3_s2, normal=normal) if each.way == chosen]
-    for each in found:
-        if each.revolutions == revolutions and each.branch in (None, branch):
-            return each
-    most = max((each.revolutions for each in found), default=0)
+    arc = _Arc.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    problem = arc.scaled_time, arc.share, arc.lam(chosen)
+    if revolutions <= arc.scaled_time / math.pi:
+        for which, x in _orbits(*problem, revolutions):
+            if which in (None, branch):
+                return Transfer(*arc.velocities(x, chosen), revolutions, which, chosen)
+    most = int(arc.scaled_time / math.pi)
+    while most and not _orbits(*problem, most):  # of so many whole turns the least time is little longer
+        most -= 1
     raise ScenarioError(
         f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way: "
         "ask for fewer, or give a longer duration"
     )
+
+
+def _vector(name: str, given: Any) -> np.ndarray:
+    """Return a vector (3) as it is; `ScenarioError` where it is something else, or not finite."""
+    try:
+        vector = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise ScenarioError(f"{name}: lambert needs three finite numbers, from the Earth's centre: correct it")
+    return vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +148,14 @@ class _Arc:
         gm_m3_s2: float,
         normal: Sequence[float] | np.ndarray | None,
     ) -> _Arc:
-        start, end = np.asarray(from_m, dtype=float), np.asarray(to_m, dtype=float)
+        start, end = _vector("from_m", from_m), _vector("to_m", to_m)
+        for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
+            if not isinstance(value, int | float | np.number) or not math.isfinite(value):
+                raise ScenarioError(f"{name}: {value!r:.40} is not a finite number: give one above zero")
         if not duration_s > 0.0:
             raise ScenarioError(f"duration_s: a transfer in {duration_s:g} s needs infinite speed: give more than zero")
+        if not gm_m3_s2 > 0.0:
+            raise ScenarioError(f"gm_m3_s2: {gm_m3_s2:g} does not attract: give more than zero")
         r1, r2 = float(np.linalg.norm(start)), float(np.linalg.norm(end))
         if min(r1, r2) == 0.0:
             raise ScenarioError("lambert: a position is the Earth's centre: give positions from it, in metres")
@@ -137,7 +169,7 @@ class _Arc:
                     "change the duration, or the positions" if cosine > 0.0 else "give a normal, or change the duration"
                 )
                 raise ScenarioError(f"lambert: the positions are {angle} apart and span no plane: {cure}")
-            given = np.asarray(normal, dtype=float)
+            given = _vector("normal", normal)
             pole = given - u1 * float(np.sum(given * u1))
             if np.linalg.norm(pole) <= _PARALLEL * np.linalg.norm(given):
                 raise ScenarioError("lambert: the normal is along the positions: give one across them")
@@ -214,21 +246,31 @@ def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, 
 
 def _roots(time: float, q: float, lam: float) -> list[tuple[int, Branch | None, float]]:
     """Return revolutions, branch and x of every orbit that takes the scaled `time`."""
-    roots: list[tuple[int, Branch | None, float]] = [(0, None, _single(time, q, lam))]
-    for revolutions in range(1, int(time / math.pi) + 1):
-        least_x = _fastest(q, lam, revolutions)
-        if time < _time(least_x, q, lam, revolutions):
+    roots: list[tuple[int, Branch | None, float]] = []
+    for revolutions in range(int(time / math.pi) + 1):
+        found = _orbits(time, q, lam, revolutions)
+        if not found:
             break
-        turn = revolutions * math.pi
-        slow = ((turn + math.pi) / (8.0 * time)) ** (2.0 / 3.0)
-        fast = (8.0 * time / turn) ** (2.0 / 3.0)
-        pair = [
-            _solve(time, q, lam, revolutions, (slow - 1.0) / (slow + 1.0), (-1.0, least_x), -1.0),
-            _solve(time, q, lam, revolutions, (fast - 1.0) / (fast + 1.0), (least_x, 1.0), 1.0),
-        ]
-        pair.sort(key=abs)  # the energy is (x^2 - 1) gm / s
-        roots += [(revolutions, "low", pair[0]), (revolutions, "high", pair[1])]
+        roots += [(revolutions, branch, x) for branch, x in found]
     return roots
+
+
+def _orbits(time: float, q: float, lam: float, revolutions: int) -> list[tuple[Branch | None, float]]:
+    """Return branch and x of the orbits of so many whole revolutions that take the scaled `time`: none, one or two."""
+    if revolutions == 0:
+        return [(None, _single(time, q, lam))]
+    least_x = _fastest(q, lam, revolutions)
+    if time < _time(least_x, q, lam, revolutions):
+        return []
+    turn = revolutions * math.pi
+    slow = ((turn + math.pi) / (8.0 * time)) ** (2.0 / 3.0)
+    fast = (8.0 * time / turn) ** (2.0 / 3.0)
+    pair = [
+        _solve(time, q, lam, revolutions, (slow - 1.0) / (slow + 1.0), (-1.0, least_x), -1.0),
+        _solve(time, q, lam, revolutions, (fast - 1.0) / (fast + 1.0), (least_x, 1.0), 1.0),
+    ]
+    pair.sort(key=abs)  # the energy is (x^2 - 1) gm / s
+    return [("low", pair[0]), ("high", pair[1])]
 
 
 def _single(time: float, q: float, lam: float) -> float:

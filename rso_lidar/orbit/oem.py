@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 import functools
 import itertools
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -222,7 +223,7 @@ def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.dat
     degree = segment.meta.get("INTERPOLATION_DEGREE")
     order = None
     if degree is not None:
-        if not degree.value.isdigit() or not 1 <= int(degree.value) <= GREATEST_DEGREE:
+        if not re.fullmatch(r"[0-9]{1,4}", degree.value) or not 1 <= int(degree.value) <= GREATEST_DEGREE:
             raise ScenarioError(
                 f"{message.where}: line {degree.line}: INTERPOLATION_DEGREE {degree.value}: write 1 to {GREATEST_DEGREE}"
             )

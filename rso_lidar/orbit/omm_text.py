@@ -6,13 +6,14 @@ Each reader returns the element sets, bad ones with their `problem`, and one lin
 from __future__ import annotations
 
 import csv
+import io
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.element_set import KNOWN, REQUIRED, ElementSet, from_omm, printable
+from rso_lidar.orbit.element_set import KEYS, KNOWN, REQUIRED, ElementSet, from_omm, printable
 
 Found = tuple[list[ElementSet], list[str]]
 
@@ -198,7 +199,7 @@ def _saved_xml(text: str, where: str, error: str) -> Found:
         except ET.ParseError as wrong:
             sets.append(_broken(place, f"this message is no XML ({wrong})", _glimpsed(piece[0])))
             continue
-        sets.append(_from_leaves(_messages(node)[0], place))
+        sets.append(_from_leaves(next(iter(_messages(node)), []), place))
     junk = [] if any(entry.problem for entry in sets) else [f"{where}: is no whole XML ({error}): fetch it again"]
     return sets, junk
 
@@ -263,6 +264,22 @@ class Kvn:
         if self._fields:
             yield from_omm(self._fields, self._place, self._wrong or None)
         self._fields = {}
+
+
+def written_json(sets: Iterable[ElementSet]) -> str:
+    """Return element sets as a list of OMM in JSON."""
+    return "[" + ",\n".join(json.dumps(entry.omm()) for entry in sets) + "]\n"
+
+
+def written_csv(sets: Sequence[ElementSet]) -> str:
+    """Return element sets as a table of OMM; a name that begins with # stands in quotes, for it is no remark."""
+    table = io.StringIO()
+    remark = any(entry.name.startswith("#") for entry in sets)
+    quoting = csv.QUOTE_NONNUMERIC if remark else csv.QUOTE_MINIMAL
+    rows = csv.writer(table, lineterminator="\n", quoting=quoting)  # type: ignore[arg-type]
+    rows.writerow(KEYS)
+    rows.writerows(entry.omm().values() for entry in sets)
+    return table.getvalue()
 
 
 def _short(text: str) -> str:

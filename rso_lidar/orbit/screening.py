@@ -20,6 +20,10 @@ m/s because the velocities of SGP4 are not quite the derivative of its positions
 and judged again.
 
 What may be inside then is asked of SGP4 itself (`stays`).
+
+**Several element sets of one object.** Each is screened by itself for as long as it flies and the follower keeps to one
+set, since the motion is smooth then; what touches is joined after. Spans under 1 ms, of epochs that two objects share but
+for their last digit, are passed over.
 """
 
 from __future__ import annotations
@@ -35,8 +39,8 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import utc_text
-from rso_lidar.orbit.fleet import Fleet, reason
-from rso_lidar.orbit.stays import Pair, Stay, refined
+from rso_lidar.orbit.fleet import Fleet, Flights, reason
+from rso_lidar.orbit.stays import BRIEF_S, Pair, Stay, Times, joined, refined
 
 STEP_S = 300.0
 CUT = 8  # sub-intervals of a step
@@ -49,56 +53,95 @@ _SPEED_OFF_M_S = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """All stays of a fleet within a limit of one follower, by time; `near` of the objects shared its shell.
+    """All stays of objects within a limit of one follower, by time; `near` of the objects shared its shell.
 
     `rejected` says of objects, by label, why they were not flown, or from when on they were not.
     """
 
-    follower: Fleet
-    fleet: Fleet
+    follower: Flights
+    objects: Flights
     stays: tuple[Stay, ...]
     rejected: tuple[tuple[str, str], ...]
     near: int
 
 
 def screen(
-    follower: ElementSet,
-    objects: Sequence[ElementSet],
+    follower: ElementSet | Sequence[ElementSet],
+    objects: Sequence[ElementSet | Sequence[ElementSet]],
     start_utc: datetime.datetime,
     duration_s: float,
     within_m: float,
     step_s: float = STEP_S,
 ) -> Screened:
-    """Return every stay of `objects` within `within_m` [m] of `follower` during `duration_s` [s] from `start_utc`."""
-    lead, fleet = Fleet([follower], start_utc), Fleet(objects, start_utc)
-    steps = max(1, int(np.ceil(duration_s / step_s)))
-    instants = np.linspace(0.0, duration_s, steps + 1)
-    position, velocity, error = lead.grid(np.zeros(1, dtype=int), instants)
+    """Return every stay of `objects` within `within_m` [m] of `follower` during `duration_s` [s] from `start_utc`.
+
+    Whoever has several element sets flies at each instant by the one whose epoch is nearest.
+    """
+    lead, flights = Flights([follower], start_utc, duration_s), Flights(objects, start_utc, duration_s)
+    near = np.zeros(len(flights), dtype=bool)
+    rejected: dict[int, tuple[float, int]] = {}
+    stays: list[Stay] = []
+    for one in range(len(lead.fleet)):
+        stays += _while_one_leads(lead, one, flights, within_m, step_s, near, rejected)
+    if lead.several.any() or flights.several.any():
+        stays = joined(stays, lead, flights)
+    stays.sort(key=lambda stay: (stay.time_s, stay.which))
+    return Screened(lead, flights, tuple(stays), tuple(_told(flights.fleet, rejected)), int(near.sum()))
+
+
+def _while_one_leads(
+    lead: Flights,
+    one: int,
+    flights: Flights,
+    within_m: float,
+    step_s: float,
+    near: np.ndarray,
+    rejected: dict[int, tuple[float, int]],
+) -> list[Stay]:
+    """Return the stays of element sets while the follower flies by its set `one`; `near`, `rejected` are added to."""
+    begin_s, end_s = max(float(lead.from_s[one]), 0.0), min(float(lead.to_s[one]), lead.duration_s)
+    steps = max(1, int(np.ceil((end_s - begin_s) / step_s)))
+    instants = np.linspace(begin_s, end_s, steps + 1)
+    position, velocity, error = lead.fleet.grid(np.array([one]), instants)
     bad = np.isnan(position[0, :, 0])
     if bad.any():
         at = int(np.argmax(bad))
         raise PropagationError(
-            f"follower {follower.label}: SGP4 has no state at {utc_text(start_utc, float(instants[at]))}: "
-            f"{reason(int(error[0, at]))}; take an element set nearer to the span, or a shorter span",
+            f"follower {lead.fleet.sets[one].label}: SGP4 has no state at "
+            f"{utc_text(lead.start_utc, float(instants[at]))}: {reason(int(error[0, at]))}; take an element set nearer to "
+            "the span, or a shorter span",
             bad,
         )
-    here = Orbits(lead, duration_s)
-    there = Orbits(fleet, duration_s)
-    near = np.flatnonzero(there.may_meet(here, within_m))
-    pair = Pair(lead, fleet)
-    rejected = {int(k): (0.0, int(there.error[k])) for k in np.flatnonzero(there.never)}
+    span_s = np.stack([np.maximum(flights.from_s, begin_s), np.minimum(flights.to_s, end_s)], axis=1)
+    sets = np.flatnonzero(span_s[:, 1] - span_s[:, 0] > min(BRIEF_S, 0.5 * lead.duration_s))
+    here = Orbits(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
+    there = Orbits(flights.fleet, sets, span_s[sets])
+    meets = np.flatnonzero(there.may_meet(here, within_m))
+    meets = meets[np.argsort(span_s[sets[meets], 0], kind="stable")]  # sets that fly at about one time together
+    near[flights.owner[sets[meets]]] = True
+    pair = Pair(lead.fleet, one, flights.fleet, span_s)
+    times = Times(begin_s, float(instants[-1] - begin_s) / (steps * CUT), steps * CUT)
+    lost = {int(sets[k]): (float(there.lost_s[k]), int(there.error[k])) for k in np.flatnonzero(there.never)}
     stays: list[Stay] = []
     chunk = max(1, _MOST_STATES // len(instants))
-    for begin in range(0, len(near), chunk):
-        which = near[begin : begin + chunk]
-        cells, lost = _may_be_inside(fleet, which, instants, (position[0], velocity[0]), here, there, within_m)
-        rejected.update(lost)
-        for some in _in_lots(cells):
-            stays += refined(pair, some, instants[-1] / (steps * CUT), steps * CUT, within_m)
-    for k in np.flatnonzero(there.lost & ~np.isin(np.arange(len(fleet)), list(rejected))):
-        rejected[int(k)] = (float(there.lost_s[k]), int(there.error[k]))
-    stays.sort(key=lambda stay: (stay.time_s, stay.which))
-    return Screened(lead, fleet, tuple(stays), tuple(_told(fleet, rejected)), len(near))
+    for begin in range(0, len(meets), chunk):
+        rows = meets[begin : begin + chunk]
+        first = max(int(np.searchsorted(instants, span_s[sets[rows], 0].min(), side="right")) - 1, 0)
+        last = min(int(np.searchsorted(instants, span_s[sets[rows], 1].max())), steps)
+        some = slice(first, last + 1)
+        ends = instants[some], (position[0, some], velocity[0, some])
+        cells, gone = _may_be_inside(
+            flights.fleet, sets[rows], span_s[sets[rows]], *ends, here, there.of(rows), within_m
+        )
+        cells[:, 1] += first * CUT
+        lost.update(gone)
+        for lot in _in_lots(cells):
+            stays += refined(pair, lot, times, within_m)
+    for k in np.flatnonzero(there.lost):
+        lost.setdefault(int(sets[k]), (float(there.lost_s[k]), int(there.error[k])))
+    for number, when in lost.items():
+        rejected.setdefault(number, when)
+    return stays
 
 
 def _told(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
@@ -113,35 +156,28 @@ def _told(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[st
 
 
 class Orbits:
-    """Bounds of the osculating orbits of a fleet over a span: shells, speeds, fourth derivatives."""
+    """Bounds of osculating orbits (set), each over its own span (set, 2) [s]: shells, speeds, fourth derivatives."""
 
-    def __init__(self, fleet: Fleet, duration_s: float) -> None:
-        instants = np.linspace(0.0, duration_s, _SHELL_INSTANTS)
-        perigee, apogee, eccentricity, lost, code = ([] for _ in range(5))
-        for begin in range(0, len(fleet), 20_000):
-            some = np.arange(begin, min(begin + 20_000, len(fleet)))
-            position, velocity, error = fleet.grid(some, instants)
+    def __init__(self, fleet: Fleet, sets: np.ndarray, span_s: np.ndarray) -> None:
+        count = len(sets)
+        instants = np.linspace(span_s[:, 0], span_s[:, 1], _SHELL_INSTANTS, axis=1)
+        q, top, ecc = np.empty((3, count, _SHELL_INSTANTS))
+        for rows in _alike(span_s):
+            position, velocity = _flown(fleet, sets[rows], instants[rows])
             radius = np.sqrt(np.einsum("...i,...i->...", position, position))
             speed2 = np.einsum("...i,...i->...", velocity, velocity)
             radial = np.einsum("...i,...i->...", position, velocity) / radius
             axis = 1.0 / (2.0 / radius - speed2 / units.EARTH_GM_M3_S2)
             latus = radius**2 * (speed2 - radial**2) / units.EARTH_GM_M3_S2
-            ecc = np.sqrt(np.maximum(1.0 - latus / axis, 0.0))
-            perigee.append(axis * (1.0 - ecc))
-            apogee.append(axis * (1.0 + ecc))
-            eccentricity.append(ecc)
-            lost.append(np.isnan(radius))
-            code.append(error)
-        gone = np.concatenate(lost) if lost else np.zeros((0, _SHELL_INSTANTS), dtype=bool)
+            ecc[rows] = np.sqrt(np.maximum(1.0 - latus / axis, 0.0))
+            q[rows], top[rows] = axis * (1.0 - ecc[rows]), axis * (1.0 + ecc[rows])
+        gone = np.isnan(q)
         self.never, self.lost = gone.all(axis=1), gone.any(axis=1)
         first = gone.argmax(axis=1)
-        self.lost_s = instants[first]
-        codes = np.concatenate(code) if code else np.zeros(gone.shape, dtype=int)
-        self.error = codes[np.arange(len(codes)), first]
-        if not len(gone):
-            self.perigee_m = self.apogee_m = self.speed_m_s = self.fourth_m_s4 = np.zeros(0)
-            return
-        q, top, ecc = (np.concatenate(entry) for entry in (perigee, apogee, eccentricity))
+        self.lost_s = instants[np.arange(count), first]
+        self.error = np.zeros(count, dtype=int)
+        for k in np.flatnonzero(self.lost):
+            self.error[k] = fleet.grid(sets[k : k + 1], self.lost_s[k : k + 1])[2][0, 0]
         with np.errstate(all="ignore"):
             least, most = np.fmin.reduce(q, axis=1), np.fmax.reduce(top, axis=1)
             axis = 0.5 * (least + most)
@@ -157,6 +193,10 @@ class Orbits:
         self.perigee_m = np.where(open_, 0.0, self.perigee_m)
         self.apogee_m = np.where(open_, np.inf, self.apogee_m)
 
+    def of(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return speed [m/s] and fourth derivative [m/s4] of some rows."""
+        return self.speed_m_s[rows], self.fourth_m_s4[rows]
+
     def may_meet(self, one: Orbits, within_m: float) -> np.ndarray:
         """Return whether each shell comes within a limit [m] of that of `one`, and there is anything to fly."""
         above = self.perigee_m > one.apogee_m[0] + within_m
@@ -165,32 +205,55 @@ class Orbits:
         return meets
 
 
+def _alike(span_s: np.ndarray) -> list[np.ndarray]:
+    """Return rows in lots of bounded size: those of the widest span together, and the rest."""
+    widest = (span_s == [span_s[:, 0].min(initial=np.inf), span_s[:, 1].max(initial=-np.inf)]).all(axis=1)
+    lots = [np.flatnonzero(widest), np.flatnonzero(~widest)]
+    return [lot[begin : begin + 20_000] for lot in lots for begin in range(0, len(lot), 20_000)]
+
+
+def _flown(fleet: Fleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (set, time, 3), each set at instants (set, time) of its own [s]."""
+    if (instants == instants[0]).all():
+        return fleet.grid(sets, instants[0])[:2]
+    position, velocity = fleet.at(np.repeat(sets, instants.shape[1]), instants.ravel())
+    return position.reshape(*instants.shape, 3), velocity.reshape(*instants.shape, 3)
+
+
 def _may_be_inside(
     fleet: Fleet,
-    which: np.ndarray,
+    sets: np.ndarray,
+    span_s: np.ndarray,
     instants: np.ndarray,
     lead: tuple[np.ndarray, np.ndarray],
     here: Orbits,
-    there: Orbits,
+    there: tuple[np.ndarray, np.ndarray],
     within_m: float,
 ) -> tuple[np.ndarray, dict[int, tuple[float, int]]]:
-    """Return (object, sub-interval) rows in which something may be inside, and what was lost when (time, error code)."""
+    """Return (set, sub-interval) rows in which something may be inside, and what was lost when (time, error code).
+
+    `there` are the speeds [m/s] and fourth derivatives [m/s4] of the sets; what is beyond their spans does not count.
+    """
     step_s = instants[1] - instants[0]
-    position, velocity, error = fleet.grid(which, instants)
+    position, velocity, error = fleet.grid(sets, instants)
     position -= lead[0]
     velocity -= lead[1]
     apart = np.sqrt(np.einsum("...i,...i->...", position, position))
+    flies = (instants[1:] >= span_s[:, :1]) & (instants[:-1] <= span_s[:, 1:])  # (set, interval)
     gone = np.isnan(apart)
+    gone[:, 1:-1] &= flies[:, 1:] | flies[:, :-1]
+    gone[:, 0] &= flies[:, 0]
+    gone[:, -1] &= flies[:, -1]
     lost = {
-        int(which[k]): (float(instants[at]), int(error[k, at]))
+        int(sets[k]): (float(instants[at]), int(error[k, at]))
         for k, at in ((k, int(np.argmax(gone[k]))) for k in np.flatnonzero(gone.any(axis=1)))
     }
-    fourth = here.fourth_m_s4[0] + there.fourth_m_s4[which]
+    speed, fourth = there[0], there[1] + here.fourth_m_s4[0]
     limit = within_m + 1.25 * fourth * step_s**4 / 384.0 + _SPEED_OFF_M_S * step_s / 4.0
-    reach = within_m + 1.02 * (here.speed_m_s[0] + there.speed_m_s[which]) * step_s / 2.0
+    reach = within_m + 1.02 * (here.speed_m_s[0] + speed) * step_s / 2.0
     with np.errstate(invalid="ignore"):
-        row, k = np.nonzero(np.fmin(apart[:, :-1], apart[:, 1:]) <= reach[:, None])
-    known = ~(gone[row, k] | gone[row, k + 1])  # an interval without one end is not flown
+        row, k = np.nonzero((np.fmin(apart[:, :-1], apart[:, 1:]) <= reach[:, None]) & flies)
+    known = ~(np.isnan(apart[row, k]) | np.isnan(apart[row, k + 1]))  # an interval without one end is not flown
     row, k = row[known], k[known]
     ends = position[row, k], velocity[row, k], position[row, k + 1], velocity[row, k + 1]
     alive = _hull_inside(ends, step_s, limit[row])
@@ -203,7 +266,7 @@ def _may_be_inside(
     flat = [part.reshape(-1, 3) for part in (p[:, :-1], v[:, :-1], p[:, 1:], v[:, 1:])]
     inside = _hull_inside(flat, step_s / CUT, np.repeat(limit[row], CUT)).reshape(-1, CUT)
     of, cut = np.nonzero(inside)
-    return np.stack([which[row[of]], k[of] * CUT + cut], axis=1), lost
+    return np.stack([sets[row[of]], k[of] * CUT + cut], axis=1), lost
 
 
 def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -> np.ndarray:
@@ -225,7 +288,7 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
 
 
 def _in_lots(cells: np.ndarray) -> list[np.ndarray]:
-    """Return the (object, sub-interval) rows in lots of bounded size, all of one object in one."""
+    """Return the (set, sub-interval) rows in lots of bounded size, all of one set in one."""
     if not len(cells):
         return []
     cells = cells[np.lexsort((cells[:, 1], cells[:, 0]))]

@@ -8,14 +8,15 @@ rises or falls, so that entry and exit are bracketed too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.fleet import Fleet
+from rso_lidar.orbit.fleet import SWITCH_S, Fleet, Flights
 
 ROOT_S = 1e-4
+BRIEF_S = 1e-3  # sets that fly for less are passed over
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
 
@@ -24,8 +25,8 @@ _DIFFERENCE_S = 0.5
 class Stay:
     """One time inside the limit, from `enter_s` to `leave_s` [s since the start], with the minima of range in it.
 
-    `entered` and `left` are False where the span begins or ends inside. A minimum may lie at such an end. `which` is the
-    object's number in the fleet.
+    `entered` and `left` are False where the span, or what SGP4 can fly, begins or ends inside. A minimum may lie at such
+    an end, and where an object switches between element sets and jumps. `which` is the object's number.
     """
 
     which: int
@@ -48,15 +49,15 @@ class Stay:
 
 
 class Pair:
-    """Relative positions of objects by number about the follower."""
+    """Relative positions of element sets by number about one of the follower's; `span_s` (set, 2) is when they fly [s]."""
 
-    def __init__(self, lead: Fleet, fleet: Fleet) -> None:
-        self._lead, self._fleet = lead, fleet
+    def __init__(self, lead: Fleet, one: int, fleet: Fleet, span_s: np.ndarray) -> None:
+        self._lead, self._one, self._fleet, self.span_s = lead, one, fleet, span_s
 
     def relative(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Return positions (pair, 3) [m] of the objects from the follower."""
         instants, place = np.unique(time_s, return_inverse=True)  # the follower is flown once for all objects
-        lead = self._lead.at(np.zeros(len(instants), dtype=int), instants)[0]
+        lead = self._lead.at(np.full(len(instants), self._one), instants)[0]
         position: np.ndarray = self._fleet.at(which, time_s)[0] - lead[place]
         return position
 
@@ -72,6 +73,15 @@ class Pair:
         before = self.relative(which, time_s - _DIFFERENCE_S)
         rate: np.ndarray = np.einsum("ni,ni->n", after - before, after + before) / (4.0 * _DIFFERENCE_S)
         return rate
+
+
+@dataclass(frozen=True)
+class Times:
+    """Sub-intervals of `sub_s` [s] from `begin_s` on, `last` of them."""
+
+    begin_s: float
+    sub_s: float
+    last: int
 
 
 @dataclass(eq=False)
@@ -105,10 +115,12 @@ class _Nodes:
         return after
 
 
-def refined(pair: Pair, cells: np.ndarray, sub_s: float, last: int, within_m: float) -> list[Stay]:
-    """Return the stays of some objects in the sub-intervals (object, number) that may hold one."""
-    nodes = _sampled(pair, cells, sub_s, last)
-    nodes = _with_dips(pair, nodes, sub_s)
+def refined(pair: Pair, cells: np.ndarray, times: Times, within_m: float) -> list[Stay]:
+    """Return the stays of some sets in the sub-intervals (set, number) that may hold one, cut to when the sets fly."""
+    nodes = _sampled(pair, cells, times)
+    if not len(nodes.time_s):
+        return []
+    nodes = _with_dips(pair, nodes, times.sub_s)
     extrema = []
     for sign in (1.0, -1.0):  # minima, maxima
         rate = sign * nodes.closing
@@ -146,14 +158,72 @@ def refined(pair: Pair, cells: np.ndarray, sub_s: float, last: int, within_m: fl
     return stays
 
 
-def _sampled(pair: Pair, cells: np.ndarray, sub_s: float, last: int) -> _Nodes:
+def joined(pieces: Sequence[Stay], lead: Flights, flights: Flights) -> list[Stay]:
+    """Return the stays of objects from those of their sets: what one set leaves off and the next takes up is one stay.
+
+    Where sets switch the range jumps. A minimum there counts if it is one of the course with the jump, so that the least
+    of a stay is always among its minima.
+    """
+    stays: list[Stay] = []
+    last: dict[int, int] = {}  # where the last stay of an object is
+    for piece in sorted(pieces, key=lambda piece: piece.enter_s):
+        own = replace(piece, which=int(flights.owner[piece.which]))
+        k = last.get(own.which)
+        before = None if k is None else stays[k]
+        if before is None or before.left or own.entered or own.enter_s - before.leave_s > 2.0 * BRIEF_S:
+            last[own.which] = len(stays)
+            stays.append(own)
+        elif k is not None:
+            stays[k] = _one_of(before, own, *_ranges_m(lead, flights, own.which, (before.leave_s, own.enter_s)))
+    return [_with_jumps(stay, lead, flights) for stay in stays]
+
+
+def _ranges_m(lead: Flights, flights: Flights, which: int, time_s: tuple[float, ...]) -> list[float]:
+    times = np.array(time_s)
+    apart = flights.at(np.full(len(times), which), times)[0] - lead.at(np.zeros(len(times), dtype=int), times)[0]
+    ranges: list[float] = np.sqrt(np.einsum("ti,ti->t", apart, apart)).tolist()
+    return ranges
+
+
+def _one_of(before: Stay, after: Stay, end_m: float, begin_m: float) -> Stay:
+    """Return two stays as one; `end_m` and `begin_m` are the ranges [m] on both sides of the jump between them."""
+    kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
+    kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
+    return replace(
+        before,
+        leave_s=after.leave_s,
+        left=after.left,
+        minima_s=np.concatenate([before.minima_s[kept_before], after.minima_s[kept_after]]),
+        minima_m=np.concatenate([before.minima_m[kept_before], after.minima_m[kept_after]]),
+    )
+
+
+def _with_jumps(stay: Stay, lead: Flights, flights: Flights) -> Stay:
+    """Return a stay that is entered or left where the object jumps in or out."""
+    beside_s = (stay.enter_s - 1.5 * SWITCH_S, stay.leave_s + 1.5 * SWITCH_S)
+    if (stay.entered or beside_s[0] < 0.0) and (stay.left or beside_s[1] > flights.duration_s):
+        return stay
+    known = np.isfinite(_ranges_m(lead, flights, stay.which, beside_s))
+    return replace(
+        stay,
+        entered=stay.entered or bool(beside_s[0] >= 0.0 and known[0]),
+        left=stay.left or bool(beside_s[1] <= flights.duration_s and known[1]),
+    )
+
+
+def _sampled(pair: Pair, cells: np.ndarray, times: Times) -> _Nodes:
     """Return nodes at the ends of sub-intervals and of those beside them, both ends of the span included."""
-    width = last + 1
+    span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
+    cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
+    width = times.last + 1
     keys = cells[:, 0] * width
-    numbers = np.unique(np.concatenate([keys + np.clip(cells[:, 1] + shift, 0, last) for shift in (-1, 0, 1, 2)]))
+    shifted = [keys + np.clip(cells[:, 1] + shift, 0, times.last) for shift in (-1, 0, 1, 2)]
+    numbers = np.unique(np.concatenate(shifted))
     which, number = numbers // width, numbers % width
-    window = np.cumsum(np.concatenate([[True], (np.diff(numbers) != 1) | (np.diff(which) != 0)]))
-    time_s = number * sub_s
+    window = np.cumsum((np.diff(numbers, prepend=-2) != 1) | (np.diff(which, prepend=-1) != 0))
+    time_s = np.clip(times.begin_s + number * times.sub_s, *pair.span_s[which].T)
+    fresh = (np.diff(time_s, prepend=-np.inf) != 0.0) | (np.diff(window, prepend=0) != 0)
+    which, window, time_s = which[fresh], window[fresh], time_s[fresh]
     square, closing = pair.square(which, time_s), pair.closing(which, time_s)
     good = np.isfinite(square) & np.isfinite(closing)
     if not good.all():  # decayed on the way: what is before and after does not follow on
@@ -173,13 +243,15 @@ def _with_dips(pair: Pair, nodes: _Nodes, sub_s: float) -> _Nodes:
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = np.clip(np.where(curve != 0.0, 0.5 * (before - after) / curve, 0.0), -1.0, 1.0)
         vertex = rate - 0.125 * (after - before) ** 2 / np.where(curve != 0.0, curve, np.inf)
-    k = np.flatnonzero(turned & (sign * vertex < 0.5 * np.abs(rate))) + 1
+    uneven = np.abs(np.diff(nodes.time_s, 2)) > 1e-6 * sub_s  # beside the end of a set's span
+    k = np.flatnonzero(turned & (uneven | (sign * vertex < 0.5 * np.abs(rate)))) + 1
     parts = np.concatenate(
         [np.tile([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75], (len(k), 1)), offset[k - 1][:, None]], axis=1
     )
     near = np.repeat(k, parts.shape[1])
     times = nodes.time_s[near] + sub_s * parts.ravel()
-    new = (parts.ravel() != 0.0) & (times >= 0.0)
+    first, last = pair.span_s[nodes.which[near]].T
+    new = (parts.ravel() != 0.0) & (times >= first) & (times <= last)
     return nodes.with_more(pair, near[new], times[new]) if len(k) else nodes
 
 

@@ -40,6 +40,28 @@ _PACKED_NUMBER = re.compile(r"[-+ ][0-9 ]{5}[-+ ][0-9]")
 _WORTH = bytes(int(chr(c)) if chr(c).isdigit() else int(chr(c) == "-") for c in range(128)) + bytes(128)
 
 
+def decoded(content: bytes) -> str | None:
+    """Return the text of a file, or None where it is none: UTF-8, or UTF-16 with its mark; lines that are not, Latin-1.
+
+    A NUL here and there spoils the record that it stands in, no other; where one sign in twenty is one, it is no text.
+    """
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # what some shells make of a file they redirect
+        text = content.decode("utf-16", "replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = "\n".join(map(_decoded_line, content.removeprefix(b"\xef\xbb\xbf").split(b"\n")))
+    return None if 20 * text.count("\0") > len(text) else text
+
+
+def _decoded_line(line: bytes) -> str:
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
 def element_line(line: str) -> str | None:
     """Return '1' or '2' where a line is that line of an element set, good or bad, else None."""
     kind = _ELEMENT_LINE.match(line)
@@ -57,7 +79,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
     elif after is None:
         problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
     elif not after[1].startswith("2 "):
-        at += element_line(after[1]) is None and len(after[1]) == LINE_LENGTH  # its line 2, spoilt, is no name
+        at += element_line(after[1]) is None and len(lines[at][1]) == LINE_LENGTH  # its line 2, spoilt, is no name
         problem = f"{where}: line {after[0]}: line 2 of an element set must begin with '2 ', not '{after[1][:12]}'"
     else:
         line2, at = after[1], at + 1
@@ -168,7 +190,7 @@ def _line_problem(which: int, line: str) -> str | None:
         field = line[first:end]
         if what == "eccentricity":
             if not re.fullmatch(r"[ 0-9]{7}", field):
-                return f"eccentricity '{field}' is not seven digits, with the point implied: fetch the set again"
+                return f"eccentricity '{field}' is not a number of seven digits, its point implied: fetch the set again"
         elif not _NUMBER.fullmatch(field):
             return f"{what} '{field}' is not a number: fetch the set again"
     if which == 1:

@@ -11,7 +11,7 @@ from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.picture.sequence import pick, started
-from rso_lidar.picture.sight import Sight, sight, sights
+from rso_lidar.picture.sight import Sight, dark_spans_s, sight, sights
 from rso_lidar.records import Frame, PtuAngles, Truth
 from rso_lidar.units import DEG
 
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 DRAWN = 600  # frames of a recording are read at most this often
 BLUE, ORANGE, GREEN, PINK, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5]
-DARK = 0.5  # below this share of the Sun's disc the target counts as in shadow
 SHADE = 0.93
 FINE_DEG = 1e-3  # an axis that spans less than this shows no more than this
+HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
+SILL = 0.04  # of the height, below zero, so that a line at zero is seen
 
 
 def angles_figure(
@@ -32,6 +33,7 @@ def angles_figure(
     title: str = "",
     *,
     half_field_rad: float | None = None,
+    shadow_s: Iterable[tuple[float, float]] | None = None,
 ) -> Figure:
     """Return a figure over time: range and its rate, azimuth and elevation, angle off the boresight, Sun angles.
 
@@ -42,22 +44,27 @@ def angles_figure(
     source : a Truth batched over epochs, with the lidar in it, or frames.
     target : a name (None: the first).
     half_field_rad : half the side of the field of view [rad], drawn as a limit where given.
+    shadow_s : spans [s] in which the Earth hides the Sun from the target, infinite where they go on (None: as the frames
+        have it, from middle to middle between two).
     """
     seen, heading, note = _seen(source, target)
     if not np.isfinite(seen.phase_rad).any():
         note += "   ·   no Sun in this world"
-    elif np.any(seen.sunlit < DARK):
-        note += "   ·   grey: the target is in the Earth's shadow"
+    dark_s = _shadow(seen, shadow_s)
+    if dark_s:
+        coarse = "" if shadow_s is not None else ", as the frames have it"
+        note += f"   ·   grey: the target is in the Earth's shadow{coarse}"
     figure = new_figure(9.0, 9.4, title or heading or "Line of sight", note)
     rows = figure.subplots(4, 1, sharex=True, gridspec_kw={"height_ratios": (1.25, 1.0, 1.0, 1.0)})
     ranges, directions, off, sun = rows
     for axes in rows:
-        _shade(axes, seen)
+        for begins_s, ends_s in dark_s:
+            axes.axvspan(begins_s, ends_s, color=str(SHADE), lw=0, zorder=0)
 
     ranges.plot(seen.time_s, seen.range_m, color=BLUE, lw=1.4)
     dress(ranges, y="Range [m]")
     ranges.yaxis.label.set_color(BLUE)
-    ranges.set_ylim(bottom=0)
+    ranges.set_ylim(0.0, HEADROOM * float(seen.range_m.max()) or 1.0)
     in_thousands(ranges.yaxis)
     rate = ranges.twinx()
     rate.plot(seen.time_s, seen.range_rate_m_s, color=ORANGE, lw=1.0)
@@ -65,7 +72,7 @@ def angles_figure(
     rate.grid(False)
     rate.yaxis.label.set_color(ORANGE)
 
-    directions.plot(seen.time_s, _unbroken(seen.azimuth_rad) / DEG, color=BLUE, lw=1.2, label="azimuth, left positive")
+    directions.plot(seen.time_s, _unbroken(seen.azimuth_rad) / DEG, color=BLUE, lw=2.8, label="azimuth, left positive")
     directions.plot(seen.time_s, seen.elevation_rad / DEG, color=GREEN, lw=1.2, label="elevation, up positive")
     dress(directions, y="To the target, in\nfollower axes [deg]")
     _room(directions)
@@ -75,13 +82,15 @@ def angles_figure(
     if half_field_rad is not None:
         off.axhline(half_field_rad / DEG, color=hexed(QUIET), lw=0.9, ls=(0, (4, 3)), label="half the field's side")
     dress(off, y="Off the boresight\n[deg]")
-    off.set_ylim(0, max(off.get_ylim()[1], FINE_DEG))
+    greatest_deg = max(float(np.nanmax(seen.off_boresight_rad)), half_field_rad or 0.0) / DEG
+    top_deg = max(HEADROOM * greatest_deg, FINE_DEG)
+    off.set_ylim(-SILL * top_deg, top_deg)
     _entries(off)
 
     sun.plot(seen.time_s, seen.sun_off_boresight_rad / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight")
     sun.plot(seen.time_s, seen.phase_rad / DEG, color=PINK, lw=1.2, label="phase angle, Sun-target-lidar")
     dress(sun, x="Time [s]", y="Sun [deg]")
-    sun.set_ylim(0, 180)
+    sun.set_ylim(-SILL * 180, (1 + SILL) * 180)
     sun.set_yticks(range(0, 181, 45))
     _entries(sun)
     in_thousands(sun.xaxis)
@@ -187,14 +196,12 @@ def _ptu(
     return np.asarray(times_s, dtype=float), angles, heading, note
 
 
-def _shade(axes: Axes, seen: Sight) -> None:
-    """Make the ground grey where the target is in shadow."""
-    dark = seen.sunlit < DARK
-    if dark.any():
-        axes.fill_between(
-            seen.time_s, 0, 1, where=dark, transform=axes.get_xaxis_transform(), color=str(SHADE), lw=0, zorder=0,
-            step="mid",
-        )  # fmt: skip
+def _shadow(seen: Sight, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
+    """Return the spans [s] in shadow, cut to the instants drawn; without any given, as the instants tell."""
+    if given_s is None:
+        return dark_spans_s(seen.time_s, seen.sunlit)
+    first_s, last_s = float(seen.time_s[0]), float(seen.time_s[-1])
+    return [(max(low, first_s), min(high, last_s)) for low, high in given_s if low <= last_s and high >= first_s]
 
 
 def _unbroken(angle_rad: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 DRAWN = 600  # frames are read at most this often
 BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
 NONE = float("nan")
+HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     ranges.plot(time_s, table["measured_m"], ".", color=BLUE, ms=4, label="mean of the returns")
     dress(ranges, y="Range [m]")
     in_thousands(ranges.yaxis)
-    ranges.set_ylim(bottom=0)
+    farthest_m = np.nanmax([table["true_range_m"], table["measured_m"]], initial=0.0)
+    ranges.set_ylim(0.0, HEADROOM * float(farthest_m) or 1.0)
     _entries(ranges)
 
     lit = table["lit"]
@@ -93,7 +95,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     dress(share, y="Detected share of\nthe target's pixels")
     pixels = share.twinx()
     pixels.plot(time_s, table["lit"], color=ORANGE, lw=1.0, alpha=0.9)
-    pixels.set_ylim(bottom=0)
+    pixels.set_ylim(0.0, HEADROOM * float(lit.max()) or 1.0)
     dress(pixels, y="Pixels on the target")
     pixels.grid(False)
     in_thousands(pixels.yaxis)

@@ -188,16 +188,14 @@ def _intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
     if pixel_m > 0:
         length_m = nice_down(0.3 * pixel_m * window.width)
         x, y = window.left + 0.04 * window.width - 0.5, window.bottom - 0.05 * window.height - 0.5
-        axes.plot(
-            [x, x + length_m / pixel_m],
-            [y, y],
-            color="white",
-            lw=2.5,
-            solid_capstyle="butt",
-            scalex=False,
-            scaley=False,
-        )
-        axes.annotate(f"{length_m:g} m", (x, y), xytext=(0, 4), textcoords="offset points", color="white", fontsize=9)
+        flat: dict[str, Any] = {"scalex": False, "scaley": False}
+        ends = [x, x + length_m / pixel_m]
+        axes.plot(ends, [y, y], color="black", lw=6.0, solid_capstyle="projecting", **flat)
+        axes.plot(ends, [y, y], color="white", lw=2.5, solid_capstyle="butt", **flat)
+        axes.annotate(
+            f"{length_m:g} m", (x, y), xytext=(0, 6), textcoords="offset points", color="white", fontsize=9,
+            bbox={"facecolor": "black", "lw": 0, "pad": 1.5},
+        )  # fmt: skip
 
 
 def _part_panel(axes: Axes, frame: Frame, window: Window) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, MARK, PARTS, QUIET, hexed
 from rso_lidar.picture.sequence import evenly
+from rso_lidar.picture.sight import dark_spans_s
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
 
@@ -23,7 +24,8 @@ DRAWN = 4000  # points of a path, at most
 COLOURS = (PARTS[5], PARTS[0], PARTS[2], PARTS[3], PARTS[1])
 NIGHT, DAY = np.array([104, 118, 144]) / 255.0, np.array([176, 208, 236]) / 255.0
 DISC = 240  # pixels across the Earth
-DARK = 0.5  # below this share of the Sun's disc a body counts as in shadow
+STEP = 2.0 * DEG  # of a path between two points drawn
+WIDEST = 1.2  # turn about the Earth [rad] from instant to instant up to which the path between them is filled in
 NORTH = 25.0 * DEG  # declination of the eye
 
 
@@ -48,11 +50,25 @@ class _View:
         return x, y, z
 
 
-def inertial_figure(truth: Truth, title: str = "Orbits", names: Sequence[str] | None = None) -> Figure:
+Spans = Iterable[tuple[float, float]]
+
+
+def inertial_figure(
+    truth: Truth,
+    title: str = "Orbits",
+    names: Sequence[str] | None = None,
+    *,
+    shadows_s: Mapping[str, Spans] | None = None,
+) -> Figure:
     """Return a figure of the orbits of bodies in inertial axes, of `names` (None: all), from a batch of epochs.
 
     Left with celestial north up, right from the pole of the first body's orbit: flown paths strong (black where the Earth
     hides the Sun), the rest of each osculating orbit faint, the Earth's night side dark, an arrow toward the Sun.
+
+    Parameters
+    ----------
+    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they go on; a body that is
+        missing has the shadow that the instants tell, from middle to middle between two.
     """
     names = list(truth.states) if names is None else list(names)
     states = {name: truth.states[name] for name in names if _orbits(truth.states[name])}
@@ -67,12 +83,14 @@ def inertial_figure(truth: Truth, title: str = "Orbits", names: Sequence[str] | 
     eye = _eye(normal, sun, first.position_m[len(first.position_m) // 2])
     start, end = (float(np.atleast_1d(truth.time_s)[k]) for k in (0, -1))
     note = f"inertial axes (GCRS)   ·   {start:,.0f} to {end:,.0f} s, from the circle to the square"
-    dark = any(np.min(truth.sunlit.get(name, 1.0)) < DARK for name in states)
-    note += "   ·   black where the Earth hides the Sun" if dark else ""
+    paths = [_flown(name, truth, state, (shadows_s or {}).get(name)) for name, state in states.items()]
+    if any(path.dark.any() for path in paths):
+        coarse = "" if set(states) <= set(shadows_s or {}) else ", as the frames have it"
+        note += f"   ·   black where the Earth hides the Sun{coarse}"
     figure = new_figure(12.0, 6.6, title, note)
     oblique, pole = figure.subplots(1, 2)
-    _draw(oblique, truth, states, _View.along(eye, np.array([0.0, 0.0, 1.0])), sun)
-    _draw(pole, truth, states, _View.along(normal, np.cross(normal, flat)), sun)
+    _draw(oblique, paths, _View.along(eye, np.array([0.0, 0.0, 1.0])), sun)
+    _draw(pole, paths, _View.along(normal, np.cross(normal, flat)), sun)
     longitude = np.arctan2(eye[1], eye[0]) / DEG % 360.0
     dress(oblique, f"From right ascension {longitude:.0f}°, declination {NORTH / DEG:.0f}°", "[km]", "[km]")
     dress(pole, "From the orbit's pole, the Sun to the right", "[km]", "[km]")
@@ -128,26 +146,73 @@ def _across(normal: np.ndarray) -> np.ndarray:
     return across
 
 
-def _draw(axes: Axes, truth: Truth, states: dict[str, BodyState], view: _View, sun: np.ndarray) -> None:
+@dataclass(frozen=True, eq=False)
+class _Flown:
+    """A body's path (point, 3) [m], where it is in shadow (point), and its osculating orbit at the start (point, 3) [m]."""
+
+    name: str
+    position_m: np.ndarray
+    dark: np.ndarray
+    orbit_m: np.ndarray
+
+
+def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> _Flown:
+    """Return the path of a body, filled in between instants that lie far apart, with the ends of shadow as points."""
+    time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
+    position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
+    if spans_s is None:
+        lit = np.broadcast_to(np.asarray(truth.sunlit.get(name, 1.0), dtype=float), time_s.shape)
+        spans_s = dark_spans_s(time_s, lit)
+    spans_s = list(spans_s)
+    chosen = evenly(time_s.size, DRAWN)
+    time_s, position_m, velocity_m_s = time_s[chosen], position_m[chosen], velocity_m_s[chosen]
+    whole = osculating_orbit_m(position_m[0], velocity_m_s[0])
+    turn = np.linalg.norm(velocity_m_s, axis=-1) / np.linalg.norm(position_m, axis=-1)  # at most [rad/s]
+    swept = np.maximum(turn[1:], turn[:-1]) * np.diff(time_s)
+    pieces = np.where(swept <= WIDEST, np.maximum(np.ceil(swept / STEP), 1.0), 1.0).astype(int)
+    between = [np.linspace(time_s[k], time_s[k + 1], pieces[k] + 1)[1:-1] for k in np.flatnonzero(pieces > 1)]
+    ends_s = [end for span in spans_s for end in span if time_s[0] < end < time_s[-1]]
+    at_s = np.unique(np.concatenate([time_s, *between, ends_s]))
+    dark = np.zeros(at_s.size, dtype=bool)
+    for begins_s, ends in spans_s:
+        dark |= (at_s >= begins_s) & (at_s <= ends)
+    return _Flown(name, _between(at_s, time_s, position_m, velocity_m_s), dark, whole)
+
+
+def _between(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Return positions (time, 3) [m] between instants by Hermite's cubic through positions and velocities.
+
+    On a circle it is off by a^4 / 384 of the radius for instants that are an angle a apart: 0.5 % at 1.2 rad.
+    """
+    if time_s.size == 1:
+        return position_m
+    k = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, time_s.size - 2)
+    step_s = (time_s[k + 1] - time_s[k])[:, None]
+    s = (at_s - time_s[k])[:, None] / step_s
+    from_start = position_m[k] * (1 + 2 * s) + velocity_m_s[k] * step_s * s
+    from_end = position_m[k + 1] * (3 - 2 * s) - velocity_m_s[k + 1] * step_s * (1 - s)
+    between: np.ndarray = from_start * (1 - s) ** 2 + from_end * s**2
+    return between
+
+
+def _draw(axes: Axes, paths: Sequence[_Flown], view: _View, sun: np.ndarray) -> None:
     """Draw Earth, orbits and Sun as one view has them, in km; what is behind the Earth is hidden by its disc."""
     _earth(axes, view, sun)
     reach = EARTH_RADIUS_M
-    for k, (name, state) in enumerate(states.items()):
+    for k, flown in enumerate(paths):
         colour = COLOURS[k % len(COLOURS)]
-        wide = 3.6 if k == 0 and len(states) > 1 else 1.6  # the second is seen on the first where both are near
-        path = np.atleast_2d(state.position_m)
-        chosen = evenly(len(path), DRAWN)
-        whole = osculating_orbit_m(path[0], np.atleast_2d(state.velocity_m_s)[0])
-        lit = np.broadcast_to(np.asarray(truth.sunlit.get(name, 1.0)), len(path))[chosen]
+        wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is seen on the first where both are near
+        path, whole = flown.position_m, flown.orbit_m
         _line(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
-        _line(axes, view, path[chosen], color=colour, lw=wide, label=name)
-        dark = np.where((lit < DARK)[:, None], path[chosen], np.nan)
-        _line(axes, view, dark, color=hexed(INK), lw=0.45 * wide)
+        _line(axes, view, path, color=colour, lw=wide, label=flown.name)
         for at, marker in ((0, "o"), (-1, "s")):
             right, up, depth = view.seen(path[at])
             order = 6 if depth > 0 else 1.5
             axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc="white", mec=colour, mew=1.3, zorder=order)
         reach = max(reach, *(float(np.abs(v).max()) for v in view.seen(np.vstack([path, whole]))[:2]))
+    for flown in paths:  # over the colours of all, which often cover one another
+        dark = np.where(flown.dark[:, None], flown.position_m, np.nan)
+        _line(axes, view, dark, color=hexed(INK), lw=1.6)
     x, y, _ = (float(v) for v in view.seen(sun))
     along = np.hypot(x, y)
     if along > 0.05:

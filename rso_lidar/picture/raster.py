@@ -115,13 +115,17 @@ def _free_corner(returns: np.ndarray, share: float) -> tuple[bool, bool]:
 
 
 def _measure(draw: ImageDraw, x: float, y: float, side: int, across_m: float) -> None:
-    """Draw a bar of a round length in a panel that is `across_m` [m] wide at the target's range."""
+    """Draw a bar of a round length in a panel that is `across_m` [m] wide at the target's range, on black."""
     if not (math.isfinite(across_m) and across_m > 0):
         return
     length_m = nice_down(0.34 * across_m)
     long = side * length_m / across_m
+    text, size = f"{length_m:g} m", max(10, side // 28)
+    left, top, right, _ = draw.textbbox((x, y - 3), text, font=font(size), anchor="ld")
+    draw.rectangle((left - 2, top - 1, right + 2, y), fill=BLACK)  # saturated pixels are as white as the words
+    draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=BLACK)
     draw.rectangle((x, y, x + long, y + 2), fill=PAPER)
-    write(draw, x, y - 3, f"{length_m:g} m", max(10, side // 28), PAPER, anchor="ld")
+    write(draw, x, y - 3, text, size, PAPER, anchor="ld")
 
 
 def _locate(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:

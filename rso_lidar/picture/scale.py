@@ -60,11 +60,13 @@ class Scale:
         """Return the limits that suit all of some glimpses.
 
         Colours are relative where the ranges within a frame span little against the ranges over the sequence, as in an
-        approach; else absolute.
+        approach; else absolute. Where no frame has a return from a target, all returns count.
         """
-        ranges_m = [glimpse.range_m[glimpse.on_target] for glimpse in glimpses]
+        any_target = any(glimpse.on_target.any() for glimpse in glimpses)
+        masks = [glimpse.on_target if any_target else np.isfinite(glimpse.range_m) for glimpse in glimpses]
+        ranges_m = [glimpse.range_m[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
         ranges_m = [seen for seen in ranges_m if seen.size]
-        counts = [glimpse.intensity_counts[glimpse.on_target] for glimpse in glimpses]
+        counts = [glimpse.intensity_counts[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
         low_counts, high_counts, logarithmic = _counts([seen for seen in counts if seen.size])
         if not ranges_m:
             return Scale(True, -1.0, 1.0, low_counts, high_counts, logarithmic)
@@ -72,7 +74,7 @@ class Scale:
         half_m = max(
             float(np.percentile(np.abs(seen - middle), 92)) for seen, middle in zip(ranges_m, medians_m, strict=True)
         )
-        if 2 * half_m < RELATIVE_BELOW * float(np.ptp(medians_m)):
+        if any_target and 2 * half_m < RELATIVE_BELOW * float(np.ptp(medians_m)):
             half_m = nice_up(half_m)
             return Scale(True, -half_m, half_m, low_counts, high_counts, logarithmic)
         low_m = float(min(np.percentile(seen, 1) for seen in ranges_m))

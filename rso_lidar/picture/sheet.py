@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError
@@ -10,8 +12,8 @@ from rso_lidar.picture.output import beside, checked
 from rso_lidar.picture.palette import INK, PAPER, QUIET
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale
-from rso_lidar.picture.sequence import Glimpse, pick
-from rso_lidar.picture.window import crop
+from rso_lidar.picture.sequence import Glimpse, on_target, pick
+from rso_lidar.picture.window import Window, crop
 from rso_lidar.records import Frame
 
 SIDE = 192  # pixels of one panel
@@ -25,16 +27,17 @@ FOOT = 30
 def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, rows: int = 4) -> Path:
     """Return the path of a PNG of at most `columns` x `rows` frames, evenly chosen from a sequence or an iterator.
 
-    A cell shows range and intensity of a square around the target's returns; a small square tells where in the field it
-    lies. All cells share the scales under them: where the range changes much more over the sequence than within a
-    frame, colour is range minus the cell's median, and the absolute range stands under the cell.
+    A cell shows range and intensity of a square around the target's returns, or of the whole field without a target; a
+    small square tells where in the field it lies. All cells share the scales under them: where the range changes much
+    more over the sequence than within a frame, colour is range minus the cell's median, and the absolute range stands
+    under the cell.
     """
     from PIL import Image, ImageDraw
 
     place = checked(path, (".png",))
     if columns < 1 or rows < 1:
         raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
-    glimpses, total = pick(frames, columns * rows, Glimpse.of)
+    glimpses, total = pick(frames, columns * rows, _look)
     columns = min(columns, len(glimpses))
     rows = -(-len(glimpses) // columns)
     scale = Scale.of(glimpses)
@@ -58,7 +61,8 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
         page.paste(pair(glimpse, scale, window, SIDE), (x, y))
         seen = glimpse.median_m == glimpse.median_m
         range_m = glimpse.median_m if seen else glimpse.true_range_m
-        write(draw, x, y + SIDE + 5, f"{range_m:,.1f} m" + ("" if seen else " (truth)"), 14, INK, bold=True)
+        said = f"{range_m:,.1f} m" + ("" if seen else " (truth)") if math.isfinite(range_m) else "no target"
+        write(draw, x, y + SIDE + 5, said, 14, INK, bold=True)
         write(draw, x + cell_width, y + SIDE + 6, f"{glimpse.time_s:,.1f} s", 13, INK, anchor="ra")
         write(draw, x, y + SIDE + 23, f"{glimpse.returns:,} returns", 11, QUIET)
         field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
@@ -67,3 +71,12 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
     with beside(place) as draft:
         page.save(draft, optimize=True)
     return place
+
+
+def _look(frame: Frame) -> Glimpse:
+    """Return a glimpse of a frame; its bounds are the whole field where nothing but stray returns is in it."""
+    glimpse = Glimpse.of(frame)
+    if (frame.labels.target >= 0).any() or on_target(frame).any():
+        return glimpse
+    n_rows, n_cols = frame.valid.shape
+    return replace(glimpse, bounds=Window(0, n_rows, 0, n_cols, n_rows, n_cols))

@@ -10,6 +10,8 @@ import numpy as np
 from rso_lidar.pose import ROOT, turned
 from rso_lidar.records import Truth
 
+DARK = 0.5  # below this share of the Sun's disc a body counts as in shadow
+
 
 @dataclass(frozen=True, eq=False)
 class Sight:
@@ -67,6 +69,18 @@ def sights(truths: Iterable[Truth], target: str) -> Sight:
     """Return how `target` is seen at each of several single epochs, joined."""
     seen = [sight(truth, target) for truth in truths]
     return Sight(**{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(Sight)})
+
+
+def dark_spans_s(time_s: np.ndarray, sunlit: np.ndarray) -> list[tuple[float, float]]:
+    """Return the spans [s] in shadow that a share of the Sun's disc (time) tells, good to half the step between instants.
+
+    They begin and end in the middle between two instants, or at the first or last; shadow that falls between two is not
+    seen.
+    """
+    dark = np.concatenate([[False], np.asarray(sunlit) < DARK, [False]])
+    turns = np.flatnonzero(dark[1:] != dark[:-1])
+    middle_s = np.concatenate([time_s[:1], 0.5 * (time_s[1:] + time_s[:-1]), time_s[-1:]])
+    return [(float(middle_s[k]), float(middle_s[m])) for k, m in zip(turns[::2], turns[1::2], strict=True)]
 
 
 def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:

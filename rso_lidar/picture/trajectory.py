@@ -223,8 +223,9 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> tuple[An
     labels = []
 
     def label(word: str, x: float, y: float, colour: str) -> None:
-        where = {"xytext": (NEAR, NEAR), "textcoords": "offset points"}
-        shown = axes.annotate(word, (x, y), fontsize=9, color=colour, zorder=6, **where)
+        shown = axes.annotate(
+            word, (x, y), xytext=(NEAR, NEAR), textcoords="offset points", fontsize=9, color=colour, zorder=6
+        )
         shown.set_in_layout(False)
         labels.append(shown)
 

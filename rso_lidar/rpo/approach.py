@@ -7,7 +7,8 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from rso_lidar.part import Count, Number, Positive, Vector
+from rso_lidar.part import Number, Positive, Vector
+from rso_lidar.rpo.limits import Duration, Pieces
 from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
 from rso_lidar.rpo.two_impulse import departure_m_s
@@ -21,7 +22,7 @@ class StationKeeping(ProximityOperation):
 
     type: Literal["station_keeping"] = "station_keeping"
     position_m: Vector
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -36,8 +37,8 @@ class _AlongAnAxis(ProximityOperation):
     from_m: Number
     to_m: Number
     speed_m_s: Positive | None = None
-    duration_s: Positive | None = None
-    hops: Count | None = None
+    duration_s: Duration | None = None
+    hops: Pieces | None = None
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -124,7 +125,7 @@ class CoElliptic(ProximityOperation):
     radial_m: Number
     from_m: Number
     to_m: Number | None = None
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     @model_validator(mode="after")
     def _gets_there(self) -> Self:

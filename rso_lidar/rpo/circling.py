@@ -10,7 +10,8 @@ from pydantic import model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Count, Direction, NotNegative, Number, Positive
+from rso_lidar.part import Direction, NotNegative, Number, Positive
+from rso_lidar.rpo.limits import Duration, Pieces
 from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast
 from rso_lidar.rpo.two_impulse import departure_m_s
@@ -48,7 +49,7 @@ class Circumnavigation(ProximityOperation):
     phase_deg: Number = 0.0
     phase_difference_deg: Number = 0.0
     center_along_track_m: Number = 0.0
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -73,7 +74,7 @@ class SafetyEllipse(ProximityOperation):
     phase_difference_deg: Number = 0.0
     drift_m: Number = 0.0
     center_along_track_m: Number = 0.0
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     @model_validator(mode="after")
     def _safe(self) -> Self:
@@ -126,9 +127,9 @@ class Teardrop(ProximityOperation):
     type: Literal["teardrop"] = "teardrop"
     cusp_m: Number
     turn_m: Number | None = None
-    period_s: Positive | None = None
+    period_s: Duration | None = None
     along_track_m: Number = 0.0
-    loops: Count = 1
+    loops: Pieces = 1
 
     @model_validator(mode="after")
     def _a_loop(self) -> Self:
@@ -184,10 +185,10 @@ class ForcedCircumnavigation(ProximityOperation):
     type: Literal["forced_circumnavigation"] = "forced_circumnavigation"
     radius_m: Positive
     rate_deg_s: Positive | None = None
-    period_s: Positive | None = None
+    period_s: Duration | None = None
     axis: Direction = (0.0, 0.0, 1.0)
     phase_deg: Number = 0.0
-    duration_s: Positive | None = None
+    duration_s: Duration | None = None
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:

@@ -11,8 +11,9 @@ from rso_lidar.orbit.forces import Forces
 from rso_lidar.orbit.kepler import propagate
 from rso_lidar.orbit.numerical import solution
 from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.pose import cross, turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import flattening, state_at_start
+from rso_lidar.rpo.hill import flattening, rtn_matrix, state_at_start
 from rso_lidar.rpo.relative import RelativeState
 
 
@@ -51,33 +52,16 @@ def rtn_difference(chief: BodyState, body: BodyState) -> tuple[np.ndarray, np.nd
 
     What the axes' turning takes off, omega x rho, is in it; differences of inertial coordinates are good to 1e-8 m.
     """
-    axes, omega = _rtn(chief)
-    apart, drift = body.position_m - chief.position_m, body.velocity_m_s - chief.velocity_m_s
-    position = np.stack([_dot(apart, axis) for axis in axes], axis=-1)
-    velocity = np.stack([_dot(drift, axis) for axis in axes], axis=-1)
-    velocity[..., 0] += omega * position[..., 1]
-    velocity[..., 1] -= omega * position[..., 0]
-    return position, velocity
+    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s)
+    back = np.swapaxes(axes, -1, -2)
+    position = turned(back, body.position_m - chief.position_m)
+    return position, turned(back, body.velocity_m_s - chief.velocity_m_s) - cross(omega, position)
 
 
 def beside(chief: BodyState, position_m: np.ndarray, velocity_m_s: np.ndarray) -> BodyState:
     """Return the inertial state of a body at a position and with a velocity (…, 3) in a chief's rtn axes."""
-    axes, omega = _rtn(chief)
-    x, y, _ = (position_m[..., k] for k in range(3))
-    seen = np.stack([velocity_m_s[..., 0] - omega * y, velocity_m_s[..., 1] + omega * x, velocity_m_s[..., 2]], axis=-1)
-    apart, drift = (sum(vector[..., k, None] * axes[k] for k in range(3)) for vector in (position_m, seen))
-    return BodyState(chief.position_m + apart, chief.velocity_m_s + drift)
-
-
-def _rtn(chief: BodyState) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """Return the rtn axes of states (…, 3) as unit vectors, and the rate [rad/s] at which they turn about the third."""
-    r, momentum = chief.position_m, np.cross(chief.position_m, chief.velocity_m_s)
-    radius, length = np.sqrt(_dot(r, r)), np.sqrt(_dot(momentum, momentum))
-    x, z = r / radius[..., None], momentum / length[..., None]
-    return (x, np.cross(z, x), z), length / radius**2
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a . b (…), term by term: library sums give an epoch other bits alone than among many."""
-    product: np.ndarray = np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
-    return product
+    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s)
+    return BodyState(
+        chief.position_m + turned(axes, position_m),
+        chief.velocity_m_s + turned(axes, velocity_m_s + cross(omega, position_m)),
+    )

@@ -13,6 +13,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import NotNegative
 from rso_lidar.rpo import hill
+from rso_lidar.rpo.limits import places_within, plan_within
 from rso_lidar.rpo.plan import Plan
 from rso_lidar.rpo.relative import RelativeMotion
 
@@ -21,7 +22,8 @@ class ProximityOperation(RelativeMotion):
     """An operation about the body `relative_to`, planned by Clohessy-Wiltshire in its rtn axes from `start_utc` on.
 
     Good for near-circular chiefs and short distances: off by up to 6 pi rho^2 / r for each revolution of free flight, and
-    by up to 30 e rho (see `Hill`); `validity` says where that matters.
+    by up to 30 e rho (see `Hill`); the Earth's flattening moves what flies freely in low orbit by up to 4.5 % of the
+    separation for each revolution. `validity` says where that matters.
     """
 
     keep_out_m: NotNegative = 0.0
@@ -56,12 +58,24 @@ class ProximityOperation(RelativeMotion):
             *hill.state_at_start(chief, epochs.start_utc),
             better="use lambert, or nonlinear from the plan's state",
         )
-        return [f"{self.name}: {sentence.removeprefix('hill: ')}" for sentence in sentences]
+        named = [f"{self.name}: {sentence.removeprefix('hill: ')}" for sentence in sentences]
+        return named + self.flattened(epochs, chief)
+
+    def flattened(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+        """Return a sentence where J2 moves the body in its free flight at these epochs; thrust along a path holds it."""
+        free_s = self.plan(epochs.start_utc, chief).free_s(epochs.time_s)
+        return hill.flattening(
+            self.name,
+            Epochs(epochs.start_utc, np.array([free_s])),
+            *hill.state_at_start(chief, epochs.start_utc),
+            better="use relative_elements, or nonlinear with forces, from the plan's state",
+        )
 
 
 @functools.lru_cache(maxsize=128)
 def _flown(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
-    return kept_out(operation.flown(mean_motion_rad_s), operation.keep_out_m)
+    places_within(operation, mean_motion_rad_s)
+    return kept_out(plan_within(operation.flown(mean_motion_rad_s), operation), operation.keep_out_m)
 
 
 def kept_out(plan: Plan, keep_out_m: float) -> Plan:

@@ -9,6 +9,7 @@ import numpy as np
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Name, Part, Vector
+from rso_lidar.rpo.limits import Velocity
 
 
 class RelativeMotion(Part):
@@ -29,4 +30,4 @@ class RelativeState(RelativeMotion):
     """The base of relative motions that begin with a position and a velocity in the chief's rtn axes at `start_utc`."""
 
     position_m: Vector
-    velocity_m_s: Vector
+    velocity_m_s: Velocity

@@ -40,6 +40,7 @@ from rso_lidar.rpo.relative import RelativeMotion
 
 _TURNED_RAD = 0.05
 _IN_AIR_M = 500e3
+_NAMES = ("delta_a_m", "delta_lambda_m", "delta_ex_m", "delta_ey_m", "delta_ix_m", "delta_iy_m")
 
 
 class RelativeElements(RelativeMotion):
@@ -49,7 +50,7 @@ class RelativeElements(RelativeMotion):
     first-order map to osculating states, and are differenced exactly: within 1e-5 of the separation over a day of an
     integration with J2 alone (2e-5 at an eccentricity of 0.7). Left out are J3 to J6, up to 1e-3 of the separation over a
     day in low orbit, Sun and Moon, 2e-4 in a geostationary one, and drag. Without `j2` both are two-body orbits, off by up
-    to 2 % of the separation for each revolution in low orbit. The difference, in the rtn axes of the chief so propagated,
+    to 4.5 % of the separation for each revolution in low orbit. The difference, in the rtn axes of the chief so propagated,
     stands in its real ones.
     """
 
@@ -65,8 +66,7 @@ class RelativeElements(RelativeMotion):
     @property
     def elements_m(self) -> np.ndarray:
         """Return delta a, lambda, ex, ey, ix, iy (6), each times the chief's semi-major axis [m]."""
-        names = ("delta_a_m", "delta_lambda_m", "delta_ex_m", "delta_ey_m", "delta_ix_m", "delta_iy_m")
-        return np.array([getattr(self, name) for name in names])
+        return np.array([getattr(self, name) for name in _NAMES])
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
@@ -116,6 +116,13 @@ def _start(
     """Return the elements of the chief and of the body, rows (6); the mean ones take milliseconds, so they are kept."""
     state = in_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
     of = (mean_from_osculating if part.j2 else quasi_nonsingular)(state.position_m, state.velocity_m_s)
+    half_m = math.pi * float(of[0])
+    for name, value in zip(_NAMES, part.elements_m.tolist(), strict=True):
+        if abs(value) > half_m:
+            raise ScenarioError(
+                f"{name}: {value / units.KM:.4g} km is more than half the chief's orbit, {half_m / units.KM:.0f} km either "
+                "way, beyond which angles begin again: make it smaller"
+            )
     body = beside_elements(of, part.elements_m)
     if not (body[0] > 0.0 and body[0] * (1.0 - math.hypot(body[2], body[3])) > units.EARTH_RADIUS_M):
         raise ScenarioError(
@@ -175,20 +182,15 @@ def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
     )
 
 
-def roe_from_states(chief: BodyState, body: BodyState) -> np.ndarray:
+def relative_elements_from_states(chief: BodyState, body: BodyState) -> np.ndarray:
     """Return the osculating relative elements (…, 6) [m] of states (…, 3); their z axis is the one inclinations are from."""
     rows = [quasi_nonsingular(state.position_m, state.velocity_m_s) for state in (chief, body)]
     return relative_elements(*rows)
 
 
-def state_from_roe(chief: BodyState, elements_m: np.ndarray) -> BodyState:
-    """Return the body's state (…, 3) beside a chief's of relative elements (…, 6) [m]: `roe_from_states`, undone."""
+def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> BodyState:
+    """Return the body's state (…, 3) beside a chief's, `relative_elements_from_states` (…, 6) [m] undone."""
     return BodyState(*conic(beside_elements(quasi_nonsingular(chief.position_m, chief.velocity_m_s), elements_m)))
-
-
-def rtn_from_roe(chief: BodyState, elements_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (…, 3) in a chief's rtn axes of osculating relative elements (…, 6) [m]."""
-    return rtn_difference(chief, state_from_roe(chief, elements_m))
 
 
 def _turn(angle: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, placed
@@ -17,22 +17,15 @@ from rso_lidar.orbit import kepler
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.lambert import Branch, Transfer, Way, lambert
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.part import Flag, NotNegative, Number, Positive, Vector, Whole
+from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import turned
+from rso_lidar.records import BodyState
 from rso_lidar.rpo import hill
+from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait, plan_within
+from rso_lidar.rpo.nonlinear import beside, rtn_difference
 from rso_lidar.rpo.operation import ProximityOperation, kept_out
 from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
 from rso_lidar.rpo.two_impulse import departure_m_s
-
-
-def _takes_time(duration_s: float) -> float:
-    if duration_s <= 0.0:
-        what = "needs infinite speed" if duration_s == 0.0 else "goes back in time"
-        raise ValueError(f"a transfer in {duration_s:g} s {what}: give more than zero")
-    return duration_s
-
-
-TransferTime = Annotated[Number, AfterValidator(_takes_time)]
 
 
 class Hop(ProximityOperation):
@@ -68,7 +61,7 @@ class Rendezvous(ProximityOperation):
 
     type: Literal["rendezvous"] = "rendezvous"
     position_m: Vector
-    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    velocity_m_s: Velocity = (0.0, 0.0, 0.0)
     to_m: Vector = (0.0, 0.0, 0.0)
     duration_s: TransferTime
 
@@ -99,11 +92,11 @@ class Waypoints(ProximityOperation):
     """
 
     type: Literal["waypoints"] = "waypoints"
-    positions_m: Annotated[tuple[Vector, ...], Field(min_length=2)]
-    times_s: tuple[NotNegative, ...] | None = None
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=2, max_length=MOST_PIECES)]
+    times_s: tuple[Wait, ...] | None = None
     speed_m_s: Positive | None = None
     stop: Flag = False
-    hold_s: NotNegative = 0.0
+    hold_s: Wait = 0.0
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -163,7 +156,7 @@ class Lambert(ProximityOperation):
 
     Exact for two bodies at any distance and about a chief of any eccentricity: the difference of two propagated orbits, in
     the rtn axes of the chief's own propagated one. What moves both alike (J2, drag) is left out: in low orbit the
-    difference of J2 is up to 4 % of the separation for each revolution (integrated; less where it starts at a node).
+    difference of J2 is up to 4.5 % of the separation for each revolution (integrated; less where it starts at a node).
     After `duration_s`, control and passive safety are Clohessy-Wiltshire's. `revolutions` are whole ones about the Earth
     before arrival; from one on, two orbits take the same time, and `branch` chooses the `low`, of the smaller semi-major
     axis, or the `high` (none: the one that costs less). `way` is `prograde` (with the chief), `retrograde`, or `short` and
@@ -174,7 +167,7 @@ class Lambert(ProximityOperation):
     from_m: Vector
     to_m: Vector
     duration_s: TransferTime
-    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    velocity_m_s: Velocity = (0.0, 0.0, 0.0)
     revolutions: Annotated[Whole, Field(ge=0)] = 0
     branch: Branch | None = None
     way: Way = "prograde"
@@ -193,14 +186,7 @@ class Lambert(ProximityOperation):
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each way in which the model is stretched at these epochs."""
-        plan = self.plan(epochs.start_utc, chief)
-        turns = min(float(epochs.time_s.max(initial=0.0)), self.duration_s) / plan.revolution_s
-        if turns <= 1.0:
-            return []
-        return [
-            f"lambert: {turns:.1f} revolutions of two-body flight leave out the difference of J2, up to "
-            f"{4.0 * turns:.0f} % of the separation in low orbit: use relative_elements, or nonlinear with forces"
-        ]
+        return self.flattened(epochs, chief)
 
 
 @functools.lru_cache(maxsize=128)
@@ -208,8 +194,10 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     """Return the plan about a chief of this state [m, m/s] in inertial axes."""
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
     r1, v1 = kepler.propagate(r0, v0, np.array([part.duration_s]))
-    start_m, before_m_s = _inertial(r0, v0, np.array(part.from_m), np.array(part.velocity_m_s))
-    end_m, after_m_s = _inertial(r1[0], v1[0], np.array(part.to_m), np.zeros(3))
+    chief, there = BodyState(r0, v0), BodyState(r1[0], v1[0])
+    start = beside(chief, np.array(part.from_m), np.array(part.velocity_m_s))
+    end = beside(there, np.array(part.to_m), np.zeros(3))
+    start_m, before_m_s, end_m, after_m_s = start.position_m, start.velocity_m_s, end.position_m, end.velocity_m_s
     branches: tuple[Branch, ...] = ("low", "high") if part.branch is None else (part.branch,)
     turns, way, pole = part.revolutions, part.way, np.cross(r0, v0)
 
@@ -224,43 +212,39 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     orbit = min(orbits, key=cost)
 
     def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _difference(kepler.propagate(r0, v0, time_s), kepler.propagate(start_m, orbit.departure_m_s, time_s))
+        return _apart(chief, BodyState(start_m, orbit.departure_m_s), time_s)
 
     def adrift(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _difference(kepler.propagate(r0, v0, time_s), kepler.propagate(start_m, before_m_s, time_s))
+        return _apart(chief, start, time_s)
 
-    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, part.duration_s, 721))[0]
+    departure = _into_rtn(chief, orbit.departure_m_s - before_m_s)
+    arrival = _into_rtn(there, after_m_s - orbit.arrival_m_s)
+    impulses = (Impulse(0.0, departure), Impulse(part.duration_s, arrival))
+    legs = (Leg(0.0, path), line(part.duration_s, np.array(part.to_m)))
+    plan = Plan(part.name, _mean_motion(chief), part.duration_s, legs, impulses, adrift)
+    once_s = min(part.duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
+    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     least_m = float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
     if least_m < units.EARTH_RADIUS_M:
         raise ScenarioError(
             f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
             "change the duration, the revolutions or the way"
         )
-    departure = _into_rtn(r0, v0, orbit.departure_m_s - before_m_s)
-    arrival = _into_rtn(r1[0], v1[0], after_m_s - orbit.arrival_m_s)
-    alpha = float(2.0 / np.linalg.norm(r0) - np.sum(v0 * v0) / units.EARTH_GM_M3_S2)
-    n = math.sqrt(units.EARTH_GM_M3_S2 * alpha**3)
-    impulses = (Impulse(0.0, departure), Impulse(part.duration_s, arrival))
-    legs = (Leg(0.0, path), line(part.duration_s, np.array(part.to_m)))
-    return kept_out(Plan(part.name, n, part.duration_s, legs, impulses, adrift), part.keep_out_m)
+    return kept_out(plan_within(plan, part, far=True), part.keep_out_m)
 
 
-def _inertial(r: np.ndarray, v: np.ndarray, place: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return inertial position [m] and velocity [m/s] of what is at a place (3) and speed (3) in the rtn axes of r, v."""
-    axes, omega = hill.rtn_axes(r, v)
-    return r + turned(axes, place), v + turned(axes, speed + np.cross(omega, place))
+def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the difference of two orbits `time_s` after these states (time, 3), in the chief's turning rtn axes."""
+    flown = (kepler.propagate(state.position_m, state.velocity_m_s, time_s) for state in (chief, body))
+    return rtn_difference(*(BodyState(*state) for state in flown))
 
 
-def _into_rtn(r: np.ndarray, v: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    axes, _ = hill.rtn_axes(r, v)
-    return turned(axes.inv(), vector)
+def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
+    return turned(hill.rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
 
 
-def _difference(
-    chief: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where another body is and how fast, in the chief's turning rtn axes (time, 3)."""
-    axes, omega = hill.rtn_axes(*chief)
-    back = axes.inv()
-    position = turned(back, other[0] - chief[0])
-    return position, turned(back, other[1] - chief[1]) - np.cross(omega, position)
+def _mean_motion(state: BodyState) -> float:
+    """Return the mean motion [rad/s] of an orbit, 0 of an open one."""
+    r, v = state.position_m, state.velocity_m_s
+    alpha = float(2.0 / np.linalg.norm(r) - np.sum(v * v) / units.EARTH_GM_M3_S2)
+    return math.sqrt(units.EARTH_GM_M3_S2 * max(alpha, 0.0) ** 3)

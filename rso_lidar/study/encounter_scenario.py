@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.element_set import ElementSet, printable
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.fleet import Fleet
 from rso_lidar.orbit.teme import gcrs_from_teme
@@ -56,8 +56,8 @@ def scenario_text(table: Encounters, number: int) -> str:
     model = _model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
-        *_facts(table, number),
-        *_warnings(table, row),
+        *map(printable, _facts(table, number)),  # names were written by others: a comment stays in its line
+        *map(printable, _warnings(table, row)),
         "version = 1",
         f"name    = {_quoted(title)}",
         f"seed    = {row.norad_id % 2**31}",
@@ -74,7 +74,7 @@ def scenario_text(table: Encounters, number: int) -> str:
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
         "[follower]",
-        f"motion   = {_motion(table.follower)}",
+        f"motion   = {_motion(row.follower)}",
         f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
         "",
         "[ptu]                                   # the rate of the drive is the limit that was asked about",
@@ -125,7 +125,7 @@ def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, 
 def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     """Return the intrinsic angles z, y, x [deg] of the follower's body in its rtn axes."""
     epochs = Epochs(table.start_utc, np.array([row.time_s]))
-    fleet = Fleet([row.elements, table.follower], table.start_utc)
+    fleet = Fleet([row.elements, row.follower], table.start_utc)
     position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))
     rotation = np.repeat(gcrs_from_teme(epochs), 2, axis=0)
     position, velocity = turned(rotation, position), turned(rotation, velocity)
@@ -225,4 +225,4 @@ def _quoted(value: Any) -> str:
     """Return a value as TOML."""
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(printable(value) if isinstance(value, str) else value, ensure_ascii=False)

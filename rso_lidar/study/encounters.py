@@ -6,6 +6,7 @@ import csv
 import datetime
 import io
 import math
+import numbers
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar import units
-from rso_lidar.errors import CatalogError, RecordingError, RsoLidarWarning, RunError, ScenarioError, did_you_mean
+from rso_lidar.errors import CatalogError, RecordingError, RsoLidarWarning, ScenarioError, did_you_mean
 from rso_lidar.orbit.catalog import Catalog, read_element_sets
-from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
+from rso_lidar.picture.output import beside
 from rso_lidar.study.sighting import Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
@@ -38,7 +40,10 @@ NOTE = (
 
 @dataclass(frozen=True, eq=False)
 class Encounters:
-    """The encounters of one follower, sorted; `rejected` says of objects why they were not flown, or not to the end."""
+    """The encounters of one follower, sorted; `rejected` says of objects why they were not flown, or not to the end.
+
+    `follower` is its element set nearest to the start; `switching` counts whom another set takes over on the way.
+    """
 
     rows: tuple[Encounter, ...]
     follower: ElementSet
@@ -52,6 +57,7 @@ class Encounters:
     screened: int
     rejected: tuple[tuple[str, str], ...]
     constraints: Constraints | None = None
+    switching: int = 0
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -122,6 +128,12 @@ class Encounters:
             *self._asked(),
             NOTE,
         ]
+        if self.switching:
+            several = counted(self.switching, "object")
+            lines.append(
+                f"{several} with more than one element set in this span, the follower counted: at each instant the set "
+                "nearest in epoch flies, and where sets switch the range jumps"
+            )
         if self.rejected:
             first = "; ".join(f"{label}: {why}" for label, why in self.rejected[:3])
             more = f"; and {len(self.rejected) - 3} more" if len(self.rejected) > 3 else ""
@@ -201,7 +213,7 @@ def encounters(
     """Return every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
 
     An encounter is one stay within `within_m` [m]; all objects are flown by SGP4, whose element sets are good to about a
-    kilometre. Of several sets of one object the nearest to the start is flown.
+    kilometre. Of several sets of one object, and of the follower, the nearest in epoch is flown at each instant.
 
     Parameters
     ----------
@@ -216,20 +228,30 @@ def encounters(
     from rso_lidar.scenario.lidar import Lidar
 
     checked_span(within_m, start_utc, days, max_slew_deg_s)
+    if sort not in _KEYS:
+        raise ScenarioError(f"sort: {shown(sort)} is no order; use one of {', '.join(_KEYS)}")
+    if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
+        raise ScenarioError(f"limit: {shown(limit)} is no number of rows; give 1 or more, or leave it out for all")
+    _real("min_duration", "s", min_duration_s)
+    if not min_duration_s >= 0.0:
+        raise ScenarioError(f"min_duration: {min_duration_s:g} s is no duration; give 0 or more")
+    if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral | ElementSet):
+        raise ScenarioError(f"follower: {shown(follower)} is no object; give its catalogue number or its name")
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     sets, problems = _sets(catalog)
-    lead = follower if isinstance(follower, ElementSet) else _follower(sets, follower, start_utc, catalog)
-    others = _one_each([entry for entry in sets if not _same(entry, lead)], start_utc)
-    age_days = abs((start_utc - lead.epoch_utc).total_seconds()) / units.DAY_S + days
+    own = [follower] if isinstance(follower, ElementSet) else _follower(sets, follower, catalog)
+    lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+    others = _by_object([entry for entry in sets if not _same(entry, lead)])
+    found = screen(own, others, start_utc, days * units.DAY_S, within_m)
+    age_days, oldest = found.follower.oldest(0)
     if age_days > STALE_DAYS:
         warnings.warn(
-            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {lead.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"follower {lead.label}: flown up to {age_days:.1f} days from its epoch {oldest.epoch_utc:%Y-%m-%dT%H:%MZ}: "
             f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the span",
             RsoLidarWarning,
             stacklevel=2,
         )
-    found = screen(lead, others, start_utc, days * units.DAY_S, within_m)
     reach = reach_m(lidar)
     rows = sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort])
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
@@ -246,11 +268,16 @@ def encounters(
         screened=len(others),
         rejected=(*problems, *found.rejected),
         constraints=constraints,
+        switching=int(found.objects.several.sum() + found.follower.several.sum()),
     )
 
 
 def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
     """Refuse limits and spans that mean nothing, each with its cure."""
+    for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
+        _real(what, unit, value)
+    if not isinstance(start_utc, datetime.datetime):
+        raise ScenarioError(f"start: {shown(start_utc)} is no time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
         raise ScenarioError(f"within: {within_m:g} m is no distance to look within; give one up to 100,000 km")
     if start_utc.tzinfo is None:
@@ -259,6 +286,11 @@ def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max
         raise ScenarioError(f"days: {days:g} is no span; give more than 0 and at most 60 days")
     if not 0.0 < max_slew_deg_s < 1e6:
         raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is no limit; give more than 0")
+
+
+def _real(what: str, unit: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise ScenarioError(f"{what}: {shown(value)} is no number; give one in {unit}, without the unit")
 
 
 def checked_output(path: str | Path, *, overwrite: bool) -> Path:
@@ -281,16 +313,8 @@ def counted(number: float, noun: str) -> str:
 def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
     """Return the path of a text written whole or not at all."""
     place = checked_output(path, overwrite=overwrite)
-    draft = place.with_name(f"{place.name}.part")
-    try:
+    with beside(place) as draft:
         draft.write_text(text, encoding="utf-8")
-        draft.replace(place)
-    except PermissionError as error:
-        raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
-    except OSError as error:
-        raise RunError(f"{place}: could not be written: {error.strerror or error}") from None
-    finally:
-        draft.unlink(missing_ok=True)
     return place
 
 
@@ -298,14 +322,19 @@ def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet],
     """Return the element sets of a catalogue, and what is wrong with others."""
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
+    if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
+        raise CatalogError(f"catalogue: {shown(catalog)} is none: give a file's path, a catalogue or element sets")
     sets = list(catalog)
+    for entry in sets:
+        if not isinstance(entry, ElementSet):
+            raise CatalogError(f"catalogue: {shown(entry)} in it is no element set: read them with Catalog")
     bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
     told = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
     return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in told]
 
 
-def _follower(sets: list[ElementSet], wanted: int | str, start_utc: datetime.datetime, catalog: Any) -> ElementSet:
-    """Return the element set of the follower, by number or name, the nearest to the start."""
+def _follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[ElementSet]:
+    """Return the element sets of the follower, by number or name."""
     text = str(wanted).strip()
     where = str(catalog) if isinstance(catalog, str | Path) else "catalogue"
 
@@ -325,22 +354,19 @@ def _follower(sets: list[ElementSet], wanted: int | str, start_utc: datetime.dat
     if len({entry.norad_id for entry in meant}) > 1:
         numbers = ", ".join(str(number) for number in sorted({entry.norad_id for entry in meant})[:6])
         raise CatalogError(f"{where}: several objects are named '{text}' ({numbers}); give the catalogue number")
-    return min(meant, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
+    return meant
 
 
 def _same(entry: ElementSet, lead: ElementSet) -> bool:
-    return entry is lead or (entry.norad_id == lead.norad_id != 0)
+    return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 
-def _one_each(sets: list[ElementSet], start_utc: datetime.datetime) -> list[ElementSet]:
-    """Return one set for each object, the nearest to the start."""
-    chosen: dict[Any, tuple[float, ElementSet]] = {}
+def _by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
+    """Return the sets of each object; what has neither number nor name is an object of its own."""
+    objects: dict[Any, list[ElementSet]] = {}
     for number, entry in enumerate(sets):
-        key = entry.norad_id or f"unnumbered {number}"
-        off_s = abs((entry.epoch_utc - start_utc).total_seconds())
-        if key not in chosen or off_s < chosen[key][0]:
-            chosen[key] = off_s, entry
-    return [entry for _, entry in chosen.values()]
+        objects.setdefault(entry.identity if any(entry.identity) else number, []).append(entry)
+    return list(objects.values())
 
 
 def _degrees(angle: float) -> str:

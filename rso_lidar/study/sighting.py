@@ -19,7 +19,7 @@ from rso_lidar.orbit.environment import (
     shadow_margins_rad,
 )
 from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.fleet import Fleet
+from rso_lidar.orbit.fleet import Flights
 from rso_lidar.orbit.moon import moon_position_m
 from rso_lidar.orbit.screening import Screened
 from rso_lidar.orbit.stays import Stay
@@ -45,14 +45,16 @@ _SKY_STEP_S = 600.0  # between instants at which Sun and Moon are asked for: str
 class Encounter:
     """One stay of an object within the limit; what has no span of its own holds at the closest approach.
 
-    `minima` counts the minima of range in the stay, of which the least is the closest approach; `entered` and `left`
-    are False where the days asked for begin or end inside. Angles: `phase_deg` at the object between Sun and follower
-    (0: the Sun is behind the follower), `sun_angle_deg` from the line of sight to the Sun, `earth_limb_deg` from it to
-    the Earth's limb (negative: the Earth is behind the object), `moon_angle_deg` to the Moon's centre, `beta_deg` of the
-    Sun over the follower's orbit. `slew_deg_s` and `turning_deg_s2` are rate and acceleration of the line of sight in
-    inertial axes, `peak_turning_deg_s2` the greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach,
-    `slew_s` that within the slew limit, `clear_s` that in which all exclusion angles are kept by a boresight at the object,
-    `usable_s` that within all of them (to about 1 %).
+    `minima` counts the minima of range in the stay, of which the least is the closest approach; `switches` how often
+    one of the two changes to another of its element sets in it, and jumps; `elements` and `follower` are the sets that
+    fly at the closest approach. `entered` and `left` are False where the days asked for begin or end inside. Angles:
+    `phase_deg` at the object between Sun and follower (0: the Sun is behind the follower), `sun_angle_deg` from the
+    line of sight to the Sun, `earth_limb_deg` from it to the Earth's limb (negative: the Earth is behind the object),
+    `moon_angle_deg` to the Moon's centre, `beta_deg` of the Sun over the follower's orbit. `slew_deg_s` and
+    `turning_deg_s2` are rate and acceleration of the line of sight in inertial axes, `peak_turning_deg_s2` the
+    greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach, `slew_s` that within the slew limit,
+    `clear_s` that in which all exclusion angles are kept by a boresight at the object, `usable_s` that within all of
+    them (to about 1 %).
 
     What is asked by constraints is `kept` or not, None where it is not asked or does not apply. `corridor_angle_deg` is
     that, at the object, between a corridor's axis and the follower, in the object's rtn axes.
@@ -69,6 +71,7 @@ class Encounter:
     entered: bool
     left: bool
     minima: int
+    switches: int
     age_days: float
     follower_age_days: float
     sunlit_fraction: float
@@ -95,6 +98,7 @@ class Encounter:
     span_s: tuple[float, float] = field(metadata={"private": True})
     stay: Stay = field(repr=False, compare=False, metadata={"private": True})
     elements: ElementSet = field(repr=False, compare=False, metadata={"private": True})
+    follower: ElementSet = field(repr=False, compare=False, metadata={"private": True})
 
     @property
     def label(self) -> str:
@@ -168,7 +172,7 @@ class _Sky:
         self.constraints = constraints
         last_s = max((stay.leave_s for stay in screened.stays), default=0.0)
         self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
-        epochs = Epochs(screened.fleet.start_utc, self._time_s)
+        epochs = Epochs(screened.objects.start_utc, self._time_s)
         teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
         self._sun_m = turned(teme_from_gcrs, sun_position_m(epochs))
         self._moon_m = turned(teme_from_gcrs, moon_position_m(epochs))
@@ -208,20 +212,21 @@ def _some(
     sky: _Sky,
     each_side: int,
 ) -> list[Encounter]:
-    lead, fleet = screened.follower, screened.fleet
+    lead, objects = screened.follower, screened.objects
     which = np.array([stay.which for stay in stays])
     time_s = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])
-    epochs = Epochs(fleet.start_utc, time_s)
-    target, own = _gcrs(fleet, which, epochs), _gcrs(lead, np.zeros_like(which), epochs)
+    epochs = Epochs(objects.start_utc, time_s)
+    first = np.zeros_like(which)
+    target, own = _gcrs(objects, which, epochs), _gcrs(lead, first, epochs)
     line = target.position_m - own.position_m
     sun, moon = sun_position_m(epochs), moon_position_m(epochs)
     speed = np.linalg.norm(target.velocity_m_s - own.velocity_m_s, axis=1)
     table: dict[str, np.ndarray] = {
         "range_m": range_m,
         "speed_m_s": speed,
-        "age_days": _age_days(fleet, which, time_s),
-        "follower_age_days": _age_days(lead, np.zeros_like(which), time_s),
+        "age_days": objects.ages_days(which, time_s),
+        "follower_age_days": lead.ages_days(first, time_s),
         "sunlit_fraction": sunlit_fraction(target.position_m, sun),
         "follower_sunlit_fraction": sunlit_fraction(own.position_m, sun),
         "phase_deg": phase_angle_rad(target.position_m, own.position_m, sun) / units.DEG,
@@ -239,23 +244,26 @@ def _some(
     kept = _kept(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
-        elements = fleet.sets[stay.which]
+        elements = objects.elements(stay.which, stay.time_s)
         values: dict[str, Any] = {name: float(column[k]) for name, column in table.items()}
         values |= {name: held[k] for name, held in kept.items()}
+        within = stay.enter_s, stay.leave_s
         rows.append(
             Encounter(
                 name=elements.name,
                 norad_id=elements.norad_id,
-                closest_utc=utc_text(fleet.start_utc, stay.time_s),
-                from_utc=utc_text(fleet.start_utc, stay.enter_s),
-                to_utc=utc_text(fleet.start_utc, stay.leave_s),
+                closest_utc=utc_text(objects.start_utc, stay.time_s),
+                from_utc=utc_text(objects.start_utc, stay.enter_s),
+                to_utc=utc_text(objects.start_utc, stay.leave_s),
                 inside_s=stay.leave_s - stay.enter_s,
                 entered=stay.entered,
                 left=stay.left,
                 minima=len(stay.minima_s),
+                switches=objects.switches(stay.which, *within) + lead.switches(0, *within),
                 span_s=spans[k],
                 stay=stay,
                 elements=elements,
+                follower=lead.elements(0, stay.time_s),
                 **values,
             )
         )
@@ -299,16 +307,10 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
     }
 
 
-def _gcrs(fleet: Fleet, which: np.ndarray, epochs: Epochs) -> BodyState:
-    position, velocity = fleet.at(which, epochs.time_s)
+def _gcrs(objects: Flights, which: np.ndarray, epochs: Epochs) -> BodyState:
+    position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
     return BodyState(turned(rotation, position), turned(rotation, velocity))
-
-
-def _age_days(fleet: Fleet, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    since = np.array([(fleet.start_utc - fleet.sets[k].epoch_utc).total_seconds() for k in which])
-    age: np.ndarray = (since + time_s) / units.DAY_S
-    return age
 
 
 def _looked(
@@ -336,7 +338,8 @@ def _looked(
     time_s = nearest[:, None] + offset
     shape = time_s.shape
     which = np.repeat([stay.which for stay in stays], shape[1])
-    there, here = screened.fleet.at(which, time_s.ravel()), screened.follower.at(np.zeros_like(which), time_s.ravel())
+    objects, lead, own = screened.objects, screened.follower, np.zeros_like(which)
+    there, here = objects.at(which, time_s.ravel()), lead.at(own, time_s.ravel())
     line, rate = ((a - b).reshape(*shape, 3) for a, b in zip(there, here, strict=True))
     square = np.maximum(np.einsum("nti,nti->nt", line, line), 1e-6)
     turning = np.cross(line, rate) / square[..., None]  # the rate of the line of sight [rad/s]
@@ -344,7 +347,9 @@ def _looked(
     step = np.diff(time_s, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.diff(turning, axis=1) / step[..., None]
-    change = np.where(step[..., None] > 1e-6, change, 0.0)
+    sets = objects.number(which, time_s.ravel()) + lead.number(own, time_s.ravel())  # each only grows with time
+    smooth = (step > 1e-6) & (np.diff(sets.reshape(shape), axis=1) == 0)  # no rate of turning across a jump
+    change = np.where(smooth[..., None], change, 0.0)
     acceleration = np.sqrt(np.einsum("nti,nti->nt", change, change))
     middle = np.argmin(np.abs(offset), axis=1)
     each = np.arange(len(stays))

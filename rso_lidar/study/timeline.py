@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar import motion, orbit, rpo
+from rso_lidar import motion, orbit, rpo, units
+from rso_lidar.orbit.environment import eclipses
 from rso_lidar.picture.sight import sight
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import PtuAngles, Truth, specs
@@ -100,15 +101,26 @@ def utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
     return np.array(orbit.Epochs(scenario.time.start_utc, time_s).skyfield_time().utc_iso(places=6))
 
 
-def plan_of(scenario: Scenario, target: str | None) -> tuple[list[tuple[float, np.ndarray]], float | None]:
-    """Return the impulses of the follower's plan about `target` during the run, and its keep-out radius [m] (None: none).
-
-    Impulses are (time [s], change of velocity (3) [m/s] in the target's rtn axes); a motion without a plan has none.
-    """
+def plan_of(scenario: Scenario, target: str | None) -> rpo.Plan | None:
+    """Return the plan that the follower flies about `target`; None for a motion without one."""
     flown = scenario.bodies[-1].motion
     if not isinstance(flown, rpo.ProximityOperation) or flown.relative_to != target:
-        return [], None
+        return None
     with scenario.placed("follower.motion"):
-        plan = flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
-    given = [(float(one.time_s), np.asarray(one.delta_v_m_s, dtype=float)) for one in plan.impulses]
-    return [one for one in given if 0.0 <= one[0] <= scenario.span[1]], flown.keep_out_m or None
+        return flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
+
+
+def umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
+    """Return by body in orbit when it is wholly in the Earth's shadow, from and to [s]; for runs of up to 30 days."""
+    if scenario.local or scenario.span[1] > 30.0 * units.DAY_S:
+        return {}
+    ends = orbit.Epochs(scenario.time.start_utc, np.array([0.0, max(scenario.span[1], 1.0)]))
+    return {
+        body.name: [
+            (one.umbra_from_s, one.umbra_to_s)
+            for one in eclipses(motion.Chief(scenario.bodies, body.name), ends)
+            if one.total
+        ]
+        for body in scenario.bodies
+        if body.orbits
+    }

@@ -200,3 +200,54 @@ def test_a_file_that_is_not_there(call, tmp_path):
     status, _, err = call(tmp_path / "none.tle")
     assert status == 2
     assert "no such file" in err[0]
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".tle"])
+def test_a_file_of_the_users_own_is_left_alone(call, file, tmp_path, suffix):
+    own = tmp_path / f"a.part{suffix}"
+    own.write_text("mine", encoding="utf-8")
+    assert call(file, "--id", "25544", "-o", tmp_path / f"a{suffix}")[0] == 0
+    assert own.read_text(encoding="utf-8") == "mine"
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_what_cannot_be_written_is_told_before_anything_is_shown(call, file, tmp_path, monkeypatch):
+    source = tmp_path / "b.json"
+    (entry,) = Catalog.from_file(file).filter(norad_id=28358)
+    for change in ({"NORAD_CAT_ID": 340_000}, {"BSTAR": 1e11}, {"EPOCH": "2060-01-01T00:00:00"}):
+        source.write_text(json.dumps([entry.omm() | change]), encoding="utf-8")
+        status, out, err = call(source, "-o", tmp_path / "b.tle")
+        assert (status, out, len(err)) == (2, [], 1)
+        assert "write .json" in err[0]
+    assert {place.name for place in tmp_path.iterdir()} == {"some.tle", "b.json"}
+
+    def refused(path, mode="r", **_):
+        raise PermissionError(13, "Permission denied")
+
+    Catalog.from_file(file)
+    monkeypatch.setattr("pathlib.Path.open", refused)
+    status, out, err = call(file, "-o", tmp_path / "c.json")
+    assert (status, out, len(err)) == (2, [], 1)
+    assert "c.json: may not be written" in err[0]
+
+
+def test_names_of_controls_and_halves_of_characters_are_one_row(call, file, tmp_path):
+    (entry,) = Catalog.from_file(file).filter(norad_id=28358)
+    names = ["A\nB\x1b[31m\x07", "x\ud800y", "[bold]z[/]"]
+    records = [entry.omm() | {"OBJECT_NAME": name, "NORAD_CAT_ID": 5 + k} for k, name in enumerate(names)]
+    source = tmp_path / "names.json"
+    source.write_text(json.dumps(records), encoding="utf-8")
+    status, out, _ = call(source)
+    assert status == 0
+    assert [re.split("  +", line)[0] for line in out[1:4]] == ["A B [31m", "x?y", "[bold]z[/]"]
+    assert len(out) == 5
+
+
+@pytest.mark.parametrize("turns", [1e-300, 1e-9, 1e300])
+def test_a_mean_motion_of_no_orbit_is_a_bad_record(call, file, tmp_path, turns):
+    (entry,) = Catalog.from_file(file).filter(norad_id=28358)
+    source = tmp_path / "a.json"
+    source.write_text(json.dumps([entry.omm(), entry.omm() | {"MEAN_MOTION": turns}]), encoding="utf-8")
+    status, out, err = call(source)
+    assert (status, err, len(out)) == (0, [], 4)
+    assert "of no orbit about the Earth" in out[-1]

@@ -86,6 +86,14 @@ def test_a_quaternion_is_read_in_the_order_and_direction_that_the_file_says(tmp_
         np.testing.assert_allclose(rate, [[0, 0, np.pi / 120.0]] * 2, atol=1e-15)  # a quarter turn in a minute
 
 
+def test_the_first_version_must_say_its_direction(tmp_path):
+    # 504.0-B-1 makes ATTITUDE_DIR obligatory; 504.0-B-2 has none, and always goes from A to B
+    path = saved(tmp_path, HEAD + segment(rows(QUARTER), ATTITUDE_DIR=None))
+    with pytest.raises(ScenarioError, match="line 4: the metadata lack ATTITUDE_DIR: add it") as error:
+        flown(AttitudeTable(file=path), [0.0])
+    assert "\n" not in str(error.value)
+
+
 def test_the_frame_bias_is_applied(tmp_path):
     path = saved(tmp_path, HEAD + segment(rows(QUARTER), REF_FRAME_A="EME2000"))
     rotation, _ = flown(AttitudeTable(file=path), [0.0])

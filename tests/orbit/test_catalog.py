@@ -2,10 +2,12 @@
 
 import datetime
 
+import numpy as np
 import pytest
 
-from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.catalog import checksum, choose, parse_lines, read_element_sets
+from rso_lidar.errors import CatalogError, ScenarioError
+from rso_lidar.orbit.catalog import Catalog, checksum, choose, parse_lines, read_element_sets
+from rso_lidar.orbit.sgp4_orbit import Tle
 
 # Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
 ENVISAT_2013 = (
@@ -167,3 +169,73 @@ def test_real_catalogues_are_whole(shared):
         sets = read_element_sets(shared / "tle" / "catalogs" / f"{name}.tle")
         assert len(sets) == count
         assert [entry.problem for entry in sets if entry.problem] == []
+
+
+@pytest.mark.parametrize("spoilt", ["-010000", "001.000", "0.10000", "1e-3000", "       x"[-7:]])
+def test_an_eccentricity_that_is_no_number_spoils_its_set_only(spoilt, tmp_path):
+    bad = with_checksum(ENVISAT_2020[1][:26] + spoilt + ENVISAT_2020[1][33:])
+    path = tmp_path / "a.tle"
+    path.write_text("\n".join([*ENVISAT_2013, ENVISAT_2020[0], bad, *TERRASAR]))
+    catalog = Catalog.from_file(path)
+    assert [entry.norad_id for entry in catalog] == [27386, 31698]
+    (problem,) = catalog.problems
+    assert f"line 4: eccentricity '{spoilt}' is not a number" in problem
+    assert Tle(file=str(path), norad_id=31698).elements().norad_id == 31698
+    with pytest.raises(ScenarioError, match=f"line 2: eccentricity '{spoilt}' is not a number"):
+        Tle(lines=(ENVISAT_2020[0], bad))
+
+
+@pytest.mark.parametrize("byte", [b"\0", b"\xff", b"\x1b", b"\x85"])
+@pytest.mark.parametrize("at", range(0, 350, 7))
+def test_one_bad_byte_costs_at_most_its_record(byte, at, tmp_path):
+    content = "\n".join(["\u536b\u661f", *ENVISAT_2013, *ENVISAT_2020, "TERRASAR-X", *TERRASAR]).encode()
+    path = tmp_path / "a.tle"
+    path.write_bytes(content[:at] + byte + content[at + 1 :])
+    catalog = Catalog.from_file(path)
+    assert len(catalog) >= 2
+    assert all(entry.name.isprintable() and len(entry.name) < 20 for entry in catalog)
+    assert all(problem.isprintable() for problem in catalog.problems)
+    if len(catalog) == 2:
+        assert catalog.problems
+    if at > 10:  # a line that is no UTF-8 makes no other line another text
+        assert catalog.sets[0].name in ("\u536b\u661f", "")
+
+
+def test_what_a_filter_is_asked_wrongly():
+    catalog = Catalog.from_text("\n".join(BOTH))
+    assert len(catalog.filter(norad_id=np.int64(31698))) == 1
+    assert len(catalog.filter(norad_id=np.array([31698, 27386]))) == 3
+    assert catalog.trajectory(np.int32(31698)).sets[0].norad_id == 31698
+    now = utc(2020, 1, 1)
+    wrong = [
+        ({"norad_id": "31698"}, "norad_id: '31698' is no catalogue number"),
+        ({"norad_id": ["31698"]}, "no catalogue number"),
+        ({"norad_id": 31698.0}, "no catalogue number"),
+        ({"norad_id": True}, "no catalogue number"),
+        ({"name": 5}, "name: '5' is no text"),
+        ({"at": "2024", "max_age_days": 1.0}, "at: '2024' is no time"),
+        ({"at": now, "max_age_days": float("nan")}, "max_age_days: 'nan' is no age"),
+        ({"at": now, "max_age_days": -1.0}, "is no age"),
+        ({"at": now, "max_age_days": "1"}, "is no age"),
+        ({"epoch_within": ("2024-01-01",)}, "is no span: give two times"),
+        ({"epoch_within": "2024"}, "is no span"),
+        ({"epoch_within": 5}, "is no span"),
+        ({"epoch_within": (now, "2024-01-01")}, "epoch_within: '2024-01-01' is no time"),
+        ({"epoch_within": (now, None)}, "is no time"),
+        ({"epoch_within": (now, utc(2019, 1, 1))}, "ends before it begins"),
+    ]
+    for asked, message in wrong:
+        with pytest.raises(CatalogError, match=message) as caught:
+            catalog.filter(**asked)
+        assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_file_and_no_text():
+    for path in (None, 5, b"a.tle", ["a.tle"]):
+        with pytest.raises(CatalogError, match="is no path"):
+            Catalog.from_file(path)
+        with pytest.raises(CatalogError, match="is no path"):
+            Catalog.from_text("\n".join(BOTH)).write(path)
+    for text in (None, b"1 27386U"):
+        with pytest.raises(CatalogError, match="no text"):
+            Catalog.from_text(text)

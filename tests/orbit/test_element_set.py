@@ -112,6 +112,10 @@ def test_epochs_that_are_none(text, why):
         ({"ECCENTRICITY": "1.0"}, "eccentricity 1 is not from 0 to below 1"),
         ({"ECCENTRICITY": -0.1}, "eccentricity -0.1 is not"),
         ({"MEAN_MOTION": 0}, "mean motion 0 rev/day is not above 0"),
+        # Kepler's third law: 17.04 rev/day at the Earth's radius, 0.0047 rev/day at its Hill sphere of 1.5 million km
+        ({"MEAN_MOTION": 1e-300}, "mean motion 1e-300 rev/day is of no orbit about the Earth"),
+        ({"MEAN_MOTION": 1e-9}, "is of no orbit about the Earth, which has 0.004 to 18"),
+        ({"MEAN_MOTION": 1e300}, "is of no orbit about the Earth"),
         ({"INCLINATION": 181}, "inclination 181 is not from 0 to 180"),
         ({"RA_OF_ASC_NODE": 1e5}, "right ascension 100000 is not within 360"),
         ({"BSTAR": ""}, "BSTAR is missing"),

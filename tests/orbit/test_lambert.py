@@ -156,3 +156,60 @@ def test_nearly_half_a_revolution(off_rad):
         for orbit in lambert_all(START, end, duration_s):
             if perigee_m(START, orbit.departure_m_s) > 6.4e6:
                 assert np.linalg.norm(landed(START, orbit, duration_s)[0] - end) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"duration_s": math.inf}, "duration_s: inf is not a finite number"),
+        ({"duration_s": math.nan}, "duration_s: nan is not a finite number"),
+        ({"duration_s": "x"}, "duration_s: 'x' is not a finite number"),
+        ({"from_m": np.array([math.nan, 0.0, 0.0])}, "from_m: lambert needs three finite numbers"),
+        ({"to_m": np.zeros(2)}, "to_m: lambert needs three finite numbers"),
+        ({"to_m": None}, "to_m: lambert needs three finite numbers"),
+        ({"normal": np.array([math.inf, 0.0, 0.0]), "to_m": -START}, "normal: lambert needs three finite numbers"),
+        ({"gm_m3_s2": -1.0}, "gm_m3_s2: -1 does not attract"),
+        ({"duration_s": 1e11}, "duration_s: 1e[+]11 s leave time for some .* revolutions, and orbits of up to 1000"),
+    ],
+)
+def test_what_is_no_number_or_has_no_end_is_refused_in_one_line(options, says):
+    given = {"from_m": START, "to_m": on_circle(1.0), "duration_s": 4000.0, **options}
+    with pytest.raises(ScenarioError, match=says) as error:
+        lambert_all(**given)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"way": "sideways"}, "way: 'sideways' is not known"),
+        ({"branch": "middle"}, "branch: 'middle' is not known"),
+        ({"revolutions": -1}, "revolutions: -1 is no number"),
+        ({"revolutions": 1.5}, "revolutions: 1.5 is no number"),
+        ({"revolutions": 10**400}, "leave no time for"),
+        ({"way": "prograde", "normal": (1.0, 2.0)}, "normal: lambert needs"),
+    ],
+)
+def test_options_that_do_not_exist_are_refused(options, says):
+    with pytest.raises(ScenarioError, match=says):
+        lambert(START, on_circle(1.0), 4000.0, **options)
+
+
+def test_one_number_of_revolutions_is_found_without_all_the_others():
+    # 10 years in low orbit are 54 000 revolutions: the circle itself is one of the orbits
+    revolutions, speed = 54_000, math.sqrt(GM / CIRCLE)
+    duration_s = (revolutions + 1.0 / math.tau) * PERIOD
+    pair = [lambert(START, on_circle(1.0), duration_s, revolutions=revolutions, branch=b) for b in ("low", "high")]
+    near = min(abs(float(np.linalg.norm(one.departure_m_s)) - speed) for one in pair)
+    assert near < 1e-6
+    for seconds in (4000.0, 3.1 * PERIOD, 12.3 * PERIOD, duration_s):
+        with pytest.raises(ScenarioError, match="no time for 9999999; at most") as error:
+            lambert(START, on_circle(1.0), seconds, revolutions=9_999_999)
+        most = int(str(error.value).split("at most ")[1].split()[0])
+        assert lambert(START, on_circle(1.0), seconds, revolutions=most)
+        with pytest.raises(ScenarioError, match=f"no time for {most + 1}; at most {most} the short way"):
+            lambert(START, on_circle(1.0), seconds, revolutions=most + 1)
+        if most < 100:
+            assert most == max(
+                one.revolutions for one in lambert_all(START, on_circle(1.0), seconds) if one.way == "short"
+            )

@@ -233,6 +233,62 @@ def test_xml_is_read_as_the_other_notation(tmp_path):
         Ephemeris(file=saved(tmp_path, broken, "b.xml")).states(Epochs(START, np.array([90.0])))
 
 
+def in_xml(*rows):
+    meta = "<OBJECT_NAME>SAT</OBJECT_NAME><OBJECT_ID>1</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>"
+    meta += "<REF_FRAME>GCRF</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM>"
+    vectors = "".join(
+        "<stateVector>" + "".join(f"<{name}>{value}</{name}>" for name, value in row) + "</stateVector>\n"
+        for row in rows
+    )
+    return (
+        f'<oem id="CCSDS_OEM_VERS" version="2.0"><header/><body><segment><metadata>{meta}</metadata>\n<data>{vectors}</data>'
+        "</segment></body></oem>\n"
+    )
+
+
+def test_xml_rows_are_read_by_name(tmp_path):
+    place, speed, push = (("X", "Y", "Z"), ("X_DOT", "Y_DOT", "Z_DOT"), ("X_DDOT", "Y_DDOT", "Z_DDOT"))
+    values = {**dict.fromkeys(place, 7000), **dict.fromkeys(speed, 1), **dict.fromkeys(push, 0.009)}
+
+    def row(minute, *names):
+        return [("EPOCH", f"2024-09-17T12:0{minute}:00"), *((name, values[name]) for name in names)]
+
+    epochs = Epochs(START, np.array([0.0]))
+    whole = [row(minute, *push, *speed, *place) for minute in range(3)]  # in any order
+    state = Ephemeris(file=saved(tmp_path, in_xml(*whole), "whole.xml")).states(epochs)
+    np.testing.assert_array_equal(state.velocity_m_s, [[1e3, 1e3, 1e3]])
+    for k, (rows, says) in enumerate(
+        [
+            (
+                [row(minute, *place, *push) for minute in range(3)],
+                "line 2: the stateVector lacks X_DOT, Y_DOT, Z_DOT: give",
+            ),
+            ([row(minute, *place, *speed, *push[:2]) for minute in range(3)], "the stateVector lacks Z_DDOT: give all"),
+            ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z: give all"),
+            ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X stands there twice: remove one"),
+        ]
+    ):
+        with pytest.raises(ScenarioError, match=says):
+            Ephemeris(file=saved(tmp_path, in_xml(*rows), f"{k}.xml")).states(epochs)
+    twice = in_xml(*whole).replace("<REF_FRAME>", "<REF_FRAME>TEME</REF_FRAME><REF_FRAME>")
+    with pytest.raises(ScenarioError, match="line 1: REF_FRAME stands there twice"):
+        Ephemeris(file=saved(tmp_path, twice, "twice.xml")).states(epochs)
+
+
+@pytest.mark.parametrize("word", ["²", "٣", "7_0", "-1", "9" * 5000])
+def test_a_degree_is_written_in_ascii_digits(tmp_path, word):
+    text = HEAD + segment(straight(range(5)), extra=f"INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = {word}\n")
+    with pytest.raises(ScenarioError, match=r"INTERPOLATION_DEGREE .*: write 1 to 31"):
+        Ephemeris(file=saved(tmp_path, text)).states(Epochs(START, np.array([0.0])))
+
+
+@pytest.mark.parametrize("word", ["7_000", "٧٠٠٠", "７０００"])
+def test_a_number_is_written_in_ascii_digits(tmp_path, word):
+    rows = [f"2024-09-17T12:0{m}:00 {word} 0 0 0 0 0" for m in range(5)]
+    with pytest.raises(ScenarioError, match=r"line 11: X '.*' is not a number: correct it"):
+        Ephemeris(file=saved(tmp_path, HEAD + segment(rows))).states(Epochs(START, np.array([0.0])))
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

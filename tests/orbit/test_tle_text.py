@@ -117,3 +117,33 @@ def test_what_no_tle_can_hold():
         written(ElementSet(**{**bare.__dict__, "norad_id": 340000}))
     with pytest.raises(CatalogError, match="do not fit the columns"):
         written(ElementSet(**{**bare.__dict__, "mean_motion_dot_rev_day2": 12.5}))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mean_motion_rev_day": 1e-9},  # would be written as 0
+        {"mean_motion_rev_day": 99.0},
+        {"epoch_utc": datetime.datetime(2057, 1, 1, tzinfo=datetime.UTC)},  # would be read as 1957
+        {"bstar_per_earth_radius": 1e11},
+        {"classification": "\u536b"},
+        {"inclination_deg": float("nan")},
+    ],
+)
+def test_what_a_tle_would_lose_is_not_written(change):
+    (only,) = parse_lines(LINES, "file")
+    with pytest.raises(CatalogError, match=r"^NORAD 31698: its numbers do not fit the columns of a TLE: write \.json$"):
+        written(ElementSet(**{**only.__dict__, "line1": "", "line2": "", **change}))
+
+
+def test_a_spoilt_line_2_names_no_other_object():
+    bad, good = parse_lines([LINES[0], "\0" + LINES[1][1:], *LINES], "file")
+    assert "must begin with '2 '" in bad.problem
+    assert (good.name, good.problem) == ("", None)
+
+
+def test_controls_in_an_element_line_are_seen():
+    for sign in "\x1b\0\t\x7f":
+        (only,) = parse_lines([LINES[0][:9] + sign + LINES[0][10:], LINES[1]], "file")
+        assert only.problem is not None
+        assert only.problem.isprintable()

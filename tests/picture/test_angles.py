@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import save_figure
 from rso_lidar.picture.angles import angles_figure, ptu_figure
-from rso_lidar.picture.sight import sight, sights
+from rso_lidar.picture.sight import dark_spans_s, sight, sights
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.units import DEG
@@ -79,12 +79,37 @@ def test_the_figure_shades_the_shadow_and_marks_the_field(tmp_path):
     assert len(figure.axes) == 5
     assert any("shadow" in text.get_text() for text in figure.texts)
     ranges, directions, off, sun = figure.axes[:4]
-    assert all(len(axes.collections) == 1 for axes in (ranges, directions, off, sun))
-    band = off.collections[0].get_paths()[0].get_extents()
-    assert 9.0 < band.x0 < 12.0
+    assert all(len(axes.patches) == 1 for axes in (ranges, directions, off, sun))
+    # Dark from the frame at 11 s on: from the middle between two frames to the last.
+    assert (off.patches[0].get_x(), off.patches[0].get_width()) == pytest.approx((10.5, 19.5))
     np.testing.assert_allclose(off.lines[1].get_ydata(), 1.25)
     np.testing.assert_allclose(directions.lines[0].get_ydata()[30], 0.0, atol=1e-12)
     assert save_figure(figure, tmp_path / "angles.png").stat().st_size > 40_000
+
+
+def test_shadow_runs_from_middle_to_middle_between_two_instants():
+    time_s = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0])
+    assert dark_spans_s(time_s, np.array([1.0, 1.0, 0.0, 0.2, 0.9, 0.0])) == [(1.5, 6.0), (12.0, 16.0)]
+    assert dark_spans_s(time_s, np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0])) == [(0.0, 0.5)]  # one frame, and the first
+    assert dark_spans_s(time_s, np.zeros(6)) == [(0.0, 16.0)]
+    assert dark_spans_s(time_s, np.full(6, np.nan)) == []
+
+
+def test_spans_of_shadow_may_be_given():
+    figure = angles_figure(passing(), shadow_s=[(-np.inf, -20.25), (3.5, 4.5), (40.0, 50.0)])
+    bands = [(band.get_x(), band.get_x() + band.get_width()) for band in figure.axes[3].patches]
+    assert bands == [(-30.0, -20.25), (3.5, 4.5)]
+    assert not any("frames have it" in text.get_text() for text in figure.texts)
+    assert not angles_figure(passing(), shadow_s=[]).axes[0].patches
+
+
+def test_a_target_on_the_boresight_and_the_farthest_range_are_inside_the_axes():
+    figure = angles_figure(passing(2))  # 116.0 m at both ends: the axis is not that of the data's span
+    ranges, _, off, sun = figure.axes[:4]
+    assert ranges.get_ylim()[1] > 1.05 * np.sqrt(100.0**2 + 300.0**2 + 20.0**2)
+    assert off.get_ylim()[0] < 0.0
+    assert sun.get_ylim()[0] < 0.0
+    assert sun.get_ylim()[1] > 180.0
 
 
 def test_frames_give_the_angles_too(coming):

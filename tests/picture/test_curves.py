@@ -49,6 +49,7 @@ def test_curves_over_an_approach(handmade, tmp_path):
     detected = share.lines[0].get_ydata()
     assert detected[0] < detected[-1]
     assert detected[-1] > 0.95
+    assert ranges.get_ylim()[1] > 1.05 * ranges.lines[0].get_ydata().max()
     assert photons.get_yscale() == "log"
     assert errors.get_xlabel() == "Time [s]"
     assert save_figure(figure, tmp_path / "curves.png").stat().st_size > 20_000

@@ -160,3 +160,15 @@ def test_importing_the_room_imports_no_heavy_library():
     program = "import sys, rso_lidar.picture; print({'matplotlib', 'PIL', 'imageio_ffmpeg'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_the_scale_bar_is_seen_on_saturated_pixels(handmade):
+    frame = handmade.make_frame(0.0, 60.0, 64)
+    full = np.full(frame.valid.shape, 4095)
+    reading = Reading(np.full(full.shape, 60.0), full, full > 0)
+    frame = dataclasses.replace(frame, observation=dataclasses.replace(frame.observation, reading=reading))
+    axes = panels(frame_figure(frame))["Intensity"]
+    under, bar = axes.lines
+    assert (under.get_color(), bar.get_color()) == ("black", "white")
+    assert under.get_linewidth() > bar.get_linewidth() + 2
+    assert axes.texts[0].get_bbox_patch().get_facecolor() == (0.0, 0.0, 0.0, 1.0)

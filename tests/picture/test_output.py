@@ -66,3 +66,31 @@ def test_checked_gives_a_path(tmp_path):
 
 def test_numbers_get_a_true_minus():
     assert with_minus("-3.0") == "−3.0"
+
+
+def test_a_draft_is_nobody_elses_file(tmp_path):
+    place = tmp_path / "a.png"
+    own = [tmp_path / "a.part.png", tmp_path / "a.part1.png"]
+    for path in own:
+        path.write_text("mine")
+    with beside(place) as draft:
+        assert draft.suffix == ".png"
+        assert draft not in own
+        with beside(place) as another:  # at the same time
+            assert another not in (draft, *own)
+            another.write_text("second")
+        draft.write_text("first")
+    assert place.read_text() == "first"
+    assert [path.read_text() for path in own] == ["mine", "mine"]
+    with pytest.raises(RunError, match="could not be written"), beside(tmp_path / "none" / "a.png"):
+        raise AssertionError("begun")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_folder_that_may_not_be_written_is_told(tmp_path, monkeypatch):
+    def refused(path, *_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.open", refused)
+    with pytest.raises(RecordingError, match="may not be written"), beside(tmp_path / "a.png"):
+        raise AssertionError("begun")

@@ -69,6 +69,23 @@ def test_nothing_seen_still_has_a_scale(handmade):
     assert (scale.intensity_rgb(dark.intensity_counts) == 0).all()
 
 
+def strays(handmade, seed):
+    """A frame of false returns alone, far from one another."""
+    frame = handmade.make_frame(0.0, 500.0, 64, photons_at_km=0.0, labelled=False, false_returns=6, index=seed)
+    return Glimpse.of(frame)
+
+
+def test_stray_returns_alone_have_a_scale_of_their_own(handmade):
+    glimpses = [strays(handmade, seed) for seed in range(4)]
+    assert not any(glimpse.on_target.any() for glimpse in glimpses)
+    scale = Scale.of(glimpses)
+    ranges_m = np.concatenate([g.range_m[np.isfinite(g.range_m)] for g in glimpses])
+    counts = np.concatenate([g.intensity_counts[g.intensity_counts > 0] for g in glimpses])
+    assert not scale.relative
+    assert scale.low_m <= np.percentile(ranges_m, 5) < np.percentile(ranges_m, 95) <= scale.high_m
+    assert scale.high_counts >= np.percentile(counts, 95) > 20  # the false returns made by hand have 20 to 60 counts
+
+
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_intensity_runs_from_faint_to_white(logarithmic):
     scale = Scale(True, -1, 1, 10.0, 1000.0, logarithmic)

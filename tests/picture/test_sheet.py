@@ -8,7 +8,7 @@ from rso_lidar.picture.palette import BLACK, MARK, NO_RETURN
 from rso_lidar.picture.raster import GAP, fitted, font, pair, panel
 from rso_lidar.picture.scale import Scale
 from rso_lidar.picture.sequence import Glimpse
-from rso_lidar.picture.sheet import CAPTION, HEAD, MARGIN, SIDE, SPACE
+from rso_lidar.picture.sheet import CAPTION, HEAD, MARGIN, SIDE, SPACE, _look
 from rso_lidar.picture.window import crop
 
 
@@ -100,6 +100,14 @@ def test_a_sheet_without_cells_is_an_error(coming, tmp_path):
 def test_dark_frames_have_a_sheet(handmade, tmp_path):
     dark = [handmade.make_frame(k, 900.0, 32, photons_at_km=0.0, false_returns=0) for k in range(2)]
     assert contact_sheet(dark, tmp_path / "dark.png").is_file()
+
+
+def test_a_frame_without_a_target_is_shown_whole(handmade):
+    empty = handmade.make_frame(0.0, 500.0, 64, photons_at_km=0.0, labelled=False, false_returns=2)
+    assert not crop(Glimpse.of(empty).bounds).whole
+    assert crop(_look(empty).bounds).whole
+    there = handmade.make_frame(0.0, 900.0, 128, photons_at_km=0.0, false_returns=0)  # labelled, too faint to return
+    assert not crop(_look(there).bounds).whole
 
 
 def test_long_titles_are_shortened():

@@ -74,3 +74,43 @@ def test_a_lidar_that_stands_still_has_a_figure(tmp_path):
     times_s = np.arange(3.0)
     still = np.broadcast_to([0.0, -50.0, 0.0], (3, 3)).copy()
     assert save_figure(orbit_figure(batch(times_s, still, "tdrs.rtn")), tmp_path / "still.png").is_file()
+
+
+def boxes(figure):
+    """The panels of a drawn figure with the boxes of the labels in each."""
+    figure.draw_without_rendering()
+    return [(axes, [text.get_window_extent() for text in axes.texts if text.get_text()]) for axes in figure.axes[:3]]
+
+
+def arrivals():
+    """Paths whose labels crowd: a short one far off, one that stops under the target, one that starts beside its end."""
+    times_s = np.linspace(0.0, 10.0, 11)
+    s = times_s / 10.0
+    short = np.stack([-345.0 + 5.0 * s, -314.0 + 8.0 * s, -66.0 - s], axis=-1)
+    below = np.stack([-500.0 + 460.0 * s, 0.0 * s, 0.0 * s], axis=-1)
+    loop = np.stack([np.sin(6.0 * s), -300.0 + 3.0 * s, 40.0 * np.sin(6.5 * s)], axis=-1)
+    return times_s, (short, below, loop)
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_labels_lie_in_their_panels_and_apart(which):
+    times_s, paths = arrivals()
+    figure = orbit_figure(batch(times_s, paths[which], "tdrs.rtn"))
+    for axes, labels in boxes(figure):
+        panel = axes.get_window_extent()
+        assert len(labels) >= 2
+        for k, label in enumerate(labels):
+            assert panel.x0 <= label.x0 < label.x1 <= panel.x1
+            assert panel.y0 <= label.y0 < label.y1 <= panel.y1
+            assert not any(label.overlaps(other) for other in labels[:k])
+
+
+def test_the_farthest_range_is_inside_its_panel():
+    times_s, paths = arrivals()
+    still = np.broadcast_to([0.0, -302.4, 0.0], (11, 3)) + paths[2] * [0.0, 0.01, 0.0]
+    figure = orbit_figure(batch(times_s, still, "tdrs.rtn"))
+    low, high = figure.axes[3].get_ylim()
+    assert low == 0.0
+    assert high == pytest.approx(1.06 * np.linalg.norm(still, axis=-1).max())
+    figure = orbit_figure(batch(times_s, still, "tdrs.rtn"), keep_out_m=800.0)
+    assert figure.axes[3].get_ylim()[1] > 800.0

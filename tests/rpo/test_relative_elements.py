@@ -15,14 +15,13 @@ from rso_lidar.orbit.mean_elements import secular
 from rso_lidar.orbit.pole import equator_axes
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.nonlinear import Nonlinear
+from rso_lidar.rpo.nonlinear import Nonlinear, rtn_difference
 from rso_lidar.rpo.relative_elements import (
     RelativeElements,
     beside_elements,
     relative_elements,
-    roe_from_states,
-    rtn_from_roe,
-    state_from_roe,
+    relative_elements_from_states,
+    state_from_relative_elements,
 )
 
 GM = units.EARTH_GM_M3_S2
@@ -44,6 +43,10 @@ def state(e=0.001, inclination=1.7, latitude=0.8, perigee=RADIUS):
     return BodyState(*cartesian(Elements(perigee / (1 - e), e, inclination, 1.0, 0.3, latitude - 0.3)))
 
 
+def in_rtn(of, elements_m):
+    return rtn_difference(of, state_from_relative_elements(of, elements_m))
+
+
 def chief(of):
     r, v = turned(TO_GCRS, of.position_m), turned(TO_GCRS, of.velocity_m_s)
     return State(epoch_utc=START, position_m=tuple(r.tolist()), velocity_m_s=tuple(v.tolist()))
@@ -57,7 +60,7 @@ def part(**keys):
 @pytest.mark.parametrize("inclination", [0.01, 0.9, 1.7, 3.1])
 def test_there_and_back(e, inclination):
     of, wanted = state(e, inclination), np.array(list(SET.values()))
-    got = roe_from_states(of, state_from_roe(of, wanted))
+    got = relative_elements_from_states(of, state_from_relative_elements(of, wanted))
     # some roundings of a, more by what turns a state of that eccentricity into elements, and of a dRAAN sin i
     np.testing.assert_allclose(got, wanted, rtol=0, atol=2e-8 / (1 - e) ** 2 / math.sin(inclination))
 
@@ -77,7 +80,7 @@ def test_definition_by_hand():
 def test_in_rtn_axes_about_a_circle(latitude):
     """D'Amico (2010) eq. 2.17, radial, along and across at the argument of latitude u."""
     da, dl, dex, dey, dix, diy = SET.values()
-    position, velocity = rtn_from_roe(state(0.0, 1.1, latitude), np.array(list(SET.values())))
+    position, velocity = in_rtn(state(0.0, 1.1, latitude), np.array(list(SET.values())))
     c, s, n = math.cos(latitude), math.sin(latitude), math.sqrt(GM / RADIUS**3)
     wanted = [da - dex * c - dey * s, dl + 2 * dex * s - 2 * dey * c, dix * s - diy * c]
     slopes = [n * (dex * s - dey * c), n * (-1.5 * da + 2 * dex * c + 2 * dey * s), n * (dix * c + diy * s)]
@@ -101,13 +104,13 @@ def test_eccentricity_and_inclination_apart_keep_clear():
 def test_it_begins_at_its_elements(e, inclination):
     of = state(e, inclination)
     got = part(**SET, j2=False).relative(Epochs(START, np.zeros(1)), chief(of))
-    for one, want in zip(got, rtn_from_roe(of, np.array(list(SET.values()))), strict=True):
+    for one, want in zip(got, in_rtn(of, np.array(list(SET.values()))), strict=True):
         np.testing.assert_allclose(one[0], want, rtol=0, atol=1e-6)
 
 
 def test_without_j2_it_is_the_nonlinear_difference():
     of = state(0.4)
-    rho, rate = (tuple(a.tolist()) for a in rtn_from_roe(of, np.array(list(SET.values()))))
+    rho, rate = (tuple(a.tolist()) for a in in_rtn(of, np.array(list(SET.values()))))
     epochs = Epochs(START, np.linspace(0.0, 30000.0, 31))
     got = part(**SET, j2=False).relative(epochs, chief(of))
     want = Nonlinear(relative_to="chief", position_m=rho, velocity_m_s=rate).relative(epochs, chief(of))

@@ -291,7 +291,7 @@ def test_validity_is_told_where_it_is_stretched():
     assert EACH[-1].validity(epochs, station(0.03, 7500.0)) == []
     long = EACH[-1].replace(duration_s=3.4 * REVOLUTION, revolutions=3)
     (many,) = long.validity(Epochs(START, np.array([0.0, 30_000.0])), station())
-    assert many.startswith("lambert: 3.4 revolutions")
+    assert many.startswith("lambert: in 3.4 revolutions the Earth's flattening")
 
 
 def test_a_transfer_that_never_starts_drifts_by_two_bodies():

@@ -322,6 +322,18 @@ def test_an_encounter_of_messages_is_written_inline():
     assert rl.Scenario.loads(text).describe()
 
 
+def test_names_write_nothing_into_the_scenario():
+    sets = list(Catalog.from_file(FLYBY))
+    names = ["B\nseed = 77\n#", 'Q"""\'\\ "\x00\x7f\ud800']
+    sets = [ElementSet(**{**entry.__dict__, "name": name}) for entry, name in zip(sets, names, strict=True)]
+    object.__setattr__(sets[0], "name", names[0])  # even where a name went past its cleaning
+    table = encounters(sets, 99003, within_m=20e3, start_utc=START, days=0.125)
+    text = scenario_text(table, 1)
+    assert rl.Scenario.loads(text).seed == 99002
+    assert [line for line in text.splitlines() if line.startswith("seed")] == ["seed    = 99002"]
+    assert text.isascii()
+
+
 def test_docked_craft_share_elements_and_have_no_line_of_sight():
     (chief, other) = sorted(Catalog.from_file(FLYBY), key=lambda entry: entry.norad_id)[-2:]
     twin = ElementSet(**{**chief.__dict__, "line1": "", "line2": "", "norad_id": 7, "name": "DOCKED"})
@@ -343,12 +355,22 @@ def test_docked_craft_share_elements_and_have_no_line_of_sight():
         ({"within_m": 0.0}, "within: 0 m is no distance"),
         ({"start_utc": datetime.datetime(2024, 9, 17)}, "start: a time without an offset"),
         ({"max_slew_deg_s": -1.0}, "max_slew: -1 deg/s"),
+        ({"within_m": "20km"}, "within: '20km' is no number; give one in m"),
+        ({"start_utc": "2024-09-17T11:00:00Z"}, "start: '2024-09-17T11:00:00Z' is no time"),
+        ({"days": None}, "days: 'None' is no number"),
+        ({"sort": "x"}, "sort: 'x' is no order; use one of range, time, speed"),
+        ({"limit": 0}, "limit: '0' is no number of rows"),
+        ({"limit": 1.5}, "limit: '1.5' is no number of rows"),
+        ({"min_duration_s": math.nan}, "min_duration: nan s is no duration"),
+        ({"follower": 99003.0}, "follower: '99003.0' is no object"),
+        ({"catalog": None}, "catalogue: 'None' is none"),
+        ({"catalog": [1, 2]}, "catalogue: '1' in it is no element set"),
     ],
 )
 def test_what_means_nothing_is_refused(changes, message):
-    given = {"within_m": 20e3, "start_utc": START, "days": 0.1} | changes
-    with pytest.raises(ScenarioError, match=message):
-        encounters(FLYBY, 99003, **given)
+    given = {"catalog": FLYBY, "follower": 99003, "within_m": 20e3, "start_utc": START, "days": 0.1} | changes
+    with pytest.raises((ScenarioError, CatalogError), match=message):
+        encounters(**given)
 
 
 def test_an_unknown_follower_is_told_with_a_guess():

@@ -124,7 +124,7 @@ def test_nothing_is_missed_that_a_fine_grid_finds(follower, within_m):
 def test_minima_and_edges_are_good_to_the_millisecond():
     objects, within_m = fleet(), 150e3
     found = screen(LEO, objects, START, 6 * 3600.0, within_m)
-    lead, others = found.follower, found.fleet
+    lead, others = found.follower, found.objects
     checked = 0
     for stay in found.stays:
 
@@ -165,7 +165,7 @@ def test_a_dip_at_the_edge_of_the_span_counts():
     objects = fleet()
     whole = screen(LEO, objects, START, 4 * 3600.0, 150e3)
     stay = next(stay for stay in whole.stays if stay.entered and stay.left and stay.leave_s - stay.enter_s > 4.0)
-    cut = screen(LEO, [whole.fleet.sets[stay.which]], START, stay.time_s - 1.0, 150e3)
+    cut = screen(LEO, [whole.objects.elements(stay.which, 0.0)], START, stay.time_s - 1.0, 150e3)
     last = cut.stays[-1]
     assert not last.left
     assert last.time_s == pytest.approx(stay.time_s - 1.0)  # nearest where the span ends
@@ -183,7 +183,7 @@ def test_the_size_of_the_step_changes_nothing():
 def test_shells_and_speeds_contain_what_is_flown():
     objects, duration_s = fleet(), 86_400.0
     flown = Fleet(objects, START)
-    bounds = Orbits(flown, duration_s)
+    bounds = Orbits(flown, np.arange(len(objects)), np.tile([0.0, duration_s], (len(objects), 1)))
     position, velocity, _ = flown.grid(np.arange(len(objects)), np.arange(0.0, duration_s, 97.0))
     radius, speed = np.linalg.norm(position, axis=2), np.linalg.norm(velocity, axis=2)
     whole = ~np.isnan(radius).any(axis=1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.timeline import columns, course, plan_of
+from rso_lidar.study.timeline import columns, course, plan_of, umbras
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -64,17 +64,34 @@ def test_a_world_without_a_sun_has_no_columns_of_it(bench):
 
 
 def test_a_motion_without_a_plan_has_no_impulses(bench):
-    assert plan_of(bench, "plate") == ([], None)
-    assert plan_of(bench, None) == ([], None)
+    assert plan_of(bench, "plate") is None
+    assert plan_of(bench, None) is None
 
 
-def test_impulses_of_a_plan_are_those_of_the_run():
+def test_the_plan_of_a_run_is_that_of_its_motion():
     hop = {"type": "hop", "relative_to": "stage", "from_m": [0, -400, 0], "to_m": [0, -100, 0], "duration_s": 200.0}
     scenario = rl.Scenario.load(EXAMPLES / "closed_loop.toml")
     text = scenario.model_dump(exclude_unset=True)
     text["follower"]["motion"] = {**hop, "keep_out_m": 50.0}
-    impulses, keep_out_m = plan_of(rl.Scenario.model_validate(text), "stage")
-    assert [time_s for time_s, _ in impulses] == [0.0, 200.0]
-    assert keep_out_m == 50.0
-    text["time"]["duration_s"] = 100.0  # the run ends before the second
-    assert len(plan_of(rl.Scenario.model_validate(text), "stage")[0]) == 1
+    plan = plan_of(rl.Scenario.model_validate(text), "stage")
+    assert [one.time_s for one in plan.impulses] == [0.0, 200.0]
+
+
+def test_a_plan_about_what_moves_about_something_else():
+    """The chief of the chief is found: a hop about a body that is itself flown by Clohessy-Wiltshire."""
+    text = rl.Scenario.load(EXAMPLES / "closed_loop.toml").model_dump(exclude_unset=True)
+    stage = text["target"][0]
+    host = {**stage, "name": "host"}
+    beside = {"type": "hill", "relative_to": "host", "position_m": [0, 500, 0], "velocity_m_s": [0, 0, 0]}
+    text["target"] = [host, {**stage, "motion": beside}]
+    hop = {"type": "hop", "relative_to": "stage", "from_m": [0, -400, 0], "to_m": [0, -100, 0], "duration_s": 200.0}
+    text["follower"]["motion"] = hop
+    assert len(plan_of(rl.Scenario.model_validate(text), "stage").impulses) == 2
+
+
+def test_umbras_are_those_of_check():
+    scenario = rl.Scenario.load(EXAMPLES / "safety_ellipse.toml")
+    ((begins_s, ends_s),) = umbras(scenario)["tdrs"]
+    told = next(line for line in scenario.describe().splitlines() if "eclipse" in line)
+    assert f"umbra from {begins_s:.3f} s to {ends_s:.3f} s" in told
+    assert umbras(rl.Scenario.load(EXAMPLES / "bench_plate.toml")) == {}
