@@ -24,7 +24,7 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES, beside
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.timeline import columns, course, plan_of, umbras, utc
+from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras, utc
 
 FIGURES = ("relative", "orbit", "angles", "ptu")
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
@@ -207,11 +207,12 @@ def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, 
     wanted = body or "follower"
     place, _ = course(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
     name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))
-    epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
     if suffix == ".oem":
+        at, states, breaks_s = burned(scenario, name, place.time_s)
         with beside(output) as draft:
-            write_oem(draft, name, name, epochs, place.states[name], overwrite=True)
+            write_oem(draft, name, name, at, states, breaks_s=breaks_s, overwrite=True)
         return
+    epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
     turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
     with beside(output) as draft:
         write_aem(draft, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)

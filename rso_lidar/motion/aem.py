@@ -272,7 +272,7 @@ def write_aem(
     }
     lines = (f"{text} " + " ".join(f"{value:.15f}" for value in row) for text, row in zip(texts, rows, strict=True))
     header = ccsds.header(originator, created_utc)
-    return ccsds.write_text(path, ccsds.kvn_text("AEM", version, header, meta, lines), overwrite=overwrite)
+    return ccsds.write_text(path, ccsds.kvn_text("AEM", version, header, [(meta, lines)]), overwrite=overwrite)
 
 
 def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:

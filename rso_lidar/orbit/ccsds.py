@@ -330,17 +330,25 @@ def stamp_text(ps: int) -> str:
 # --------------------------------------------------------------------------------------------------------- writing
 
 
-def kvn_text(kind: str, version: str, header: dict[str, str], meta: dict[str, str], rows: Iterable[str]) -> str:
-    """Return a message of one segment in keyword = value notation."""
+Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and its lines
+
+
+def kvn_text(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
+    """Return a message of one or more segments in keyword = value notation."""
     before, after = (["DATA_START"], ["DATA_STOP"]) if kind == "AEM" else ([], [])
-    for key, value in {**header, **meta}.items():
+    lines = [f"CCSDS_{kind}_VERS = {version}", *_pairs(header), ""]
+    for meta, rows in segments:
+        lines += ["META_START", *_pairs(meta), "META_STOP", "", *before, *rows, *after, ""]
+    return "\n".join(lines[:-1]) + "\n"
+
+
+def _pairs(words: dict[str, str]) -> list[str]:
+    for key, value in words.items():
         if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
             raise RecordingError(
                 f"{key} {value!r:.60}: the format wants up to 200 printable ASCII characters: change it"
             )
-    lines = [f"CCSDS_{kind}_VERS = {version}", *(f"{key} = {value}" for key, value in header.items()), "", "META_START"]
-    lines += [*(f"{key} = {value}" for key, value in meta.items()), "META_STOP", "", *before, *rows, *after]
-    return "\n".join(lines) + "\n"
+    return [f"{key} = {value}" for key, value in words.items()]
 
 
 def header(originator: str, created_utc: datetime.datetime | None) -> dict[str, str]:

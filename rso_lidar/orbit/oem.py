@@ -10,6 +10,7 @@ import datetime
 import functools
 import itertools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -246,29 +247,45 @@ def write_oem(
     *,
     originator: str = "RSO_LIDAR",
     version: Literal["2.0", "3.0"] = "2.0",
+    breaks_s: Sequence[float] = (),
     created_utc: datetime.datetime | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write GCRS states as one segment of an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s; return its path."""
+    """Write GCRS states as an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s; return its path.
+
+    A new segment begins at each of `breaks_s` [s], where the velocity jumps: what is interpolated must not cross them.
+    """
     rows, texts = _rows(epochs, states), ccsds.epoch_texts(epochs)
-    meta = {
-        "OBJECT_NAME": name,
-        "OBJECT_ID": object_id,
-        "CENTER_NAME": "EARTH",
-        "REF_FRAME": "GCRF",
-        "TIME_SYSTEM": "UTC",
-        "START_TIME": texts[0],
-        "STOP_TIME": texts[-1],
-        "INTERPOLATION": "HERMITE",
-        "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(rows) - 1)),
-    }
-    lines = (
-        f"{text} " + " ".join(f"{value / units.KM:.9f}" for value in row[:3])
-        + " " + " ".join(f"{value / units.KM:.12f}" for value in row[3:])
-        for text, row in zip(texts, rows.tolist(), strict=True)
-    )  # fmt: skip
+    edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
+    segments = []
+    for part in np.split(np.arange(len(rows)), np.unique(edges)):
+        if not len(part):
+            continue
+        if len(part) < 2:
+            at = epochs.time_s[part[0]]
+            raise RecordingError(
+                f"epochs: only one, at {at:g} s, lies between two breaks: give two or more on each side of a break"
+            )
+        meta = {
+            "OBJECT_NAME": name,
+            "OBJECT_ID": object_id,
+            "CENTER_NAME": "EARTH",
+            "REF_FRAME": "GCRF",
+            "TIME_SYSTEM": "UTC",
+            "START_TIME": texts[part[0]],
+            "STOP_TIME": texts[part[-1]],
+            "INTERPOLATION": "HERMITE",
+            "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(part) - 1)),
+        }
+        segments.append((meta, [_line(texts[k], rows[k].tolist()) for k in part]))
     header = ccsds.header(originator, created_utc)
-    return ccsds.write_text(path, ccsds.kvn_text("OEM", version, header, meta, lines), overwrite=overwrite)
+    return ccsds.write_text(path, ccsds.kvn_text("OEM", version, header, segments), overwrite=overwrite)
+
+
+def _line(text: str, row: list[float]) -> str:
+    """Return a line of an OEM: km to 1e-9, km/s to 1e-12."""
+    cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
+    return " ".join([text, *cells])
 
 
 def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:

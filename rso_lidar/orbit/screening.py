@@ -113,7 +113,8 @@ def _while_one_leads(
             bad,
         )
     span_s = np.stack([np.maximum(flights.from_s, begin_s), np.minimum(flights.to_s, end_s)], axis=1)
-    sets = np.flatnonzero(span_s[:, 1] - span_s[:, 0] > min(BRIEF_S, 0.5 * lead.duration_s))
+    at_an_end = (span_s[:, 0] <= 0.0) | (span_s[:, 1] >= lead.duration_s)
+    sets = np.flatnonzero(span_s[:, 1] - span_s[:, 0] > np.where(at_an_end, 0.0, BRIEF_S))
     here = Orbits(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
     there = Orbits(flights.fleet, sets, span_s[sets])
     meets = np.flatnonzero(there.may_meet(here, within_m))

@@ -97,10 +97,12 @@ def encounter_figure(
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.6g}"))
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator, show_offset=False))  # type: ignore[no-untyped-call]
     together = int(np.count_nonzero(~apart))
     said = f"{together} more nearer than {_TOGETHER_M:g} m share its elements, as if docked" if together else ""
-    dress(axes, said, "UTC", "Range at the closest approach [km]")
+    days = np.unique(time_utc.astype("datetime64[D]")).astype(str)
+    when = ", ".join(["UTC", " to ".join(dict.fromkeys([*days[:1], *days[-1:]]))]) if len(days) else "UTC"
+    dress(axes, said, when, "Range at the closest approach [km]")
     marks = [
         Line2D([], [], ls="", marker=marker, ms=6, mfc=hexed(LINE), mec=hexed(QUIET) if lit else hexed(INK), label=word)
         for lit, marker, word in ((True, "o", "sunlit"), (False, "s", "in the Earth's shadow"))

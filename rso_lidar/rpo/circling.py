@@ -79,7 +79,12 @@ class SafetyEllipse(ProximityOperation):
     @model_validator(mode="after")
     def _safe(self) -> Self:
         slant = abs(math.cos(self.phase_difference_deg * units.DEG))
-        if abs(self.height_m) >= self.radial_m * slant * (1.0 - 1e-9) or slant < 1e-9:
+        if slant < 1e-9:
+            raise ValueError(
+                f"phase_difference_deg: at {self.phase_difference_deg:g} height and cross-track vanish together, and the "
+                "ellipse crosses the track: take 0 or 180, or what is near"
+            )
+        if abs(self.height_m) >= self.radial_m * slant * (1.0 - 1e-9):
             raise ValueError(
                 f"drift_m: walking {self.drift_m:g} m each revolution lifts the ellipse's centre by {self.height_m:.4g} m, "
                 "and seen along the track it no longer goes round the body: walk less, take a larger radial_m, or a "

@@ -204,8 +204,8 @@ def flattening(
     if share <= TURNED:
         return []
     return [
-        f"{name}: in {swept_rad / math.tau:.1f} revolutions the Earth's flattening, which this model leaves out, moves the "
-        f"body by up to {share:.0%} of the separation: {better}"
+        f"{name}: in {swept_rad / math.tau:.1f} revolutions the Earth's flattening (J2), which this model leaves out, moves "
+        f"the body by up to {share:.0%} of the separation: {better}"
     ]
 
 

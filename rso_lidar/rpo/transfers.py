@@ -5,7 +5,8 @@ from __future__ import annotations
 import datetime
 import functools
 import math
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import pairwise, product
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -154,13 +155,14 @@ class Waypoints(ProximityOperation):
 class Lambert(ProximityOperation):
     """A transfer of two bodies from `from_m` to rest at `to_m` (rtn axes of departure and of arrival); then held.
 
-    Exact for two bodies at any distance and about a chief of any eccentricity: the difference of two propagated orbits, in
-    the rtn axes of the chief's own propagated one. What moves both alike (J2, drag) is left out: in low orbit the
-    difference of J2 is up to 4.5 % of the separation for each revolution (integrated; less where it starts at a node).
-    After `duration_s`, control and passive safety are Clohessy-Wiltshire's. `revolutions` are whole ones about the Earth
-    before arrival; from one on, two orbits take the same time, and `branch` chooses the `low`, of the smaller semi-major
-    axis, or the `high` (none: the one that costs less). `way` is `prograde` (with the chief), `retrograde`, or `short` and
-    `long` (less or more than half a revolution).
+    Exact for two bodies at any distance and about a chief of any eccentricity: the difference of two propagated
+    orbits, in the rtn axes of the chief's own propagated one. What moves both alike (J2, drag) is left out: in low
+    orbit the difference of J2 is up to 4.5 % of the separation for each revolution (integrated; less where it
+    starts at a node). After `duration_s`, control and passive safety are Clohessy-Wiltshire's. `revolutions` are
+    whole ones about the Earth before arrival (none: as many as cost least); from one on, two orbits take the same
+    time, and `branch` chooses the `low`, of the smaller semi-major axis, or the `high` (none: the one that costs
+    less). `way` is `prograde` (with the chief), `retrograde`, or `short` and `long` (less or more than half a
+    revolution).
     """
 
     type: Literal["lambert"] = "lambert"
@@ -168,7 +170,7 @@ class Lambert(ProximityOperation):
     to_m: Vector
     duration_s: TransferTime
     velocity_m_s: Velocity = (0.0, 0.0, 0.0)
-    revolutions: Annotated[Whole, Field(ge=0)] = 0
+    revolutions: Annotated[Whole, Field(ge=0)] | None = None
     branch: Branch | None = None
     way: Way = "prograde"
 
@@ -199,17 +201,27 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     end = beside(there, np.array(part.to_m), np.zeros(3))
     start_m, before_m_s, end_m, after_m_s = start.position_m, start.velocity_m_s, end.position_m, end.velocity_m_s
     branches: tuple[Branch, ...] = ("low", "high") if part.branch is None else (part.branch,)
-    turns, way, pole = part.revolutions, part.way, np.cross(r0, v0)
+    way, pole = part.way, np.cross(r0, v0)
 
     def cost(orbit: Transfer) -> float:
         jumps = orbit.departure_m_s - before_m_s, after_m_s - orbit.arrival_m_s
         return sum(float(np.linalg.norm(jump)) for jump in jumps)
 
-    orbits = [
-        lambert(start_m, end_m, part.duration_s, revolutions=turns, branch=branch, way=way, normal=pole)
-        for branch in branches
-    ]
-    orbit = min(orbits, key=cost)
+    if part.revolutions is not None:
+        counts: Sequence[int] = (part.revolutions,)
+    else:  # those of the chief, and one more or less
+        own = part.duration_s * _mean_motion(chief) / math.tau
+        counts = range(max(0, math.floor(own) - 1), math.ceil(own) + 2)
+    orbits = []
+    for turns, branch in product(counts, branches):
+        try:
+            orbits.append(
+                lambert(start_m, end_m, part.duration_s, revolutions=turns, branch=branch, way=way, normal=pole)
+            )
+        except ScenarioError:
+            if part.revolutions is not None or (turns == counts[0] and turns == 0):
+                raise
+    orbit = min(orbits, key=lambda one: (_least_m(start_m, one, part.duration_s) < units.EARTH_RADIUS_M, cost(one)))
 
     def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _apart(chief, BodyState(start_m, orbit.departure_m_s), time_s)
@@ -222,15 +234,20 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     impulses = (Impulse(0.0, departure), Impulse(part.duration_s, arrival))
     legs = (Leg(0.0, path), line(part.duration_s, np.array(part.to_m)))
     plan = Plan(part.name, _mean_motion(chief), part.duration_s, legs, impulses, adrift)
-    once_s = min(part.duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
-    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
-    least_m = float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
+    least_m = _least_m(start_m, orbit, part.duration_s)
     if least_m < units.EARTH_RADIUS_M:
         raise ScenarioError(
             f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
             "change the duration, the revolutions or the way"
         )
     return kept_out(plan_within(plan, part, far=True), part.keep_out_m)
+
+
+def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
+    """Return the least distance from the Earth's centre [m] during a transfer."""
+    once_s = min(duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
+    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
+    return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
 def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

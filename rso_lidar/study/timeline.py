@@ -11,7 +11,7 @@ from rso_lidar import motion, orbit, rpo, units
 from rso_lidar.orbit.environment import eclipses
 from rso_lidar.picture.sight import sight
 from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.records import PtuAngles, Truth, specs
+from rso_lidar.records import BodyState, PtuAngles, Truth, specs
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import POINTING, frame_numbers
 
@@ -108,6 +108,34 @@ def plan_of(scenario: Scenario, target: str | None) -> rpo.Plan | None:
         return None
     with scenario.placed("follower.motion"):
         return flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
+
+
+_BESIDE_S = 1e-3  # before an impulse: what is left out of an ephemeris there
+
+
+def burned(scenario: Scenario, name: str, time_s: np.ndarray) -> tuple[orbit.Epochs, BodyState, list[float]]:
+    """Return epochs, GCRS states of a body there, and the instants [s] of its impulses and of those it moves about.
+
+    The epochs are those asked for and, so that each stretch between impulses has its ends, those at the impulses.
+    """
+    by_name = {body.name: body for body in scenario.bodies}
+    chain: list[Any] = [by_name[name]]
+    while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
+        chain.append(by_name[relative_to])
+    breaks: set[float] = set()
+    for body in chain:
+        flown = body.motion
+        if isinstance(flown, rpo.ProximityOperation):
+            chief = motion.Chief(scenario.bodies, flown.relative_to)
+            breaks |= {float(one.time_s) for one in flown.plan(scenario.time.start_utc, chief).impulses}
+        if isinstance(flown, orbit.Numerical):
+            breaks |= {one.at_s for one in flown.maneuvers if isinstance(one, orbit.Impulse)}
+    inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
+    ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
+    kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
+    epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
+    world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
 
 
 def umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:

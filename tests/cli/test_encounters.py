@@ -1,6 +1,7 @@
 """`rso-lidar encounters`: what it prints, what it writes, and what it refuses."""
 
 import csv
+import datetime
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,18 @@ def test_bad_input_is_one_line_and_leaves_nothing(call, tmp_path, changed, messa
 def test_a_catalogue_that_is_not_there(call, tmp_path):
     with pytest.raises(RsoLidarError, match="no such file"):
         call(tmp_path / "none.tle", *ASKED)
+
+
+def test_a_terminal_shows_names_as_they_are(monkeypatch, capsys):
+    import rich.console
+
+    names = ["[/x] :smile:", "[bold]y"]
+    sets = list(rl.Catalog.from_file(FLYBY))
+    sets = [type(entry)(**{**entry.__dict__, "name": name}) for entry, name in zip(sets, names, strict=True)]
+    start = datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC)
+    table = command.find(sets, 99003, within_m=20e3, start_utc=start, days=0.125)
+    plain = rich.console.Console
+    monkeypatch.setattr(rich.console, "Console", lambda **given: plain(force_terminal=True, width=250, **given))
+    command._show(table)
+    out = capsys.readouterr().out
+    assert all(name in out for name in names)

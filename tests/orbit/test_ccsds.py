@@ -120,4 +120,4 @@ def test_an_existing_file_is_kept(tmp_path):
 def test_text_that_would_break_the_format_is_refused():
     for name in ("A\nMETA_STOP", "Ünit", " "):
         with pytest.raises(RecordingError, match="OBJECT_NAME"):
-            ccsds.kvn_text("OEM", "2.0", {}, {"OBJECT_NAME": name}, [])
+            ccsds.kvn_text("OEM", "2.0", {}, [({"OBJECT_NAME": name}, [])])

@@ -230,7 +230,7 @@ def station_mean_motion():
         (lambda: rpo.SafetyEllipse(**C, radial_m=9.0, cross_track_m=9.0, drift_m=90.0), "no longer goes round"),
         (
             lambda: rpo.SafetyEllipse(**C, radial_m=9.0, cross_track_m=9.0, phase_difference_deg=90.0),
-            "no longer goes round",
+            "height and cross-track vanish together",
         ),
         (lambda: rpo.Teardrop(**C, cusp_m=100.0, turn_m=200.0), "turns nearer"),
         (lambda: rpo.Teardrop(**C, cusp_m=0.0, turn_m=200.0), "there is no loop"),
@@ -301,3 +301,25 @@ def test_a_transfer_that_never_starts_drifts_by_two_bodies():
     np.testing.assert_allclose(drift[0], part.from_m, rtol=0, atol=1e-6)
     height = 0.5 * 40e3**2 / 6878e3
     assert drift[1, 1] - drift[0, 1] == pytest.approx(-12.0 * math.pi * height, rel=0.05)
+
+
+def test_lambert_takes_as_many_revolutions_as_cost_least():
+    """1.26 revolutions of a low chief: with none the transfer costs kilometres a second, with one it is a drift."""
+    low = Kepler(
+        epoch_utc=START,
+        semi_major_axis_km=6778.0,
+        eccentricity=0.0005,
+        inclination_deg=51.6,
+        raan_deg=40.0,
+        argument_of_perigee_deg=15.0,
+        true_anomaly_deg=30.0,
+    )
+    fields = {**C, "from_m": (0, -10000, 0), "to_m": (0, -500, 0), "duration_s": 7000.0}
+    chosen = rpo.Lambert(**fields).plan(START, low).delta_v_m_s
+    each = []
+    for revolutions in (0, 1):
+        try:
+            each.append(rpo.Lambert(**fields, revolutions=revolutions).plan(START, low).delta_v_m_s)
+        except ScenarioError:  # through the Earth, or no such transfer
+            continue
+    assert chosen == min(each) < 5.0

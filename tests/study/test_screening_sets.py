@@ -13,6 +13,7 @@ from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.several_sets import SeveralSets
 from rso_lidar.orbit.teme import teme
+from rso_lidar.picture.encounters import encounter_figure
 from rso_lidar.study import encounters, scenario_text
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
@@ -225,3 +226,29 @@ def test_real_pairs_against_a_grid_over_their_trajectories(shared, name, followe
         warnings.simplefilter("ignore")
         count, jumps = held_against_the_grid(found, own, objects, start, days * DAY_S, within_m)
     assert count >= least and jumps >= 1
+
+
+def test_a_picture_of_no_encounter_is_not_written_and_that_is_said(tmp_path):
+    from typer.testing import CliRunner
+
+    from rso_lidar.cli.app import app
+    from rso_lidar.shipped import shipped
+
+    place = tmp_path / "none.png"
+    asked = ["encounters", str(shipped("tle/flyby.tle")), "--follower", "99003", "--within", "1m"]
+    done = CliRunner().invoke(app, [*asked, "--start", "2024-09-17T11:00:00Z", "--days", "0.001", "--plot", str(place)])
+    assert done.exit_code == 0
+    assert "no picture written: there is no encounter to draw" in done.output
+    assert not place.exists()
+
+
+def test_the_time_axis_of_the_picture_bears_the_days_of_its_rows():
+    start = np.datetime64("2026-05-07T01:00:00", "ms")
+    for hours, days in (((0, 20), "UTC, 2026-05-07"), ((0, 30), "UTC, 2026-05-07 to 2026-05-08"), ((), "UTC")):
+        times = start + np.array(hours, dtype="timedelta64[h]")
+        some = np.ones(len(hours))
+        figure = encounter_figure(times, 1e3 * some, some, some > 0.0, ["A"] * len(hours), 2e3)
+        figure.draw_without_rendering()
+        axes = figure.axes[0]
+        assert axes.get_xlabel() == days
+        assert axes.xaxis.get_offset_text().get_text() == ""
