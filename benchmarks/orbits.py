@@ -173,12 +173,32 @@ def poses():
     row("closed loop, attitude and PTU, a step of 50 ms", 1e6 * seconds / n, "us", "<= 100")
 
 
+def flown():
+    """One closed-loop step of a follower that a controller pushes: dynamics, truth, PTU and lidar, no flash."""
+    scenario = rl.Scenario.load(Path(__file__).resolve().parents[1] / "examples" / "thrusters.toml")
+    n = 300
+
+    def steps():
+        course = motion.Course(scenario.bodies, scenario.epochs(np.arange(n)), local=False, commanded=True)
+        aim = motion.Aim(None, scenario.lidar.mount, scenario.bodies, *scenario.span, local=False)
+        rng = np.random.default_rng(0)
+        for k in range(n):
+            push = rl.Command(inputs={"follower": (1e-5 * (k % 3), 0.0, 0.0)})
+            aim.at(course.at(k, push if k else None), None, rng)
+
+    seconds, _ = best(steps, 2)
+    row(
+        "closed loop, all the truth of a commanded body, a step", 1e6 * seconds / n, "us", "", "examples/thrusters, 1 s"
+    )
+
+
 def main():
     """Print the table."""
     print(f"orbits and poses; {os.cpu_count()} cores, best of a few")
     sgp4_rates()
     closed_forms()
     poses()
+    flown()
     encounters()
 
 
