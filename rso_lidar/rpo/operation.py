@@ -5,17 +5,23 @@ from __future__ import annotations
 import datetime
 import functools
 from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 
+from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import NotNegative
 from rso_lidar.rpo import hill
-from rso_lidar.rpo.limits import places_within, plan_within
+from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, years
 from rso_lidar.rpo.plan import Plan
 from rso_lidar.rpo.relative import RelativeMotion
+
+_LOOKS = 5  # at a leg, for how far and how fast it goes
+# What says how fast a plan is flown, most telling first
+_PACE = ("times_s", "duration_s", "speed_m_s", "hops", "rate_deg_s", "period_s", "loops", "radial_m", "position_m")
 
 
 class ProximityOperation(RelativeMotion):
@@ -93,3 +99,48 @@ def _too_near(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.n
         f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the sphere of "
         f"{keep_out_m:g} m: go round it, end farther out, or make the sphere smaller"
     )
+
+
+def places_within(operation: Any, mean_motion_rad_s: float) -> None:
+    """Refuse lengths of an operation beyond the radius of the body's orbit, where its rtn axes mean nothing."""
+    radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
+    for name in type(operation).model_fields:
+        if not name.endswith("_m") or name == "keep_out_m" or getattr(operation, name) is None:
+            continue
+        rows = np.array(getattr(operation, name), dtype=float)
+        sizes_m = np.abs(rows) if rows.ndim == 0 else np.sqrt(np.sum(rows * rows, axis=-1))
+        if np.any(sizes_m > radius_m):
+            at = f"{name}[{int(np.argmax(sizes_m > radius_m))}]" if rows.ndim == 2 else name
+            raise ScenarioError(
+                f"{at}: {float(sizes_m.max()) / units.KM:.4g} km is farther than the body is from the Earth's centre, "
+                f"{radius_m / units.KM:.0f} km, and Clohessy-Wiltshire means nothing there: come nearer, or use lambert"
+            )
+
+
+def plan_within(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
+    """Return the plan itself; `ScenarioError`, naming the key that sets its pace, where it is too long, fast or far."""
+    given = type(operation).model_fields
+    key = next((name for name in _PACE if name in given and getattr(operation, name) is not None), plan.name)
+    if not plan.duration_s <= LONGEST_S:
+        raise ScenarioError(
+            f"{key}: the plan takes {years(plan.duration_s)} years, and plans are for up to {years(LONGEST_S)}: "
+            "fly it in less"
+        )
+    speeds_m_s, places_m = [impulse.size_m_s for impulse in plan.impulses], [0.0]
+    for leg, begin_s, end_s in plan.stretches():
+        position, velocity = leg.path(np.linspace(0.0, end_s - begin_s, _LOOKS))
+        speeds_m_s.append(float(np.sqrt(np.sum(velocity * velocity, axis=1).max())))
+        places_m.append(float(np.sqrt(np.sum(position * position, axis=1).max())))
+    if not max(speeds_m_s) <= FASTEST_M_S:
+        raise ScenarioError(
+            f"{key}: the plan needs {max(speeds_m_s):.3g} m/s, faster than bodies pass each other near the Earth, at most "
+            f"{FASTEST_M_S:g} m/s: take longer, or go less far"
+        )
+    radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / plan.mean_motion_rad_s**2))
+    if not far and not max(places_m) <= radius_m:
+        raise ScenarioError(
+            f"{key}: the plan leads {max(places_m) / units.KM:.4g} km away, farther than the body is from the Earth's "
+            f"centre, {radius_m / units.KM:.0f} km, and Clohessy-Wiltshire means nothing there: plan a shorter time, or use "
+            "lambert"
+        )
+    return plan

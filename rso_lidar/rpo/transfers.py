@@ -22,9 +22,9 @@ from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo import hill
-from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait, plan_within
+from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait
 from rso_lidar.rpo.nonlinear import beside, rtn_difference
-from rso_lidar.rpo.operation import ProximityOperation, kept_out
+from rso_lidar.rpo.operation import ProximityOperation, kept_out, plan_within
 from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
 from rso_lidar.rpo.two_impulse import departure_m_s
 
