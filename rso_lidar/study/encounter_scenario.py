@@ -53,7 +53,7 @@ def scenario_text(table: Encounters, number: int) -> str:
     start_utc, duration_s, rate_hz = _time(table, row)
     name = _slug(row)
     pan, pitch, roll = _attitude(table, row)
-    model = _model(row.name)
+    model, why = _model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
         *map(printable, _facts(table, number)),  # names were written by others: a comment stays in its line
@@ -69,7 +69,7 @@ def scenario_text(table: Encounters, number: int) -> str:
         "",
         "[[target]]",
         f"name     = {_quoted(name)}",
-        f"model    = {_quoted(model)}   # assumed from the object's name, and so are size and material: put your own here",
+        f"model    = {_quoted(model)}   # {why}: size and material are no better; put your own here",
         f"motion   = {_motion(row.elements)}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
@@ -203,8 +203,12 @@ def _lidar(table: Encounters) -> str:
     return tomli_w.dumps({"lidar": tree})
 
 
-def _model(name: str) -> str:
-    return next((model for pattern, model in _HINTS if re.search(pattern, name.upper())), "cubesat_3u")
+def _model(name: str) -> tuple[str, str]:
+    """Return a model of the catalogue for an object, and why."""
+    for pattern, model in _HINTS:
+        if re.search(pattern, name.upper()):
+            return model, "guessed from the object's name"
+    return "cubesat_3u", "a stand-in, for nothing in the object's name says what it is"
 
 
 def _slug(row: Encounter) -> str:
