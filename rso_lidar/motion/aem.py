@@ -23,8 +23,8 @@ from rso_lidar.orbit import ccsds
 from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000, known_frame
 from rso_lidar.orbit.epochs import Epochs, utc_text
 from rso_lidar.orbit.oem import EDGE_S
-from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable
-from rso_lidar.part import UNIT_NORM_WITHIN, Part, Text
+from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
+from rso_lidar.part import Part, Text
 from rso_lidar.pose import quaternion_xyzw
 
 _TURN = (("qx", "qy", "qz", "qw"),)
@@ -153,14 +153,7 @@ def _from_csv(text: str, where: str, axes: str) -> TurnArc:
 
 
 def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
-    norms = np.linalg.norm(quaternion, axis=1)
-    wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
-    if len(wrong):
-        k = int(wrong[0])
-        raise ScenarioError(
-            f"{where}: line {lines[k]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it, or correct the row"
-        )
-    return Rotation.from_quat(quaternion)
+    return Rotation.from_quat(unit_quaternions(where, quaternion, lines))
 
 
 def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> TurnArc:

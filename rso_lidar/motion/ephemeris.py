@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,12 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.errors import PropagationError, ScenarioError, did_you_mean
-from rso_lidar.part import GREATEST, UNIT_NORM_WITHIN, Name, Part, Text, Vector
+from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.orbit.timetable import read_timetable, unit_quaternions
+from rso_lidar.part import Name, Part, Text, Vector
 from rso_lidar.shipped import find
 
-PLACE = ("time_s", "x_m", "y_m", "z_m")
+PLACE = ("x_m", "y_m", "z_m")
 TURN = ("qx", "qy", "qz", "qw")
 
 
@@ -93,9 +93,6 @@ class Rows:
     quaternion: np.ndarray | None
 
 
-_SHORTEST_S = 1e-9  # two rows nearer in time make the spline between them run wild
-
-
 def read_table(path: str | Path) -> Rows:
     """Return the rows of a CSV table, checked; what is wrong is a `ScenarioError` that names file and line."""
     path = Path(path)
@@ -116,63 +113,15 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
         text = "\0"
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
-    try:
-        lines = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
-    except csv.Error as error:
-        raise ScenarioError(f"{path}: cannot be read as CSV ({error}): write plain rows of numbers") from None
-    if not lines:
+    if not text.strip():
         raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
-    columns = _columns(f"{path}: line {lines[0][0]}", [cell.strip() for cell in lines[0][1]])
-    if len(lines) < 3:
-        raise ScenarioError(f"{path}: has {len(lines) - 1} rows: a table needs at least two")
-    values = np.array([_numbers(f"{path}: line {number}", cells, columns) for number, cells in lines[1:]])
-    ordered = np.array(values[:, [columns.index(name) for name in PLACE]])
-    steps = np.flatnonzero(np.diff(ordered[:, 0]) < _SHORTEST_S)
-    if len(steps):
+    table = read_timetable(text, str(path), (PLACE, TURN), (PLACE,))
+    if table.start_utc is not None:
         raise ScenarioError(
-            f"{path}: line {lines[int(steps[0]) + 2][0]}: time_s does not grow by 1 ns or more: sort the rows by time"
+            f"{path}: line 1: a table of places counts its rows in time_s: give that column, in seconds"
         )
-    quaternion = None
-    if TURN[0] in columns:
-        quaternion = values[:, [columns.index(name) for name in TURN]]
-        norms = np.linalg.norm(quaternion, axis=1)
-        wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
-        if len(wrong):
-            k = int(wrong[0])
-            raise ScenarioError(
-                f"{path}: line {lines[k + 1][0]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it"
-            )
-    return Rows(ordered[:, 0], ordered[:, 1:], quaternion)
-
-
-def _columns(where: str, header: list[str]) -> list[str]:
-    """Return the header's column names, which must be those of a place, or of a place and a turn."""
-    known = (*PLACE, *TURN)
-    for name in header:
-        if name not in known:
-            guess = did_you_mean(name, known) or f"; known columns: {', '.join(known)}"
-            raise ScenarioError(f"{where}: unknown column '{name}'{guess}")
-        if header.count(name) > 1:
-            raise ScenarioError(f"{where}: column '{name}' stands there twice: remove one")
-    needed = known if any(name in header for name in TURN) else PLACE
-    missing = [name for name in needed if name not in header]
-    if missing:
-        raise ScenarioError(f"{where}: column {', '.join(missing)} is missing: the header names {', '.join(needed)}")
-    return header
-
-
-def _numbers(where: str, cells: list[str], columns: list[str]) -> list[float]:
-    if len(cells) != len(columns):
-        raise ScenarioError(f"{where}: has {len(cells)} cells, the header {len(columns)}: give one for each column")
-    numbers = []
-    for name, cell in zip(columns, cells, strict=True):
-        try:
-            number = float(cell)
-        except ValueError:
-            raise ScenarioError(f"{where}: {name} '{cell.strip()}' is not a number: correct the cell") from None
-        if not np.isfinite(number):
-            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a finite number")
-        if abs(number) > GREATEST:
-            raise ScenarioError(f"{where}: {name} is {cell.strip():.40}: give a number within {GREATEST:g}")
-        numbers.append(number)
-    return numbers
+    position_m, quaternion = table.stack(PLACE), table.stack(TURN)
+    assert position_m is not None
+    if quaternion is not None:
+        quaternion = unit_quaternions(str(path), quaternion, table.lines)
+    return Rows(table.time_s, position_m, quaternion)

@@ -12,6 +12,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.orbit.ccsds import PS_PER_S, growing, instant_ps, number, stamp_ps, start_near
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.part import UNIT_NORM_WITHIN
 
 TIMES = ("time_s", "utc", "epoch")
 
@@ -82,6 +83,18 @@ def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed:
     growing(where, stamps, lines)
     start, time_s = (None, np.array(times)) if times else elapsed_from_ps(stamps)
     return Timetable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
+
+
+def unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
+    """Return quaternions (row, 4) as they are; the first whose norm is not 1 is an error that names its line."""
+    norms = np.linalg.norm(quaternion, axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
+    if len(wrong):
+        k = int(wrong[0])
+        raise ScenarioError(
+            f"{where}: line {lines[k]}: the quaternion's norm is {norms[k]:.6g}, not 1: divide by it, or correct the row"
+        )
+    return quaternion
 
 
 def _time_column(where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> str:
