@@ -10,10 +10,10 @@ import typer
 
 from rso_lidar import units
 from rso_lidar.cli.encounters import instant
+from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.catalog import REGIMES, read_element_sets
-from rso_lidar.picture.output import beside
 from rso_lidar.study.encounters import checked_output, counted
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import orbit, picture
 from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.draft import beside
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.czml import Beam, Moving, packets, thinned, write_czml
 from rso_lidar.motion.aem import write_aem
@@ -20,7 +20,7 @@ from rso_lidar.orbit.earth import itrs_from_gcrs
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.picture.angles import angles_figure, ptu_figure
 from rso_lidar.picture.orbit import inertial_figure
-from rso_lidar.picture.output import FIGURE_SUFFIXES, beside
+from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
@@ -67,13 +67,13 @@ def truth(
         picture.save_figure(_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":
         table = columns(scenario, *course(scenario, frames))
-        _write(output, lambda draft: _csv(draft, table))
+        _csv(output, table)
     else:
         if scenario.local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
             document = _czml(scenario, course(scenario, frames[thinned(frames.size)])[0])
-            _write(output, lambda draft: write_czml(draft, document))
+            write_czml(output, document)
         else:
             _ephemeris(scenario, output, suffix, body, frames)
     typer.echo(f"{output}")
@@ -127,11 +127,6 @@ def _named(name: str, known: list[str]) -> str:
     return name
 
 
-def _write(output: Path, write: Callable[[Path], Any]) -> None:
-    with beside(output) as draft:
-        write(draft)
-
-
 def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
     """Return one of the figures."""
     if kind == "ptu" and scenario.ptu is None:
@@ -171,7 +166,7 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
 
 
 def _csv(path: Path, table: dict[str, np.ndarray]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with beside(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
@@ -209,10 +204,8 @@ def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, 
     name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))
     if suffix == ".oem":
         at, states, breaks_s = burned(scenario, name, place.time_s)
-        with beside(output) as draft:
-            write_oem(draft, name, name, at, states, breaks_s=breaks_s, overwrite=True)
+        write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
         return
     epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)
     turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (place.time_s.size, 3, 3))
-    with beside(output) as draft:
-        write_aem(draft, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
+    write_aem(output, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)

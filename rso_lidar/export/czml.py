@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
 
 MOST_SAMPLES = 2000
@@ -140,14 +141,8 @@ def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]])
     """Return the path of a CZML file, written whole or not at all."""
     place = Path(path)
     text = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    draft = place.with_name(f"{place.name}.part")
-    try:
+    with beside(place) as draft:
         draft.write_text(text, encoding="utf-8")
-        draft.replace(place)
-    except OSError as error:
-        raise RecordingError(f"{place}: cannot be written ({error.strerror}); choose another place") from None
-    finally:
-        draft.unlink(missing_ok=True)
     return place
 
 

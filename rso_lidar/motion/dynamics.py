@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
 
 from rso_lidar.errors import PropagationError, RsoLidarError, ScenarioError, did_you_mean
-from rso_lidar.orbit.integrate import Derivative, Solution
+from rso_lidar.orbit.integrate import Solution
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.shipped import find
 
@@ -89,12 +89,11 @@ class StateSpaceModel(Part):
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
             return np.asarray(function(t + start_s, x, inputs))
 
-        steady: Derivative = derivative
         return Solution(
-            steady,
+            derivative,
             state,
             panel_s=panel_s,
-            rtol=max(self.relative_tolerance, 1e-13),
+            rtol=self.relative_tolerance,
             atol=self.absolute_tolerance,
             name=self.label,
         )

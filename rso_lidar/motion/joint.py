@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, Name, NotNegative, Number, Part, Text, Vector
-from rso_lidar.pose import Link, cross, turned
+from rso_lidar.pose import Link, cross, dot, turned
 
 
 class FixedAngle(Part):
@@ -97,16 +97,10 @@ class Joint(Part):
         x = np.array(law.normal) - axis * (axis @ np.array(law.normal))
         x /= np.linalg.norm(x)
         y = np.cross(axis, x)
-        across, along = _on(to_sun, y), _on(to_sun, x)
+        across, along = dot(to_sun, y), dot(to_sun, x)
         square = across**2 + along**2
-        rate = (along * _on(sun_rate, y) - across * _on(sun_rate, x)) / np.where(square > 1e-12, square, np.inf)
+        rate = (along * dot(sun_rate, y) - across * dot(sun_rate, x)) / np.where(square > 1e-12, square, np.inf)
         return np.where(square > 1e-12, np.arctan2(across, along), 0.0), rate
-
-
-def _on(vectors: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the components (time) of vectors (time, 3) along a direction, epoch by epoch the same bits."""
-    component: np.ndarray = vectors[:, 0] * direction[0] + vectors[:, 1] * direction[1] + vectors[:, 2] * direction[2]
-    return component
 
 
 def sun_in_body(

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, did_you_mean
 from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
 from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
@@ -159,10 +160,8 @@ class Catalog:
             text = "".join(f"{line}\n" for lines in named for line in lines)
         else:
             raise CatalogError(f"{path}: '{suffix}' is no format of catalogues: use .json, .csv or .tle")
-        try:
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise CatalogError(f"{path}: cannot be written: {error.strerror}: choose another place") from None
+        with beside(path) as draft:
+            draft.write_text(text, encoding="utf-8")
 
 
 def _path(path: Any) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit.epochs import TT_MINUS_TAI_S, Epochs
 from rso_lidar.part import GREATEST
@@ -358,15 +359,10 @@ def header(originator: str, created_utc: datetime.datetime | None) -> dict[str, 
 
 
 def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
-    """Write a text and return its path; an existing file is refused without `overwrite`."""
+    """Write a text, whole or not at all, and return its path; an existing file is refused without `overwrite`."""
     path = Path(path)
-    try:
-        with path.open("w" if overwrite else "x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-    except FileExistsError:
-        raise RecordingError(f"{path}: exists already: name another file, or say overwrite=True") from None
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: cannot be written: {error.strerror}: name a file in a folder that exists"
-        ) from None
+    if path.exists() and not overwrite:
+        raise RecordingError(f"{path}: exists already: name another file, or say overwrite=True")
+    with beside(path) as draft:
+        draft.write_text(text, encoding="utf-8", newline="\n")
     return path

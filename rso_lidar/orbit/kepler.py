@@ -21,7 +21,7 @@ from rso_lidar.orbit.elements import Elements, elements
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.universal import inverse_axis, perigee_m, universal
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
-from rso_lidar.pose import turned
+from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
 
 __all__ = [
@@ -182,7 +182,7 @@ def propagate_each(
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     dt = np.broadcast_to(np.asarray(dt_s, dtype=float), len(r))
     positions, velocities, bad = np.empty_like(r), np.empty_like(v), np.zeros(len(r), dtype=bool)
-    alpha = 2.0 / _length(r) - _dot(v, v) / GM
+    alpha = 2.0 / _length(r) - dot(v, v) / GM
     closed = (alpha > 0.0) & (alpha * _perigee_distance(r, v) > _NEAR_PARABOLA)
     rows = np.flatnonzero(closed)
     for k in range(0, len(rows), _BLOCK):
@@ -216,10 +216,10 @@ class _Ellipse:
     def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
         self.r, self.v = r, v
         self.r0 = _length(r)
-        alpha = 2.0 / self.r0 - _dot(v, v) / GM
+        alpha = 2.0 / self.r0 - dot(v, v) / GM
         self.a = 1.0 / alpha
         self.n = np.sqrt(GM * alpha) * alpha
-        self.sigma = _dot(r, v) / math.sqrt(GM)
+        self.sigma = dot(r, v) / math.sqrt(GM)
         self.es = self.sigma * np.sqrt(alpha)  # e sin E0
         # 1 - e cos E0 is r0 / a: what is left of it is exact where it matters
         self.less, self.ec = self.r0 * alpha, 1.0 - self.r0 * alpha
@@ -271,17 +271,12 @@ def _one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndar
 
 
 def _perigee_distance(r: np.ndarray, v: np.ndarray) -> np.ndarray:
-    h2 = _dot(r, r) * _dot(v, v) - _dot(r, v) ** 2
-    e = np.sqrt(np.maximum(1.0 + h2 / GM * (_dot(v, v) / GM - 2.0 / _length(r)), 0.0))
+    h2 = dot(r, r) * dot(v, v) - dot(r, v) ** 2
+    e = np.sqrt(np.maximum(1.0 + h2 / GM * (dot(v, v) / GM - 2.0 / _length(r)), 0.0))
     perigee: np.ndarray = h2 / GM / (1.0 + e)
     return perigee
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    product: np.ndarray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-    return product
-
-
 def _length(a: np.ndarray) -> np.ndarray:
-    length: np.ndarray = np.sqrt(_dot(a, a))
+    length: np.ndarray = np.sqrt(dot(a, a))
     return length

@@ -29,7 +29,7 @@ from rso_lidar.orbit.elements import Elements, cartesian, elements
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.kepler import OrbitElements
 from rso_lidar.orbit.pole import equator_axes
-from rso_lidar.pose import turned
+from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
@@ -109,7 +109,7 @@ def osculating_from_mean(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     position, velocity = conic(mean)
     moved, changed = _short_period(position, velocity)
     position, velocity = position + moved, velocity + changed
-    speed2 = _dot(velocity, velocity)
+    speed2 = dot(velocity, velocity)
     factor = np.sqrt(np.maximum(1.0 + 2.0 * (_mean_energy(mean) - _energy(position, speed2)) / speed2, 0.0))
     return position, velocity * factor[..., None]
 
@@ -127,7 +127,7 @@ def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np
             mean = quasi_nonsingular(r, v)
             got_r, got_v = osculating_from_mean(mean)
             r, v = r + (wanted_r - got_r), v + (wanted_v - got_v)
-            apart = np.sqrt(_dot(wanted_r - got_r, wanted_r - got_r) / _dot(wanted_r, wanted_r))
+            apart = np.sqrt(dot(wanted_r - got_r, wanted_r - got_r) / dot(wanted_r, wanted_r))
         mean = quasi_nonsingular(r, v)
     bad = ~(apart < 1e-9)
     if bad.any():
@@ -199,7 +199,7 @@ def _mean_energy(mean: np.ndarray) -> np.ndarray:
 
 def _energy(position_m: np.ndarray, speed2: np.ndarray) -> np.ndarray:
     """Return the energy [m2/s2] of a state about a point mass with J2."""
-    r2 = _dot(position_m, position_m)
+    r2 = dot(position_m, position_m)
     r = np.sqrt(r2)
     energy: np.ndarray = 0.5 * speed2 - GM / r + GM * _K2 / (r * r2) * (3.0 * position_m[..., 2] ** 2 / r2 - 1.0)
     return energy
@@ -239,8 +239,3 @@ def _generator(x: np.ndarray, y: np.ndarray, z: np.ndarray, u: np.ndarray, v: np
     wave = 0.5 * double + (2.0 / 3.0) * double * ec - other * es / 3.0
     generator: np.ndarray = _K2 * GM * GM / (h2 * h) * ((1.5 * sine2 - 1.0) * (centre + es) - 1.5 * wave)
     return generator
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    product: np.ndarray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-    return product

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.output import beside, checked
+from rso_lidar.picture.output import checked
 from rso_lidar.picture.palette import INK, PAPER, QUIET
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale

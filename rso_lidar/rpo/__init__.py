@@ -8,7 +8,11 @@ from rso_lidar.rpo.nonlinear import Nonlinear
 from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.rpo.plan import Plan
 from rso_lidar.rpo.relative import RelativeMotion
-from rso_lidar.rpo.relative_elements import RelativeElements
+from rso_lidar.rpo.relative_elements import (
+    RelativeElements,
+    relative_elements_from_states,
+    state_from_relative_elements,
+)
 from rso_lidar.rpo.transfers import Hop, Lambert, Rendezvous, Waypoints
 
 __all__ = [
@@ -31,6 +35,8 @@ __all__ = [
     "VBarApproach",
     "Waypoints",
     "YamanakaAnkersen",
+    "relative_elements_from_states",
     "rtn_axes",
     "rtn_matrix",
+    "state_from_relative_elements",
 ]

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar import units
+from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, RecordingError, RsoLidarWarning, ScenarioError, did_you_mean
 from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
-from rso_lidar.picture.output import beside
 from rso_lidar.study.sighting import Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:

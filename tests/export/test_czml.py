@@ -123,5 +123,5 @@ def test_the_file_is_the_document(tmp_path):
     path = write_czml(tmp_path / "pass.czml", made)
     assert json.loads(path.read_text(encoding="utf-8")) == made
     assert [file.name for file in tmp_path.iterdir()] == ["pass.czml"]
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="there is no folder"):
         write_czml(tmp_path / "missing" / "pass.czml", made)

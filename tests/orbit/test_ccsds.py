@@ -113,7 +113,7 @@ def test_an_existing_file_is_kept(tmp_path):
     with pytest.raises(RecordingError, match="exists already"):
         ccsds.write_text(path, "two", overwrite=False)
     assert ccsds.write_text(path, "three", overwrite=True).read_text() == "three"
-    with pytest.raises(RecordingError, match="folder that exists"):
+    with pytest.raises(RecordingError, match="make it first"):
         ccsds.write_text(tmp_path / "no" / "a.oem", "x", overwrite=False)
 
 

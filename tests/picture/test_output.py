@@ -1,9 +1,9 @@
 import pytest
 
-from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.errors import RecordingError
 from rso_lidar.picture import animate, contact_sheet, save_figure, save_frame
 from rso_lidar.picture.figures import new_figure, with_minus
-from rso_lidar.picture.output import beside, checked
+from rso_lidar.picture.output import checked
 
 
 def test_a_bad_path_is_told_before_anything_is_drawn(tmp_path):
@@ -27,25 +27,6 @@ def test_a_bad_path_is_told_before_anything_is_drawn(tmp_path):
         contact_sheet(frames(), tmp_path / "b.png")
 
 
-def test_what_stops_half_way_leaves_the_old_picture(tmp_path):
-    place = tmp_path / "a.png"
-    place.write_text("old")
-
-    def stop(error):
-        with beside(place) as draft:
-            draft.write_text("half")
-            raise error
-
-    with pytest.raises(KeyboardInterrupt):
-        stop(KeyboardInterrupt())
-    with pytest.raises(RunError, match="could not be written: No space left"):
-        stop(OSError(28, "No space left on device"))
-    with pytest.raises(RecordingError, match="may not be written"):
-        stop(PermissionError(13, "Permission denied"))
-    assert place.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
-
-
 @pytest.mark.parametrize(
     ("suffix", "head"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml"), (".PNG", b"\x89PNG")]
 )
@@ -66,31 +47,3 @@ def test_checked_gives_a_path(tmp_path):
 
 def test_numbers_get_a_true_minus():
     assert with_minus("-3.0") == "−3.0"
-
-
-def test_a_draft_is_nobody_elses_file(tmp_path):
-    place = tmp_path / "a.png"
-    own = [tmp_path / "a.part.png", tmp_path / "a.part1.png"]
-    for path in own:
-        path.write_text("mine")
-    with beside(place) as draft:
-        assert draft.suffix == ".png"
-        assert draft not in own
-        with beside(place) as another:  # at the same time
-            assert another not in (draft, *own)
-            another.write_text("second")
-        draft.write_text("first")
-    assert place.read_text() == "first"
-    assert [path.read_text() for path in own] == ["mine", "mine"]
-    with pytest.raises(RunError, match="could not be written"), beside(tmp_path / "none" / "a.png"):
-        raise AssertionError("begun")
-    assert len(list(tmp_path.iterdir())) == 3
-
-
-def test_a_folder_that_may_not_be_written_is_told(tmp_path, monkeypatch):
-    def refused(path, *_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("pathlib.Path.open", refused)
-    with pytest.raises(RecordingError, match="may not be written"), beside(tmp_path / "a.png"):
-        raise AssertionError("begun")
