@@ -127,13 +127,14 @@ class Truth:
 class Extent(Record):
     """Where each target can be seen, as bounds in the tangent plane z = 1 of the lidar; empty where low > high.
 
-    `outlines` are the corners (corner, right_down) of each target's convex outline there, in order around it; None where
-    the target reaches behind the lidar, or is not seen at all. Without outlines the bounds stand alone.
+    `outlines` are, for each target, the corners (corner, right_down) of convex outlines there, in order around them, that
+    together cover all that can be seen of it; None where the target reaches behind the lidar, or is not seen at all.
+    Without outlines the bounds stand alone.
     """
 
     low: np.ndarray = array("target right_down", "f8", "1", "least x/z and y/z of the target in lidar axes")
     high: np.ndarray = array("target right_down", "f8", "1", "greatest x/z and y/z of the target in lidar axes")
-    outlines: tuple[np.ndarray | None, ...] | None = None
+    outlines: tuple[tuple[np.ndarray, ...] | None, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -292,6 +292,9 @@ class Recorder:
         for path, entry in entries.items():
             dataset, kind, shape = self._columns[path]
             dataset.set_extent((count, *shape))
+            if self._variables[path].is_image:  # a chunk of its own
+                dataset.write_direct_chunk((self.written, *(0 for _ in shape)), datasets.squeezed(entry))
+                continue
             memory, place = self._spaces[shape]
             dataset.write(memory, place, entry, kind)
 
