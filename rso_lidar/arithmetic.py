@@ -5,11 +5,15 @@ that do what the NumPy in ``x.py`` does. NumPy is the reference: tests compare t
 Where both give the same numbers to rounding, and noise of the same statistics, a recording's versions name the path.
 """
 
+import inspect
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar
+
+import numpy as np
 
 from rso_lidar.errors import RsoLidarError, warn
 
@@ -17,7 +21,6 @@ VARIABLE = "RSO_LIDAR_ARITHMETIC"
 CHOICES = ("numba", "numpy")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-_chosen: str | None = None
 
 
 def compiled() -> bool:
@@ -27,7 +30,7 @@ def compiled() -> bool:
 
 def chosen() -> str:
     """Return the arithmetic asked for, "numba" or "numpy"."""
-    asked = _chosen or os.environ.get(VARIABLE) or CHOICES[0]
+    asked = os.environ.get(VARIABLE) or CHOICES[0]
     if asked not in CHOICES:
         raise RsoLidarError(f"{VARIABLE}: unknown arithmetic '{asked}'; known: {', '.join(CHOICES)}")
     return asked
@@ -40,14 +43,16 @@ def name() -> str:
 
 @contextmanager
 def using(arithmetic: str) -> Iterator[None]:
-    """Run what stands inside on "numba" or "numpy", in all threads of this process."""
-    global _chosen  # noqa: PLW0603  # one choice for the whole process: a frame is not made half by each
-    before, _chosen = _chosen, arithmetic
+    """Run what stands inside on "numba" or "numpy", in all threads of this process and in processes that it starts."""
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = arithmetic
     try:
         chosen()
         yield
     finally:
-        _chosen = before
+        del os.environ[VARIABLE]
+        if before is not None:
+            os.environ[VARIABLE] = before
 
 
 def loop(function: _Function) -> _Function:
@@ -57,10 +62,28 @@ def loop(function: _Function) -> _Function:
     """
     import numba
 
+    made: Any
     try:
-        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+        made = numba.njit(nogil=True, cache=True, error_model="numpy")(function)
     except RuntimeError:  # no folder where the machine code could be kept: it is made anew in each process
-        return numba.njit(nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+        made = numba.njit(nogil=True, error_model="numpy")(function)
+    with suppress(AttributeError):  # numba itself looks at the function's own file only, not at what that imports
+        made._cache._cache_file._source_stamp = _state_of(Path(inspect.getfile(function)).parent)
+    return made  # type: ignore[no-any-return]
+
+
+def packed(values: np.ndarray, dtype: Any = None) -> np.ndarray:
+    """Return values contiguous and read-only: a loop is compiled once for each combination of those."""
+    whole = np.ascontiguousarray(values, dtype).view()
+    whole.setflags(write=False)
+    return whole
+
+
+@lru_cache(maxsize=16)
+def _state_of(room: Path) -> list[tuple[str, int, int]]:
+    """Return what changes when a module of a room does: machine code kept from before is then of no use."""
+    modules = [(path.name, path.stat()) for path in sorted(room.glob("*.py"))]
+    return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in modules]
 
 
 @lru_cache(maxsize=1)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,15 +28,21 @@ def array(dims: str, dtype: str, unit: str, meaning: str, *, optional: bool = Fa
     return dataclasses.field(default=None, metadata=metadata) if optional else dataclasses.field(metadata=metadata)
 
 
-def specs(record: type) -> dict[str, ArraySpec]:
+_specs: dict[type, Mapping[str, ArraySpec]] = {}
+
+
+def specs(record: type) -> Mapping[str, ArraySpec]:
     """Return what each array field of a record class is, by name, in order."""
-    return {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
+    if record not in _specs:
+        found = {f.name: f.metadata["array"] for f in dataclasses.fields(record) if "array" in f.metadata}
+        _specs[record] = MappingProxyType(found)
+    return _specs[record]
 
 
 def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
     """Return a view of values that cannot be written to."""
-    view = np.asarray(values).astype(dtype, copy=False).view()
-    view.flags.writeable = False
+    view = np.asarray(values, dtype).view()
+    view.setflags(write=False)
     return view
 
 

@@ -4,14 +4,17 @@ import operator
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.errors import ScenarioError
-from rso_lidar.records import Command, Frame, Observation, Record, Truth
+from rso_lidar.processes import Processes
+from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
 from rso_lidar.scenario import Lidar, Scenario
 
 Controller = Callable[[Observation], Command | None]
@@ -26,6 +29,7 @@ def simulate(
     *,
     frames: slice | Iterable[int] | None = None,
     threads: int | None = None,
+    workers: int | None = None,
     keep: Iterable[str] = (),
 ) -> Iterator[Frame]:
     """Yield one Frame per laser flash.
@@ -37,19 +41,24 @@ def simulate(
     frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
         only, so it may not be combined with a controller, which depends on history.
     threads : how many threads work at once (None: one for each core); it does not change a bit.
+    workers : how many processes make frames at once, in place of threads, where many cores wait; a script that asks for
+        them keeps its own work under ``if __name__ == "__main__":``. It does not change a bit either.
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, waveforms, oversampled.
     """
     kept = _known(keep, scenario)
-    if threads is not None and (not isinstance(threads, int) or threads < 1):
-        raise ScenarioError(
-            f"threads: needs a whole number from 1, not {threads!r}; leave it out for one for each core"
-        )
+    for name, count in (("threads", threads), ("workers", workers)):
+        if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
+            raise ScenarioError(f"{name}: needs a whole number from 1, not {count!r}; or leave it out")
+    if threads is not None and workers is not None:
+        raise ScenarioError("simulate: frames are made by threads or by workers; leave out one")
     numbers = frame_numbers(scenario, frames)
     if controller is not None and not callable(controller):
         raise ScenarioError(f"simulate: a controller is called with each Observation; {controller!r:.60} cannot be")
     if controller is not None and frames is not None:
         raise ScenarioError("simulate: frames depend on history with a controller; leave out frames or the controller")
-    return _fly(scenario, controller, numbers, threads, kept)
+    if controller is not None and workers is not None:
+        raise ScenarioError("simulate: under a controller each frame waits for the one before; leave out workers")
+    return _fly(scenario, controller, numbers, threads, workers, kept)
 
 
 def _fly(
@@ -57,6 +66,7 @@ def _fly(
     controller: Controller | None,
     numbers: np.ndarray,
     threads: int | None,
+    workers: int | None,
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
     _ = scenario.surfaces, scenario.source, scenario.instrument  # worked out once, before workers share them
@@ -67,22 +77,47 @@ def _fly(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )
     # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
-    ahead, bands = (0, threads) if controller else (threads or os.cpu_count() or 1, 1)
-    made: deque[Future[Frame]] = deque()
+    threads = threads or os.cpu_count() or 1
+    at_once, bands = (1, threads) if controller else (workers or threads, 1)
+    ahead = 0 if controller else 2 * workers if workers else threads
+    made: deque[Callable[[], Frame]] = deque()
     command: Command | None = None
-    with ThreadPoolExecutor(max(1, ahead), thread_name_prefix="flash") as workers:
+    with _side_by_side(scenario, at_once, in_processes=workers is not None) as begin:
         for row, k in enumerate(numbers.tolist()):
             truth = aim.at(course.at(row, command), command, scenario.rng(k, POINTING))
             lidar = scenario.instrument.at(truth.time_s, command)
-            rng = scenario.rng(k, DETECTION)
-            made.append(workers.submit(flash, scenario, truth, rng, bands, lidar=lidar, index=k, keep=keep))
+            made.append(begin(truth, scenario.rng(k, DETECTION), bands, lidar=lidar, index=k, keep=keep))
             if len(made) <= ahead:
                 continue
-            frame = made.popleft().result()
+            frame = made.popleft()()
             yield frame
             command = _command(controller, frame, scenario) if controller else None
         while made:
-            yield made.popleft().result()
+            yield made.popleft()()
+
+
+@contextmanager
+def _side_by_side(
+    scenario: Scenario, count: int, *, in_processes: bool
+) -> Iterator[Callable[..., Callable[[], Frame]]]:
+    """Hand out what begins a flash, called like `flash` but for the scenario, and returns what waits for its frame."""
+    if not in_processes:
+        with ThreadPoolExecutor(count, thread_name_prefix="flash") as threads:
+            yield lambda *given, **chosen: threads.submit(flash, scenario, *given, **chosen).result
+        return
+    with Processes(count, partial(_exposed, scenario)) as processes:
+
+        def begin(truth: Truth, *given: Any, lidar: Lidar, index: int, **chosen: Any) -> Callable[[], Frame]:
+            future = processes.submit(truth, *given, lidar=lidar, index=index, **chosen)
+            return lambda: _framed(scenario, truth, lidar, index, *processes.result(future))
+
+        yield begin
+
+
+def _exposed(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
+    """Return what a frame alone holds: the rest need not travel from process to process."""
+    frame = flash(*given, **chosen)
+    return frame.observation.reading, frame.labels, dict(frame.kept)
 
 
 def _command(controller: Controller, frame: Frame, scenario: Scenario) -> Command | None:
@@ -128,12 +163,25 @@ def flash(
     photons = optics.collect(hits, laser, receiver, late_s)
     reading, waveforms = detector.detect(photons, lidar.detector, rng)
     labels = scene.label(hits, photons, lidar.max_returns)
-    measured = truth.pointing.measured_rad if truth.pointing else None
-    observation = Observation(truth.time_s, reading, lidar.settings, receiver.line_of_sight, measured)
     made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons, "waveforms": waveforms}
     if "oversampled" in keep:
         made["oversampled"] = optics.oversampled(hits, laser, receiver)
     kept = {name: record for name in keep if (record := made[name]) is not None}
+    return _framed(scenario, truth, lidar, index, reading, labels, kept)
+
+
+def _framed(
+    scenario: Scenario,
+    truth: Truth,
+    lidar: Lidar,
+    index: int,
+    reading: Reading,
+    labels: Labels,
+    kept: dict[str, Record],
+) -> Frame:
+    """Return a frame of what the sensor said and what was there, with all that it could know and where it comes from."""
+    measured = truth.pointing.measured_rad if truth.pointing else None
+    observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
     return Frame(index, observation, labels, truth, scenario.source, kept)
 
 

@@ -34,6 +34,10 @@ def run(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, max=256, help="Threads; changes no result.")
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, max=256, help="Processes in place of threads; changes no result."),
+    ] = None,
     settings: Settings = None,
     keep: Annotated[
         str | None,
@@ -49,6 +53,8 @@ def run(
     scenario = Scenario.load(file, changes)
     numbers = frame_numbers(scenario, _choice(frames))
     kept = _kept(keep)
+    if threads is not None and workers is not None:
+        raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
     if resume and not overwrite and _complete(output, scenario, numbers, kept):
         typer.echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
@@ -57,7 +63,8 @@ def run(
     chosen = "" if whole else " ".join(map(str, numbers.tolist()))
     if kept:
         chosen += " keep " + ",".join(sorted(kept))
-    identity = export.run_id(scenario.source, chosen, importlib.metadata.version("rso-lidar"))
+    made_by = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
+    identity = export.run_id(scenario.source, chosen, " ".join(made_by))
     tally = Tally()
     done = 0
     with export.Recorder(
@@ -73,7 +80,8 @@ def run(
             typer.echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
             with progress(len(numbers), done) as bar:
-                for frame in simulate(scenario, frames=numbers[done:].tolist(), threads=threads, keep=kept):
+                left = numbers[done:].tolist()
+                for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
                     recorder.write(frame)
                     tally.add(frame)
                     bar.advance()

@@ -9,6 +9,7 @@ import platform
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rso_lidar import arithmetic
 from rso_lidar.errors import warn
 from rso_lidar.motion.dynamics import in_words
 from rso_lidar.orbit import Tle, utc_text
@@ -32,7 +33,8 @@ def source_of(scenario: Scenario) -> Source:
         start_utc=utc_text(scenario.time.start_utc, 0.0),
         seed=scenario.seed,
         versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
-        | {name: importlib.metadata.version(name) for name in _LIBRARIES},
+        | {name: importlib.metadata.version(name) for name in _LIBRARIES}
+        | {"arithmetic": arithmetic.name()},
         targets=tuple(
             TargetEntry(
                 name=target.name,

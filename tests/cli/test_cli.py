@@ -85,6 +85,12 @@ def test_run_info_plot_animate(call, scenario, tmp_path):
         assert (tmp_path / name).stat().st_size > 1000
 
 
+def test_workers_write_the_same_bytes(call, scenario, tmp_path):
+    call("run", scenario, "-o", tmp_path / "a.h5", "--threads", 1)
+    call("run", scenario, "-o", tmp_path / "b.h5", "--workers", 2)
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
 def test_frames_seed_and_set(call, scenario, tmp_path):
     call("run", scenario, "-o", tmp_path / "a.h5")
     call("run", scenario, "-o", tmp_path / "b.h5", "--frames", "4:7", "--threads", 1)
@@ -138,6 +144,8 @@ def test_a_run_that_is_complete_has_nothing_to_resume(call, scenario, tmp_path):
         (("run", "{scenario}", "-o", "{folder}/x.h5", "--frames", "a:b"), "A:B"),
         (("run", "{scenario}", "-o", "{folder}/x.h5", "--frames", "20:30"), "0 to 9"),
         (("run", "{scenario}", "-o", "{folder}/x.h5", "--threads", "0"), "--threads"),
+        (("run", "{scenario}", "-o", "{folder}/x.h5", "--workers", "0"), "--workers"),
+        (("run", "{scenario}", "-o", "{folder}/x.h5", "--workers", "2", "--threads", "2"), "leave out one"),
         (("run", "{scenario}", "-o", "{folder}/x.h5", "--set", "lidar.laser.energy_mj=-1"), "energy_mj"),
         (("check", "{folder}/none.toml"), "no such file"),
         (("info", "{folder}/none.h5"), "no such file"),

@@ -1,0 +1,90 @@
+"""One function called in several processes, with what all calls share sent to each of them once."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future
+from types import TracebackType
+from typing import Any, Self
+
+from rso_lidar.errors import RunError, ScenarioError
+
+_work: Callable[..., Any]  # in a worker: the function that it is there for
+
+
+class Processes:
+    """A pool of fresh processes that each hold one function; a context manager.
+
+    The function, and what it holds, must be picklable. A script that starts processes keeps its own work under
+    ``if __name__ == "__main__":``, for each of them reads the script's definitions.
+    """
+
+    def __init__(self, count: int, function: Callable[..., Any]) -> None:
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
+        try:
+            sent = pickle.dumps(function, protocol=pickle.HIGHEST_PROTOCOL)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ScenarioError(
+                f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
+                "leave out workers"
+            ) from None
+        fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
+        self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(sent,))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
+        """Return the future result of the function, called with what is given."""
+        try:
+            return self._pool.submit(_call, *given, **chosen)
+        except BrokenExecutor as error:
+            raise _lost() from error
+
+    @staticmethod
+    def result(future: Future[Any]) -> Any:
+        """Return a result once it is there, or raise what the call raised; `RunError` where its process is gone."""
+        try:
+            return future.result()
+        except BrokenExecutor as error:
+            raise _lost() from error
+
+
+def _lost() -> RunError:
+    return RunError(
+        "workers: a process ended before its frame was made; there may be too little memory for so many: take fewer "
+        '(a script that starts them needs `if __name__ == "__main__":` about its own work)'
+    )
+
+
+def _begin(sent: bytes) -> None:
+    """Make a process ready for calls."""
+    import multiprocessing
+
+    global _work  # noqa: PLW0603  # a process is there for one function
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it decides when it ends
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    _work = pickle.loads(sent)
+
+
+def _end_with(parent: Any) -> None:
+    """End this process when its parent has ended, however that did."""
+    parent.join()
+    os._exit(1)
+
+
+def _call(*given: Any, **chosen: Any) -> Any:
+    return _work(*given, **chosen)

@@ -1,0 +1,151 @@
+"""Frames made in other processes: the same bits, bad calls told, and nobody left behind."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.processes import Processes
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    settings = ("lidar.receiver.n_rows=32", "lidar.receiver.n_cols=32", "time.frame_rate_hz=0.01")
+    return rl.Scenario.load("examples/tdrs_approach.toml", settings)
+
+
+def test_workers_make_the_same_frames_as_threads(scenario):
+    alone = list(rl.simulate(scenario, threads=1, frames=range(20, 27), keep=("photons", "waveforms")))
+    found = list(rl.simulate(scenario, workers=2, frames=range(20, 27), keep=("photons", "waveforms")))
+    assert [frame.index for frame in found] == list(range(20, 27))
+    for one, other in zip(alone, found, strict=True):
+        assert one.range_m.tobytes() == other.range_m.tobytes()
+        assert one.intensity_counts.tobytes() == other.intensity_counts.tobytes()
+        assert one.labels.range_m.tobytes() == other.labels.range_m.tobytes()
+        assert one.truth.pointing.measured_rad.tobytes() == other.truth.pointing.measured_rad.tobytes()
+        assert other.line_of_sight is found[0].line_of_sight  # not a copy for each frame
+        assert other.source is scenario.source
+        np.testing.assert_array_equal(one.kept["photons"].photons, other.kept["photons"].photons)
+        np.testing.assert_array_equal(one.kept["waveforms"].samples_counts, other.kept["waveforms"].samples_counts)
+
+
+def test_a_zoom_and_a_plan_travel_to_the_workers(text):
+    scenario = rl.Scenario.loads(text).replace(seed=3)
+    schedule = {"time_s": [0.0, 1.0], "focal_length_mm": [60.0, 120.0]}
+    lidar = scenario.lidar
+    lidar = lidar.replace(receiver=lidar.receiver.replace(fov_deg=None, focal_length_mm=60.0), schedule=schedule)
+    scenario = scenario.replace(lidar=lidar)
+    pairs = zip(rl.simulate(scenario, threads=1), rl.simulate(scenario, workers=1), strict=True)
+    for one, other in pairs:
+        assert one.range_m.tobytes() == other.range_m.tobytes()
+        assert one.line_of_sight.tobytes() == other.line_of_sight.tobytes()
+        assert dict(one.observation.settings) == dict(other.observation.settings)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"workers": 0}, "workers: needs a whole number from 1, not 0"),
+        ({"workers": 2.0}, "workers: needs a whole number"),
+        ({"workers": True}, "workers: needs a whole number"),
+        ({"threads": -1}, "threads: needs a whole number"),
+        ({"workers": 2, "threads": 2}, "threads or by workers"),
+        ({"workers": 2, "controller": lambda observation: None}, "leave out workers"),
+    ],
+)
+def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, words):
+    with pytest.raises(ScenarioError, match=words):
+        rl.simulate(scenario, **asked)
+
+
+def test_what_cannot_be_sent_is_named():
+    with pytest.raises(ScenarioError, match="workers: the scenario cannot be sent to other processes"):
+        Processes(1, lambda: 0)
+
+
+def fails(scenario_error):
+    if scenario_error:
+        raise ScenarioError("tdrs: gone; look elsewhere")
+    os._exit(3)
+
+
+def test_an_error_in_a_worker_comes_back_as_it_is():
+    with Processes(1, fails) as processes, pytest.raises(ScenarioError, match=r"^tdrs: gone; look elsewhere$"):
+        processes.result(processes.submit(True))
+
+
+def test_a_worker_that_dies_is_told_in_one_line():
+    with Processes(1, fails) as processes:
+        with pytest.raises(RunError, match="workers: a process ended before its frame was made"):
+            processes.result(processes.submit(False))
+        with pytest.raises(RunError, match="workers: a process ended"):
+            processes.submit(True)
+
+
+def test_leaving_early_ends_the_workers(scenario):
+    frames = rl.simulate(scenario, workers=2)
+    next(frames)
+    frames.close()  # returns once they have ended
+    assert not [child for child in _children(os.getpid()) if "spawn_main" in _command(child)]
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="looks for processes in /proc")
+def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
+    script = tmp_path / "long.py"
+    script.write_text(
+        textwrap.dedent(
+            """
+            import time
+            from functools import partial
+            from rso_lidar.processes import Processes
+
+            if __name__ == "__main__":
+                with Processes(2, partial(time.sleep, 600)) as processes:
+                    waiting = [processes.submit() for _ in range(2)]
+                    print("started", flush=True)
+                    processes.result(waiting[0])
+            """
+        )
+    )
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout.readline() == "started\n"
+        deadline = time.monotonic() + 60.0
+        while len(children := _children(parent.pid)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    while any(Path(f"/proc/{child}").exists() for child in children) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [child for child in children if Path(f"/proc/{child}").exists()]
+
+
+def _children(pid):
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if int((entry / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
+                found.append(int(entry.name))
+    return found
+
+
+def _command(pid):
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    return ""
+
+
+def test_the_arithmetic_travels_along(scenario):
+    from rso_lidar import arithmetic
+
+    with arithmetic.using("numpy"), Processes(1, arithmetic.chosen) as processes:
+        assert processes.result(processes.submit()) == "numpy"
