@@ -1,6 +1,7 @@
 """Sunlight in the receiver's band: the spectrum of the Sun above the atmosphere, about the lasers' wavelengths."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -37,6 +38,7 @@ def _black_body(wavelength_m: float) -> float:
     return radiance * _SUN_SOLID_ANGLE_SR * units.UM
 
 
+@lru_cache(maxsize=64)
 def sun_photons_per_s_m2(wavelength_m: float, width_m: float) -> float:
     """Return the Sun's photons in a band `width_m` wide about `wavelength_m`, a second and square metre across its rays."""
     return sun_irradiance_w_m2_um(wavelength_m) * (width_m / units.UM) / units.photon_energy_j(wavelength_m)

@@ -62,7 +62,7 @@ class Laser(Part):
         """Return the vacuum wavelength [m]."""
         return self.wavelength_nm * units.NM
 
-    @property
+    @cached_property
     def photons(self) -> float:
         """Return how many photons one pulse holds (the seed's E_tx in photons)."""
         return self.energy_mj * units.MJ / units.photon_energy_j(self.wavelength_m)
@@ -73,7 +73,7 @@ class Laser(Part):
         if self.pulse_shape != "measured":
             return self.pulse_fwhm_ns * units.NS
         assert self.pulse_file is not None
-        return full_width_s(*read_pulse(self.pulse_file))
+        return _measured_width_s(*stamp(self.pulse_file))
 
     @property
     def pulse(self) -> tuple[float, np.ndarray]:
@@ -102,7 +102,7 @@ class Laser(Part):
         """Return the full angle of the beam [rad]."""
         return self.divergence_deg * units.DEG
 
-    @property
+    @cached_property
     def half_width_tangent(self) -> float:
         """Return tan(θ/2): half the footprint's width in the tangent plane at unit distance."""
         return math.tan(0.5 * self.divergence_rad)
@@ -127,14 +127,19 @@ class Laser(Part):
         >>> float(laser.density(0.0, 0.0) * (2 * laser.half_width_tangent) ** 2 / laser.photons)
         1.0
         """
-        t2 = self.half_width_tangent**2
         if self.footprint == "pattern":
             return self._pattern_density(x, y)
         if self.footprint == "gaussian":
-            bell: np.ndarray = 2.0 * self.photons / (math.pi * t2) * np.exp(-2.0 * (x * x + y * y) / t2)
+            bell: np.ndarray = self.density_on_axis * np.exp(-2.0 * (x * x + y * y) / self.half_width_tangent**2)
             return bell
-        area = {"square": 4.0 * t2, "circle": math.pi * t2, "as_printed": t2}[self.footprint]
-        return np.where(self.lit(x, y), self.photons / area, 0.0)
+        return np.where(self.lit(x, y), self.density_on_axis, 0.0)
+
+    @cached_property
+    def density_on_axis(self) -> float:
+        """Return photons per unit area of the tangent plane in the middle of the beam; for a ``pattern``, its mean."""
+        t2 = self.half_width_tangent**2
+        area = {"square": 4.0 * t2, "circle": math.pi * t2, "gaussian": 0.5 * math.pi * t2, "as_printed": t2}
+        return self.photons / area.get(self.footprint, 4.0 * t2)
 
     def _pattern_density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the density of a measured pattern, constant over each of its cells."""
@@ -162,6 +167,11 @@ def _taps(fwhm_s: float, order: float) -> tuple[float, np.ndarray]:
     power /= power.sum() * step_s
     power.flags.writeable = False
     return step_s, power
+
+
+@lru_cache(maxsize=16)
+def _measured_width_s(file: str, _modified_ns: int, _size: int) -> float:
+    return full_width_s(*read_pulse(file))
 
 
 @lru_cache(maxsize=16)

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.psf import FieldDependentPsf, pixel_shares, reach_of
 from rso_lidar.optics.receiver import Receiver
@@ -46,6 +47,8 @@ def blurred(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float, p
     if not len(light.pixel):
         return light
     sub = _sub(hits)
+    if compiled():
+        return _blurred_by_loops(hits, light, receiver, wavelength_m, pulse_fwhm_s, sub)
     place = _place_in_pixel(hits, receiver, sub)[light.hit]
     group = _groups(light, _BIN_FWHM * pulse_fwhm_s)
     zone = np.zeros(len(light.pixel), np.int64)
@@ -60,6 +63,80 @@ def blurred(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float, p
     made = Light(*(np.concatenate([getattr(part, name) for part in parts]) for name in Light.__dataclass_fields__))
     order = np.lexsort((made.delay_s, made.pixel))
     return made.only(order)
+
+
+def _blurred_by_loops(
+    hits: Hits, light: Light, receiver: Receiver, wavelength_m: float, pulse_fwhm_s: float, sub: int
+) -> Light:
+    """Return what `blurred` does: same light, same order."""
+    from rso_lidar.optics.lens_loops import gathered, grouped, places, spread
+
+    n_rows, n_cols = receiver.shape
+    if receiver.distortion is None:
+        x, y, z = map(packed, hits.rays.direction.T)
+        place = places(packed(hits.ray), x, y, z, receiver.pixel_tangent, n_rows, n_cols, sub)
+    else:
+        place = _place_in_pixel(hits, receiver, sub)
+    zones = _ZONES if isinstance(receiver.psf, FieldDependentPsf) else 1
+    zone_of = np.arange(n_rows)[:, None] * zones // n_rows * zones + np.arange(n_cols) * zones // n_cols
+    zone_of_light = zone_of.ravel()[light.pixel] if zones > 1 else np.zeros(1, np.int64)
+    numbers = np.unique(zone_of_light)
+    cores, fars = _cores_and_fars(receiver, wavelength_m, sub, tuple(numbers.tolist()))
+    number = np.zeros(zones * zones, np.int64)
+    number[numbers] = np.arange(len(numbers))
+    pixel, delay_s, light_photons, spread_s, modes, hit = (
+        packed(getattr(light, name)) for name in Light.__dataclass_fields__
+    )
+    order, starts = grouped(pixel, delay_s, _BIN_FWHM * pulse_fwhm_s)
+    at, brightest, width_s, away, near = spread(
+        pixel,
+        delay_s,
+        light_photons,
+        spread_s,
+        modes,
+        hit,
+        order,
+        starts,
+        place,
+        number,
+        zones,
+        cores,
+        n_rows,
+        n_cols,
+        _LEAST_PHOTONS,
+    )
+    photons, mean_s, _ = (values[:, near[0].shape[1] // 2] for values in near)
+    cast = [Light(*(np.zeros(0, values.dtype) for values in (at, mean_s, photons, width_s, away, brightest)))]
+    for zone, far in enumerate(fars):
+        if far is None:
+            continue
+        of = np.flatnonzero(number[zone_of.ravel()[at]] == zone)
+        sources = Light(at[of], mean_s[of], away[of], width_s[of], np.zeros(len(of)), brightest[of])
+        parts, stays = _far_light(sources, far, receiver, _SLAB_FWHM * pulse_fwhm_s)
+        photons[of] += stays
+        cast += parts
+    far_light = [
+        np.concatenate([getattr(part, name) for part in cast]).astype(getattr(cast[0], name).dtype)
+        for name in Light.__dataclass_fields__
+    ]
+    return Light(*gathered(at, brightest, width_s, near, tuple(far_light), n_rows, n_cols))  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=64)
+def _cores_and_fars(
+    receiver: Receiver, wavelength_m: float, sub: int, zones: tuple[int, ...]
+) -> tuple[np.ndarray, tuple[np.ndarray | None, ...]]:
+    """Return the shares near a ray's pixel (zone, sub-cell, offset), and how what goes farther is distributed (zone).
+
+    Cores that reach differently far become equally wide: what one does not reach gets nothing.
+    """
+    pairs = [_core_and_far(_zone_shares(receiver, wavelength_m, sub, zone)) for zone in zones]
+    widest = max(core.shape[-1] for core, _ in pairs)
+    cores = np.zeros((len(pairs), sub * sub, widest, widest))
+    for zone, (core, _) in enumerate(pairs):
+        edge = (widest - core.shape[-1]) // 2
+        cores[zone, :, edge : widest - edge, edge : widest - edge] = core.reshape(sub * sub, *core.shape[2:])
+    return packed(cores.reshape(len(pairs), sub * sub, -1)), tuple(far for _, far in pairs)
 
 
 @dataclass(frozen=True, eq=False)

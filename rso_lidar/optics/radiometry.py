@@ -3,11 +3,14 @@
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.optics.background import sun_photons_per_s_m2
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens import Light, blurred
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits, Photons
+
+FOOTPRINTS = {"square": 0, "as_printed": 0, "circle": 1, "gaussian": 2}  # that a loop knows, by its numbers for them
 
 
 def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
@@ -21,27 +24,10 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
     A laser beside the lens lights a facet from its own place: with R′ and θ′ from there, R becomes R′ and cos θ becomes
     cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts sees the solid angle that its pixels have.
     """
-    x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
-    seen = hits.weight
-    if receiver.distortion is not None:
-        seen = seen * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
-    gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
-    if laser.offset is None:
-        density = laser.density(x / cos_axis, y / cos_axis)
-        photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * cos_axis / hits.range_m**2 * gathered
-        path_m = 2.0 * hits.range_m
-    else:
-        density, laser_range_m = _from_aside(hits, laser, x, y, cos_axis)
-        photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * cos_axis**4 / laser_range_m**2 * gathered
-        path_m = hits.range_m + laser_range_m
-    delay_s = path_m / units.SPEED_OF_LIGHT_M_S
-    solid_angle_sr = seen * (receiver.pixel_tangent**2 * cos_axis * cos_axis * cos_axis)
-    spread_s = _depth_spread_s(hits, 0.5 * path_m, receiver)
-    cells = solid_angle_sr * receiver.aperture_area_m2 / laser.wavelength_m**2
-    light = Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32))
-    filled = None
+    light, lit = (_looped if _plain(laser) else _returned)(hits, laser, receiver)
+    filled, background = None, _background(hits, light, laser, receiver)
     if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet what is not lit
-        light = light.only(np.flatnonzero((density > 0.0) & (hits.cos_incidence > 0.0)))
+        light = light if lit.all() else light.only(np.flatnonzero(lit))
         n_pixels = receiver.n_rows * receiver.n_cols
         filled = np.bincount(light.pixel, hits.weight[light.hit], n_pixels).reshape(receiver.shape)
     if receiver.psf is not None:
@@ -63,8 +49,74 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
         cluster=cluster,
         cluster_pixel=cluster_pixel,
         filled_fraction=filled,
-        background_photons_per_s=_background(hits, laser, receiver, solid_angle_sr * cos_axis),
+        background_photons_per_s=background,
     )
+
+
+def _plain(laser: Laser) -> bool:
+    """Return whether a loop works out the light of this laser: it stands in the lens, and its beam has a formula."""
+    return compiled() and laser.offset is None and laser.footprint in FOOTPRINTS
+
+
+def _looped(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
+    """Return the light of each hit, and which hits are lit, as `_returned` does."""
+    from rso_lidar.optics.radiometry_loops import returned
+
+    seen = hits.weight
+    if receiver.distortion is not None:
+        toward = hits.rays.direction[hits.ray]
+        seen = seen * receiver.distortion.area_seen(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
+    x, y, z = hits.rays.direction.T
+    delay_s, photons, spread_s, cells, lit = returned(
+        packed(hits.ray),
+        packed(x),
+        packed(y),
+        packed(z),
+        packed(hits.weight),
+        packed(seen),
+        packed(hits.range_m),
+        packed(hits.cos_incidence),
+        packed(hits.brdf_per_sr),
+        FOOTPRINTS[laser.footprint],
+        laser.half_width_tangent,
+        laser.density_on_axis,
+        _gathered(receiver),
+        receiver.ifov_rad,
+        _cells_per_share(laser, receiver),
+    )
+    return Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32)), lit
+
+
+def _returned(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
+    """Return the light of each hit, and which hits are lit."""
+    x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
+    seen = hits.weight
+    if receiver.distortion is not None:
+        seen = seen * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
+    if laser.offset is None:
+        density = laser.density(x / cos_axis, y / cos_axis)
+        toward = cos_axis / hits.range_m**2
+        path_m = 2.0 * hits.range_m
+    else:
+        density, laser_range_m = _from_aside(hits, laser, x, y, cos_axis)
+        toward = cos_axis**4 / laser_range_m**2
+        path_m = hits.range_m + laser_range_m
+    photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * toward * _gathered(receiver)
+    delay_s = path_m / units.SPEED_OF_LIGHT_M_S
+    spread_s = _depth_spread_s(hits, 0.5 * path_m, receiver)
+    cells = seen * (_cells_per_share(laser, receiver) * cos_axis * cos_axis * cos_axis)
+    light = Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32))
+    return light, (density > 0.0) & (hits.cos_incidence > 0.0)
+
+
+def _gathered(receiver: Receiver) -> float:
+    """Return (p/f)² A η: what of the light in front of the lens a whole pixel on the axis gathers [m²]."""
+    return receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
+
+
+def _cells_per_share(laser: Laser, receiver: Receiver) -> float:
+    """Return the cells of coherence of a whole pixel on the axis: its solid angle times the aperture over λ²."""
+    return receiver.pixel_tangent**2 * receiver.aperture_area_m2 / laser.wavelength_m**2
 
 
 def _from_aside(
@@ -80,16 +132,18 @@ def _from_aside(
     return density / cosine**3, laser_range_m
 
 
-def _background(hits: Hits, laser: Laser, receiver: Receiver, projected_sr: np.ndarray) -> np.ndarray | None:
+def _background(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.ndarray | None:
     """Return the sunlight [photons/s] on each pixel (row, col) that passes the filter; None without one.
 
-    It is spread by no PSF, and weakened by the whole `transmission`, though it passes the lens only once: what the laser's
-    own optics cost is not told apart. Both are assumed.
+    `light` is that of each hit, whose cells of coherence are the solid angle times A / λ². Sunlight is spread by no PSF,
+    and weakened by the whole `transmission`, though it passes the lens only once: what the laser's own optics cost is not
+    told apart. Both are assumed.
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None
     per_m2 = sun_photons_per_s_m2(laser.wavelength_m, receiver.filter_width_nm * units.NM)
-    rate = per_m2 * receiver.aperture_area_m2 * receiver.transmission * hits.sunlight_per_sr * projected_sr
+    per_cell = per_m2 * laser.wavelength_m**2 * receiver.transmission
+    rate = per_cell * hits.sunlight_per_sr * light.coherence_cells * hits.rays.direction[:, 2][hits.ray]
     n_pixels = receiver.n_rows * receiver.n_cols
     return np.bincount(hits.pixel, rate, n_pixels).reshape(receiver.shape)
 
@@ -111,6 +165,10 @@ def _clusters(
     steep of the two surfaces bridges by its own depth spread: a tilted surface is one cluster, however far apart its rays
     land, and a rim before a wall is not. Clusters are numbered by pixel, then from near to far. `pixel` never falls.
     """
+    if compiled():
+        from rso_lidar.optics.radiometry_loops import clusters
+
+        return clusters(packed(pixel), packed(delay_s), packed(depth_spread_s), gap_s)
     if not len(pixel):
         return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
     first = np.flatnonzero(np.diff(pixel, prepend=-1))  # first return of each pixel that has any

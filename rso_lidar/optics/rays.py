@@ -5,6 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from rso_lidar.arithmetic import compiled
+from rso_lidar.optics.cells import Outlines, boxes_in_cells, outlines_in_cells, tangents_of_cells, touched
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Extent, Rays
@@ -13,6 +15,9 @@ from rso_lidar.records import Extent, Rays
 _FINEST = 2**14
 _STEP = 16  # the grid, in parts of a cell, on which others are sampled beside a small target
 _BEYOND = 2.0**20  # cells: a bound farther off is as good as none
+_SLACK = 1e-3  # parts of a cell: the caster's float32 must not lose a ray that meets the rim
+
+_Pair = tuple[int, int]
 
 
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
@@ -24,36 +29,230 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
     light is left out, unless it stands beside the lens or sunlight is asked for.
     """
     k = receiver.rays_per_side
-    boxes = _boxes(receiver, extent, np.inf)
-    fineness = [_fineness(box, receiver) for box in boxes]
+    boxes = boxes_in_cells(receiver, extent, np.inf)
+    fineness = [_fineness(box, receiver.min_rays_per_target) for box in boxes.tolist()]
     # One cell more than is lit: the edge's cells keep a share even where their centre is dark.
     reach = laser.half_width_tangent + receiver.pixel_tangent / k
     everywhere = laser.footprint == "gaussian" or laser.offset is not None or receiver.filter_width_nm is not None
-    boxes = _boxes(receiver, extent, np.inf if everywhere else reach)
-    owner = np.full((receiver.n_rows * k, receiver.n_cols * k), -1, dtype=np.int16)
-    for t in np.argsort(fineness, kind="stable"):  # the finest grid wins a cell
-        rows, cols = _cells(boxes[t], owner.shape)
-        outline = extent.outlines[t] if extent.outlines else None
-        if fineness[t] > 1 or outline is None:
-            owner[rows, cols] = t
-        else:
-            outline, off = _outline_in_cells(outline, receiver)
-            if len(outline):
-                owner[rows, cols][_inside(outline, rows, cols, off)] = t
-    coarse = np.array([m == 1 for m in fineness] + [False])[owner]  # -1 picks the last: no ray
-    parts = [_grid_rays(receiver, coarse)]
-    for t, m in enumerate(fineness):
-        if m > 1:
-            parts.extend(_fine_rays(receiver, boxes, owner, t, m))
-    direction, pixel, weight = (
-        np.concatenate(column) if len(column) > 1 else column[0] for column in zip(*parts, strict=True)
-    )
-    if len(parts) > 1:
-        order = np.argsort(pixel, kind="stable")
-        direction, pixel, weight = _taken(direction, order), pixel[order], weight[order]
+    boxes = boxes if everywhere else boxes_in_cells(receiver, extent, reach)
+    outlines = outlines_in_cells(receiver, extent)
+    owner, window = _owned(boxes, fineness, outlines, receiver)
+    fine = [
+        part
+        for t, m in enumerate(fineness)
+        if m > 1
+        for part in _fine_rays(boxes, owner, window, outlines, t, m, receiver)
+    ]
+    if not fine and owner.size == receiver.n_rows * receiver.n_cols * k * k and not owner.any():
+        direction, pixel, weight = _full_grid(receiver)
+    else:
+        direction, pixel, weight = _rays(owner, window, fine, receiver)
     if laser.footprint != "gaussian" and laser.offset is None:
         direction, pixel, weight = _lit(direction, pixel, weight, laser, receiver)
     return Rays(receiver.shape, direction, pixel, weight)
+
+
+def _owned(boxes: np.ndarray, fineness: list[int], outlines: Outlines, receiver: Receiver) -> tuple[np.ndarray, _Pair]:
+    """Return who owns the cells (row, col) of a window of whole pixels, and the window's first row and column.
+
+    -1: nobody; 0: any target of one ray a cell; t + 1: target t, of finer ones. The finest wins a cell.
+    """
+    if compiled():
+        from rso_lidar.optics.rays_loops import cover
+    else:
+        cover = _cover
+    k = receiver.rays_per_side
+    shape = receiver.n_rows * k, receiver.n_cols * k
+    spans = [touched(box, shape) for box in boxes.tolist()]
+    seen = [t for t, (r0, r1, c0, c1) in enumerate(spans) if r0 < r1 and c0 < c1]
+    if not seen:
+        return np.empty((0, 0), np.int16), (0, 0)
+    first_row, first_col = (min(spans[t][side] for t in seen) // k * k for side in (0, 2))
+    last_row, last_col = (-(-max(spans[t][side] for t in seen) // k) * k for side in (1, 3))
+    owner = np.full((last_row - first_row, last_col - first_col), -1, dtype=np.int16)
+    for t in sorted(seen, key=fineness.__getitem__):
+        (r0, r1, c0, c1), of = spans[t], outlines.of[t]
+        if fineness[t] > 1 or of is None:
+            owner[r0 - first_row : r1 - first_row, c0 - first_col : c1 - first_col] = t + 1 if fineness[t] > 1 else 0
+        else:
+            area = (first_row, first_col), (r0, r1), (c0, c1)
+            cover(owner, 0, *area, 1, outlines.corners, outlines.starts, outlines.off, *of, _SLACK)
+    return owner, (first_row, first_col)
+
+
+def _fine_rays(
+    boxes: np.ndarray, owner: np.ndarray, window: _Pair, outlines: Outlines, t: int, m: int, receiver: Receiver
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]:
+    """Return column and row on the focal plane, pixel and weight of rays in the cells that target t owns, refined m x m.
+
+    Another target may show in the same cells: about t's bounds its rays are on the same fine grid, and farther off on a
+    grid `_STEP` times finer than the cells, so that a speck before a wall costs no million rays.
+    """
+    if compiled():
+        from rso_lidar.optics.rays_loops import cover, parts
+    else:
+        cover, parts = _cover, _parts
+    k = receiver.rays_per_side
+    r0, r1, c0, c1 = touched(boxes[t].tolist(), (receiver.n_rows * k, receiver.n_cols * k))
+    cells, step = np.array([[r0, c0], [r1, c1]], dtype=float), min(m, _STEP)
+    near = np.stack([np.floor(boxes[t, 0] * step), np.ceil(boxes[t, 1] * step)])
+    made = []
+    for grid in (m, step) if m > step else (m,):
+        low, high = np.maximum(boxes[:, 0], cells[0]), np.minimum(boxes[:, 1], cells[1])
+        if grid > step:
+            low, high = np.maximum(low, near[0] / step), np.minimum(high, near[1] / step)
+        # Parts of cells whose middles lie between two ends.
+        low, high = (np.ceil(np.clip(ends, -_BEYOND, _BEYOND) * grid - 0.5).astype(int) for ends in (low, high))
+        seen = np.flatnonzero((low < high).all(axis=1))
+        if not len(seen):
+            continue
+        begin, end = low[seen].min(axis=0), high[seen].max(axis=0)
+        origin = int(begin[0]), int(begin[1])
+        block = np.zeros(end - begin, dtype=np.int16)
+        for s in seen.tolist():
+            (top, left), (bottom, right), of = low[s].tolist(), high[s].tolist(), outlines.of[s]
+            if of is None:
+                block[top - origin[0] : bottom - origin[0], left - origin[1] : right - origin[1]] = 1
+            else:
+                area = origin, (top, bottom), (left, right)
+                cover(block, 1, *area, grid, outlines.corners, outlines.starts, outlines.off, *of, _SLACK)
+        (top, left), (bottom, right) = near.astype(int).tolist()
+        hole = (top, bottom, left, right) if grid < m else (0, 0, 0, 0)
+        found = parts(block, origin, grid, hole, owner, window, t + 1, k, receiver.n_cols)
+        made.append((*found, 1.0 / (k * grid) ** 2))
+    return made
+
+
+def _rays(
+    owner: np.ndarray,
+    window: _Pair,
+    fine: list[tuple[np.ndarray, np.ndarray, np.ndarray, float]],
+    receiver: Receiver,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return direction (ray, xyz), pixel and weight of the rays of a window of cells and of finer ones, by pixel."""
+    if compiled():
+        from rso_lidar.optics.rays_loops import laid
+    else:
+        laid = _laid
+    none = np.empty(0), np.empty(0), np.empty(0, np.int32), 0.0
+    col, row, pixel, share = zip(*(fine or [none]), strict=True)
+    weight = np.repeat(share, [len(values) for values in pixel])
+    x, y = receiver.tangents_at(np.concatenate(col), np.concatenate(row))
+    x_of, y_of = tangents_of_cells(receiver, (window[0], window[0] + owner.shape[0]))
+    k, n_cols = receiver.rays_per_side, receiver.n_cols
+    direction, pixels, weight = laid(owner, window, k, n_cols, x_of, y_of, x, y, np.concatenate(pixel), weight)
+    return direction.T, pixels, weight
+
+
+@lru_cache(maxsize=2)
+def _full_grid(receiver: Receiver) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return direction (ray, xyz), pixel and weight of the rays through all cells."""
+    k = receiver.rays_per_side
+    made = _rays(np.zeros((receiver.n_rows * k, receiver.n_cols * k), np.int16), (0, 0), [], receiver)
+    for values in made:
+        values.flags.writeable = False
+    return made
+
+
+def _fineness(box: list[list[float]], wanted: int) -> int:
+    """Return m, by which each side of a cell is refined under a target so that its bounds get `wanted` rays."""
+    sides = [high - low for low, high in zip(*box, strict=True)]
+    if wanted == 0 or not (0.0 <= sides[0] < math.inf and 0.0 <= sides[1] < math.inf):
+        return 1
+    shortest, longest = max(min(sides), 1e-9), max(*sides, 1e-6)
+    enough = math.sqrt(wanted / max(sides[0] * sides[1], 1e-12))
+    if enough <= 1.0:
+        return 1
+    # Two rays across a sliver, so that none is missed; but an edge-on sheet is not sampled without end.
+    m: int = min(max(math.ceil(min(max(enough, 2.0 / shortest), 4.0 * wanted / longest)), 1), _FINEST)
+    return m if m <= _STEP else _STEP * math.ceil(m / _STEP)
+
+
+# --------------------------------------------------------------------------- what rays_loops does, in NumPy
+
+
+def _cover(
+    block: np.ndarray,
+    value: int,
+    origin: _Pair,
+    rows: _Pair,
+    cols: _Pair,
+    grid: int,
+    corners: np.ndarray,
+    starts: np.ndarray,
+    off: np.ndarray,
+    first: int,
+    last: int,
+    slack: float,
+) -> None:
+    """Write `value` where outlines first to last, off by at most `off`, cover rows and cols of a block, all in parts."""
+    row, col = (np.arange(*ends) + 0.5 for ends in (rows, cols))
+    view = block[rows[0] - origin[0] : rows[1] - origin[0], cols[0] - origin[1] : cols[1] - origin[1]]
+    for p in range(first, last):
+        r0, c0 = (grid * corners[starts[p] : starts[p + 1]]).T
+        r1, c1 = np.roll(r0, -1), np.roll(c0, -1)
+        low, high, margin = np.minimum(r0, r1), np.maximum(r0, r1), off[p] * grid + slack
+        crosses = (low - margin <= row[:, None]) & (row[:, None] <= high + margin)
+        level = r1 == r0
+        slope = (c1 - c0) / np.where(level, np.inf, r1 - r0)
+        left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+        for side in (-margin, margin):
+            at = c0 + (np.clip(row[:, None] + side, low, high) - r0) * slope
+            at = np.where(level & (side > 0), c1, at)
+            left = np.minimum(left, np.where(crosses, at, np.inf).min(axis=1, initial=np.inf))
+            right = np.maximum(right, np.where(crosses, at, -np.inf).max(axis=1, initial=-np.inf))
+        view[(col >= (left - margin)[:, None]) & (col <= (right + margin)[:, None])] = value
+
+
+def _parts(
+    block: np.ndarray,
+    origin: _Pair,
+    grid: int,
+    hole: tuple[int, int, int, int],
+    owner: np.ndarray,
+    window: _Pair,
+    mine: int,
+    k: int,
+    n_cols: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return column and row on the focal plane, and pixel, of the parts marked in a block, in cells that are mine."""
+    row, col = (at + first for at, first in zip(np.nonzero(block), origin, strict=True))
+    kept = owner[row // grid - window[0], col // grid - window[1]] == mine
+    kept &= ~((row >= hole[0]) & (row < hole[1]) & (col >= hole[2]) & (col < hole[3]))
+    row, col, fine = row[kept], col[kept], k * grid
+    return (col + 0.5) / fine, (row + 0.5) / fine, (row // fine * n_cols + col // fine).astype(np.int32)
+
+
+def _laid(
+    owner: np.ndarray,
+    window: _Pair,
+    k: int,
+    n_cols: int,
+    x_of: np.ndarray,
+    y_of: np.ndarray,
+    x_fine: np.ndarray,
+    y_fine: np.ndarray,
+    pixel_fine: np.ndarray,
+    weight_fine: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return direction (xyz, ray), pixel and weight of the rays through cells of owner 0, and of finer ones, by pixel."""
+    rows, cols = owner.shape[0] // k, owner.shape[1] // k
+    at = np.flatnonzero((owner == 0).reshape(rows, k, cols, k).transpose(0, 2, 1, 3))  # pixel by pixel
+    row, col, cell_row, cell_col = np.unravel_index(at, (rows, cols, k, k))
+    pixel = ((row + window[0] // k) * n_cols + col + window[1] // k).astype(np.int32)
+    row, col = window[0] + row * k + cell_row, window[1] + col * k + cell_col
+    x, y = np.broadcast_arrays(x_of, y_of)
+    x, y, weight = x[row, col], y[row, col], np.full(len(pixel), 1.0 / k**2)
+    if len(pixel_fine):
+        pixel = np.concatenate([pixel, pixel_fine])
+        order = np.argsort(pixel, kind="stable")
+        pairs = (x, x_fine), (y, y_fine), (weight, weight_fine)
+        x, y, weight = (np.concatenate(both)[order] for both in pairs)
+        pixel = pixel[order]
+    return _unit(x, y).T, pixel, weight
+
+
+# ------------------------------------------------------------------------------------------------ the beam's edge
 
 
 def _lit(
@@ -117,138 +316,6 @@ def _in_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float
     return share, x, y
 
 
-def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges.
-
-    Outside the field a distortion means nothing: there the cells go on as even ones.
-    """
-    k = receiver.rays_per_side
-    if receiver.distortion is None:
-        cells: np.ndarray = points[..., ::-1] * (k / receiver.pixel_tangent) + 0.5 * k * np.array(receiver.shape)
-        return cells
-    within = np.clip(points, -receiver.field_edge, receiver.field_edge)
-    col, row = receiver.image_of(within[..., 0], within[..., 1])
-    bent: np.ndarray = k * (np.stack([row, col], axis=-1) + (points - within)[..., ::-1] / receiver.pixel_tangent)
-    return bent
-
-
-def _bent(corners: np.ndarray, receiver: Receiver, pieces: int = 16) -> tuple[np.ndarray, float]:
-    """Return an outline (corner, right_down) in cells (point, row_col) as a lens bends it, and how far off it may be."""
-    share = (np.arange(pieces) / pieces)[:, None]
-    along = (corners[:, None] + share * (np.roll(corners, -1, axis=0) - corners)[:, None]).reshape(-1, 2)
-    cells = _in_cells(along, receiver)
-    even, odd = cells[::2], cells[1::2]
-    # A chord of half the length leaves a quarter of the arrow, of any curve that is smooth over it; twice that is sure.
-    return cells, 0.5 * float(np.abs(odd - 0.5 * (even + np.roll(even, -1, axis=0))).max()) + 1e-6
-
-
-def _outline_in_cells(outline: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, float]:
-    """Return a convex outline (corner, right_down) in cells (point, row_col), and by how much its rows may be off."""
-    if receiver.distortion is None:
-        return _in_cells(outline, receiver), 0.0
-    for axis, side in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
-        outline = _cut(outline, axis, side, float(receiver.field_edge[axis]))
-    return _bent(outline, receiver) if len(outline) else (outline, 0.0)
-
-
-def _cut(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
-    """Return the part of a convex outline (corner, right_down) with side * coordinate <= edge (Sutherland & Hodgman)."""
-    if not len(outline):
-        return outline
-    over = side * outline[:, axis] - edge
-    following, next_over = np.roll(outline, -1, axis=0), np.roll(over, -1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = outline + (over / (over - next_over))[:, None] * (following - outline)
-    both = np.stack([outline, crossing], axis=1).reshape(-1, 2)
-    kept: np.ndarray = both[np.stack([over <= 0.0, (over <= 0.0) != (next_over <= 0.0)], axis=1).ravel()]
-    return kept
-
-
-def _inside(corners: np.ndarray, rows: slice, cols: slice, off: float) -> np.ndarray:
-    """Return which cells of a block (row, col) have their centre within `off` of an outline (corner, row_col).
-
-    The outline is convex, or has at least one piece of each row inside.
-    """
-    row = np.arange(rows.start, rows.stop)[:, None] + 0.5
-    col = np.arange(cols.start, cols.stop) + 0.5
-    (r0, c0), (r1, c1) = corners.T, np.roll(corners, -1, axis=0).T
-    low, high = np.minimum(r0, r1), np.maximum(r0, r1)
-    crosses = (low <= row + off) & (row - off <= high) & (r0 != r1)
-    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for at_row in (row,) if off == 0.0 else (np.clip(row - off, low, high), np.clip(row + off, low, high)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = c0 + (at_row - r0) * (c1 - c0) / (r1 - r0)
-        left = np.minimum(left, np.where(crosses, at, np.inf).min(axis=1))
-        right = np.maximum(right, np.where(crosses, at, -np.inf).max(axis=1))
-    margin = off + 1e-6  # rounding must not lose a ray that meets the rim
-    inside: np.ndarray = (col >= (left - margin)[:, None]) & (col <= (right + margin)[:, None])
-    return inside
-
-
-def _boxes(receiver: Receiver, extent: Extent, reach: float) -> list[np.ndarray]:
-    """Return each target's bounds in cells: [[first row, first col], [last row, last col]], whole at cell edges.
-
-    Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
-    target does; it is empty where first > last.
-    """
-    low, high = np.maximum(extent.low, -reach), np.minimum(extent.high, reach)
-    if receiver.distortion is None:
-        return list(np.stack([_in_cells(low, receiver), _in_cells(high, receiver)], axis=1))
-    boxes = []
-    for ends in np.stack([low, high], axis=1):
-        if np.any(ends[0] > ends[1]):
-            boxes.append(np.array([[1.0, 1.0], [0.0, 0.0]]))
-            continue
-        within = np.clip(ends, -receiver.field_edge, receiver.field_edge)
-        (x0, y0), (x1, y1) = within
-        cells, off = _bent(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), receiver)
-        beyond = (ends - within)[:, ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
-        boxes.append(np.stack([cells.min(axis=0) - off, cells.max(axis=0) + off]) + beyond)
-    return boxes
-
-
-def _fineness(box: np.ndarray, receiver: Receiver) -> int:
-    """Return m, by which each side of a cell is refined under this target so that its bounds get enough rays."""
-    wanted = receiver.min_rays_per_target
-    sides = box[1] - box[0]
-    if wanted == 0 or not np.all(np.isfinite(sides)) or np.any(sides < 0):
-        return 1
-    area = max(float(sides[0] * sides[1]), 1e-12)
-    shortest, longest = max(float(sides.min()), 1e-9), max(float(sides.max()), 1e-6)
-    enough = np.sqrt(wanted / area)
-    if enough <= 1.0:
-        return 1
-    # Two rays across a sliver, so that none is missed; but an edge-on sheet is not sampled without end.
-    m = min(max(enough, 2.0 / shortest), 4.0 * wanted / longest)
-    m = int(np.clip(np.ceil(m), 1, _FINEST))
-    return m if m <= _STEP else _STEP * math.ceil(m / _STEP)
-
-
-def _cells(box: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Return the slices of cells that a box touches, within the focal plane."""
-    (r0, c0), (r1, c1) = np.clip(box, -1, max(shape) + 1)
-    rows = slice(max(0, int(np.floor(r0))), max(0, min(shape[0], int(np.floor(r1)) + 1)))
-    cols = slice(max(0, int(np.floor(c0))), max(0, min(shape[1], int(np.floor(c1)) + 1)))
-    return rows, cols
-
-
-@lru_cache(maxsize=4)
-def _full_grid(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
-    """Return directions (ray, xyz) and pixels (ray) of all cells, pixel by pixel."""
-    (n_rows, n_cols), k = receiver.shape, receiver.rays_per_side
-    centres = ((np.arange(n_cols * k) + 0.5) / k)[None, :], ((np.arange(n_rows * k) + 0.5) / k)[:, None]
-    x, y = receiver.tangents_at(*(np.broadcast_arrays(*centres) if receiver.distortion else centres))
-    direction = _unit(*(_by_pixel(axis, receiver.shape, k) for axis in np.broadcast_arrays(x, y)))
-    pixel = np.repeat(np.arange(n_rows * n_cols, dtype=np.int32), k * k)
-    direction.flags.writeable = pixel.flags.writeable = False
-    return direction, pixel
-
-
-def _by_pixel(cells: np.ndarray, shape: tuple[int, int], k: int) -> np.ndarray:
-    """Return an array over cells (row of cells, col of cells) flattened pixel by pixel."""
-    return cells.reshape(shape[0], k, shape[1], k).transpose(0, 2, 1, 3).ravel()
-
-
 def _unit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     direction = np.empty((x.size, 3), order="F")  # x, y and z each in one piece, as casting wants them
     direction[:, 2] = 1.0 / np.sqrt(1.0 + x * x + y * y)
@@ -263,65 +330,3 @@ def _taken(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     for axis in range(3):
         np.take(direction[:, axis], chosen, out=taken[:, axis], mode="clip")
     return taken
-
-
-def _grid_rays(receiver: Receiver, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return direction, pixel and weight of the cells wanted, at one ray a cell."""
-    k = receiver.rays_per_side
-    direction, pixel = _full_grid(receiver)
-    if not wanted.all():
-        chosen = np.flatnonzero(_by_pixel(wanted, receiver.shape, k))
-        direction, pixel = _taken(direction, chosen), pixel[chosen]
-    return direction, pixel, np.full(len(pixel), 1.0 / k**2)
-
-
-def _fine_rays(
-    receiver: Receiver, boxes: list[np.ndarray], owner: np.ndarray, t: int, m: int
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return direction, pixel and weight of the rays in the cells that target t owns, refined m x m.
-
-    Another target may show in the same cells: about t's bounds its rays are on the same fine grid, and farther off on a
-    grid `_STEP` times finer than the cells, so that a speck before a wall costs no million rays. No point is covered
-    twice, since the border between the two grids lies on both.
-    """
-    rows, cols = _cells(boxes[t], owner.shape)
-    cells = np.array([[rows.start, cols.start], [rows.stop, cols.stop]], dtype=float)
-    step = min(m, _STEP)
-    near = np.stack([np.floor(boxes[t][0] * step), np.ceil(boxes[t][1] * step)]) / step if m > step else cells
-    made = []
-    for s, box in enumerate(boxes):
-        seen = _common(box, cells)
-        for grid, region, without in ((m, _common(seen, near), boxes[:s]), (step, seen, [*boxes[:s], near])):
-            if s == t and grid != m:
-                continue  # its own bounds lie in the fine grid
-            row, col = (np.arange(*_centres(region[:, axis], grid)) for axis in (0, 1))
-            keep = owner[row[:, None] // grid, col // grid] == t
-            for other in without:
-                (r0, r1), (c0, c1) = _centres(other[:, 0], grid), _centres(other[:, 1], grid)
-                keep &= ~(((row >= r0) & (row < r1))[:, None] & (col >= c0) & (col < c1))
-            at_row, at_col = np.nonzero(keep)
-            made.append(_rays_at(row[at_row], col[at_col], receiver, grid))
-            if m == step:
-                break  # one grid serves all
-    return made
-
-
-def _common(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the box that two boxes share; empty where first > last."""
-    return np.stack([np.maximum(a[0], b[0]), np.minimum(a[1], b[1])])
-
-
-def _centres(ends: np.ndarray, grid: int) -> tuple[int, int]:
-    """Return the range of parts of a cell whose centres lie between two ends, each cell cut into `grid` parts."""
-    low, high = np.clip(ends, -_BEYOND, _BEYOND)
-    return math.ceil(low * grid - 0.5), math.ceil(high * grid - 0.5)
-
-
-def _rays_at(
-    row: np.ndarray, col: np.ndarray, receiver: Receiver, grid: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return direction, pixel and weight of the rays through parts of cells, by row and col of parts."""
-    fine = receiver.rays_per_side * grid
-    x, y = receiver.tangents_at((col + 0.5) / fine, (row + 0.5) / fine)
-    pixel = (row // fine) * receiver.n_cols + col // fine
-    return _unit(x, y), pixel.astype(np.int32), np.full(len(pixel), 1.0 / fine**2)

@@ -56,22 +56,22 @@ class Receiver(Part):
             )
         return self
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """Return (n_rows, n_cols)."""
         return self.n_rows, self.n_cols
 
-    @property
+    @cached_property
     def rays_per_side(self) -> int:
         """Return k of the k x k grid of rays in a pixel."""
         return math.isqrt(self.rays_per_pixel)
 
-    @property
+    @cached_property
     def pixel_pitch_m(self) -> float:
         """Return the pixel pitch [m]."""
         return self.pixel_pitch_um * units.UM
 
-    @property
+    @cached_property
     def focal_length_m(self) -> float:
         """Return the focal length [m]; from the field of view it is width / (2 tan(FoV/2))."""
         if self.focal_length_mm is not None:
@@ -79,7 +79,7 @@ class Receiver(Part):
         assert self.fov_deg is not None
         return 0.5 * self.n_cols * self.pixel_pitch_m / math.tan(0.5 * self.fov_deg * units.DEG)
 
-    @property
+    @cached_property
     def aperture_m(self) -> float:
         """Return the diameter of the aperture [m]."""
         if self.aperture_mm is not None:
@@ -87,22 +87,22 @@ class Receiver(Part):
         assert self.f_number is not None
         return self.focal_length_m / self.f_number
 
-    @property
+    @cached_property
     def aperture_area_m2(self) -> float:
         """Return the area of the aperture [m²]."""
         return 0.25 * math.pi * self.aperture_m**2
 
-    @property
+    @cached_property
     def fov_rad(self) -> float:
         """Return the full field of view across the columns [rad]."""
         return 2.0 * math.atan(0.5 * self.n_cols * self.pixel_tangent)
 
-    @property
+    @cached_property
     def pixel_tangent(self) -> float:
         """Return pitch / focal length: the width of a pixel in the tangent plane at unit distance."""
         return self.pixel_pitch_m / self.focal_length_m
 
-    @property
+    @cached_property
     def ifov_rad(self) -> float:
         """Return the instantaneous field of view of a pixel on the boresight [rad]."""
         return 2.0 * math.atan(0.5 * self.pixel_tangent)

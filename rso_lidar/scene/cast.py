@@ -1,10 +1,13 @@
 """Rays meet facets: embree finds which, float64 says where.
 
 Embree works in float32, so rays are moved into each target's axes, cast from a point near the target, and the range is
-taken from the facet's plane in float64. Rows of pixels are cast in bands on threads; what a band gives does not depend
-on how many there are.
+taken from the facet's plane in float64. Rays are cast in bands on threads; what a band gives does not depend on how many
+there are. The loops of `cast_loops.py` do it in packets, all targets at once; below them stands the reference in NumPy.
 """
 
+from __future__ import annotations
+
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,13 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
 
+from rso_lidar import pose
+from rso_lidar.arithmetic import packed
 from rso_lidar.records import Hits, Rays, Truth
+from rso_lidar.scene import packets
+from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.light import from_laser, from_sun, seen
 from rso_lidar.scene.surface import Surface
 
-_BAND_RAYS = 16_384  # some 2 ms of casting: long against the hand-over to a thread
+_BAND_RAYS = 16_384  # a millisecond or two of casting, long against the hand-over to a thread; 64 blocks of the loops
 
 
 def cast(
@@ -40,31 +46,29 @@ def cast(
     the laser's, 0 in shadow, and the BRDF takes both directions. `sun` asks for the sunlight too. Lobes narrower than the
     lens are averaged over its diameter `aperture_m` [m].
     """
-    met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
-    ray, number, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
-    brdf, part, source_facet = _surface_of(surfaces, number, facet, cosine)
+    engine = packets.engine()
+    first = (
+        _first(rays, surfaces, truth, threads)
+        if engine is None
+        else _in_packets(rays, surfaces, truth, threads, engine)
+    )
+    number, facet = first.number, first.facet
     hits = Hits(
         rays=rays,
-        ray=ray,
-        pixel=rays.pixel[ray],
-        weight=rays.weight[ray],
-        target=_targets(surfaces)[number],
-        facet=source_facet,
-        part=part,
-        range_m=range_m,
-        cos_incidence=cosine,
-        brdf_per_sr=brdf,
+        ray=first.ray,
+        pixel=first.pixel,
+        weight=first.weight,
+        target=first.target,
+        facet=first.source_facet,
+        part=first.part,
+        range_m=first.range_m,
+        cos_incidence=first.cosine,
+        brdf_per_sr=first.brdf_per_sr,
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
     if sun or laser.any() or any(surface.smooth for surface in surfaces):
         hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
     return _gathered(hits, number, surfaces, laser, aperture_m)
-
-
-def _targets(surfaces: Sequence[Surface]) -> np.ndarray:
-    """Return the number of the target of each surface."""
-    of = [k if surface.target is None else surface.target for k, surface in enumerate(surfaces)]
-    return np.array(of, dtype=np.int16)
 
 
 def _gathered(
@@ -111,15 +115,152 @@ def _relit(
             sunlight[on] = from_sun(here)
 
     pieces = []
-    for k in range(len(surfaces)):
-        on = np.flatnonzero(number == k)
-        pieces += [(k, on[start : start + _BAND_RAYS]) for start in range(0, len(on), _BAND_RAYS)]
+    for k, of_surface in _by_surface(number, len(surfaces)):
+        pieces += [(k, of_surface[start : start + _BAND_RAYS]) for start in range(0, len(of_surface), _BAND_RAYS)]
     if threads != 1 and len(pieces) > 1:
         list(_pool(threads).map(light, *zip(*pieces, strict=True)))
     else:
         for k, on in pieces:
             light(k, on)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
+
+
+class _First(NamedTuple):
+    """The first hits of rays, in their order: what `Hits` holds, and which surface and which of its facets (hit)."""
+
+    ray: np.ndarray
+    pixel: np.ndarray
+    weight: np.ndarray
+    target: np.ndarray
+    number: np.ndarray
+    facet: np.ndarray
+    part: np.ndarray
+    source_facet: np.ndarray
+    range_m: np.ndarray
+    cosine: np.ndarray
+    brdf_per_sr: np.ndarray
+
+
+class _Targets(NamedTuple):
+    """All surfaces as the loops want them: scenes by address, spheres (target, centre and radius), facets in one row."""
+
+    scenes: tuple[packets.PacketScene, ...]
+    address: np.ndarray
+    sphere: np.ndarray
+    number: np.ndarray
+    first_facet: np.ndarray
+    planes: np.ndarray
+    part: np.ndarray
+    source_facet: np.ndarray
+    matt_per_sr: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def _targets(surfaces: tuple[Surface, ...], engine: packets.Engine) -> _Targets:
+    """Return the surfaces of a scenario as the loops want them, once for all its frames."""
+    scenes = tuple(surface.packets(engine) for surface in surfaces)
+    count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
+
+    def row(columns: list[np.ndarray], dtype: type, shape: tuple[int, ...] = (0,)) -> np.ndarray:
+        return np.concatenate([np.empty(shape), *columns]).astype(dtype)
+
+    return _Targets(
+        scenes,
+        np.array([scene.address for scene in scenes], dtype=np.int64),
+        np.array([[*surface.sphere[0], surface.sphere[1]] for surface in surfaces]).reshape(-1, 4),
+        _numbers(surfaces),
+        np.cumsum(count)[:-1],
+        row([surface.planes.T for surface in surfaces], np.float64, (0, 4)),
+        row([surface.part for surface in surfaces], np.int16),
+        row([surface.mesh.source_facet for surface in surfaces], np.int32),
+        row([surface.matt_per_sr for surface in surfaces], np.float64),
+    )
+
+
+def _numbers(surfaces: Sequence[Surface]) -> np.ndarray:
+    """Return the number of the target of each surface."""
+    of = [k if surface.target is None else surface.target for k, surface in enumerate(surfaces)]
+    return np.array(of, dtype=np.int16)
+
+
+def _in_packets(
+    rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: packets.Engine
+) -> _First:
+    """Return the first hits on all surfaces, by the loops."""
+    from rso_lidar.scene.cast_loops import cast_rays
+
+    targets = _targets(tuple(surfaces), engine)
+    origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
+    for k, surface in enumerate(surfaces):
+        origin[k], turn[k] = truth.poses.place(surface.name, "lidar")
+    direction, pixel, weight = packed(rays.direction.T), packed(rays.pixel), packed(rays.weight)
+
+    def meet(band: slice) -> tuple[np.ndarray, ...]:
+        return cast_rays(
+            direction,
+            pixel,
+            weight,
+            band.start,
+            band.stop,
+            origin,
+            turn,
+            targets.address,
+            targets.sphere,
+            targets.number,
+            targets.first_facet,
+            targets.planes,
+            targets.part,
+            targets.source_facet,
+            targets.matt_per_sr,
+            engine.intersect,
+            engine.width,
+        )
+
+    n_rays = len(rays.pixel)
+    bands = [slice(start, min(start + _BAND_RAYS, n_rays)) for start in range(0, n_rays, _BAND_RAYS)]
+    if threads != 1 and len(bands) > 1:
+        pieces = list(_pool(threads).map(meet, bands))
+        first = _First(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    else:
+        first = _First(*meet(slice(0, n_rays)))
+    matt = [all(isinstance(material, Lambertian) for material in surface.materials) for surface in surfaces]
+    if not all(matt):
+        for k, on in _by_surface(first.number, len(surfaces)):
+            if not matt[k]:
+                first.brdf_per_sr[on] = surfaces[k].brdf_per_sr(first.facet[on], first.cosine[on])
+    return first
+
+
+def _by_surface(number: np.ndarray, n_surfaces: int) -> list[tuple[int, np.ndarray]]:
+    """Return each surface that is hit, and its hits in their order."""
+    if n_surfaces == 1:
+        return [(0, np.arange(len(number)))] if len(number) else []
+    order = np.argsort(number, kind="stable")
+    edges = np.searchsorted(number[order], np.arange(n_surfaces + 1))
+    return [(k, order[a:b]) for k, (a, b) in enumerate(pairwise(edges.tolist())) if a < b]
+
+
+# ------------------------------------------------------------------------------------------- the reference, in NumPy
+
+
+def _first(rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None) -> _First:
+    """Return the first hits on all surfaces."""
+    met = [_met(rays, surface, truth, threads, alone=len(surfaces) == 1) for surface in surfaces]
+    ray, number, facet, range_m, cosine = met[0].of(0) if len(met) == 1 else _nearest(met, len(rays.pixel))
+    brdf, part, source_facet = _surface_of(surfaces, number, facet, cosine)
+    return _First(
+        ray,
+        rays.pixel[ray],
+        rays.weight[ray],
+        _numbers(surfaces)[number],
+        number,
+        facet,
+        part,
+        source_facet,
+        range_m,
+        cosine,
+        brdf,
+    )
 
 
 class _Met(NamedTuple):
@@ -137,7 +278,7 @@ class _Met(NamedTuple):
 
 def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alone: bool) -> _Met:
     """Return the hits on one surface, as if it were alone."""
-    target_from_lidar = truth.pose(surface.name, "lidar")
+    target_from_lidar = truth.poses.place(surface.name, "lidar")
     direction, pixel, aimed = rays.direction, rays.pixel, None
     if not alone:
         aimed = _aimed(rays, surface, target_from_lidar)
@@ -170,15 +311,18 @@ def _pool(threads: int | None) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix="cast")
 
 
-def _aimed(rays: Rays, surface: Surface, target_from_lidar: RigidTransform) -> np.ndarray:
+def _aimed(rays: Rays, surface: Surface, target_from_lidar: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the rays that pass the sphere about a target."""
-    centre, radius = surface.sphere
-    toward = target_from_lidar.inv().apply(centre)
-    along = np.einsum("ri,i->r", rays.direction, toward)
-    beside2 = toward @ toward - along**2
-    inside = toward @ toward <= radius**2
-    aimed: np.ndarray = np.flatnonzero((beside2 <= (1.0 + 1e-6) * radius**2) & ((along > 0.0) | inside))
-    return aimed
+    (centre, radius), (origin, rotation) = surface.sphere, target_from_lidar
+    toward = pose.turned(rotation.T, centre - origin)
+    distance_m = float(np.linalg.norm(toward))
+    if distance_m <= radius:
+        return np.arange(len(rays.pixel))
+    # By how far unit vectors end apart, which is exact for narrow cones where a cosine is not.
+    sine = radius / distance_m
+    reach = sine * math.sqrt(2.0 / (1.0 + math.sqrt(1.0 - sine**2)))
+    apart2 = ((rays.direction - toward / distance_m) ** 2).sum(axis=1)
+    return np.flatnonzero(apart2 <= (1.0 + 1e-6) * reach**2 + 1e-24)
 
 
 def _bands(pixel: np.ndarray, n_cols: int) -> list[slice]:
@@ -192,11 +336,11 @@ def _bands(pixel: np.ndarray, n_cols: int) -> list[slice]:
 
 
 def _meet(
-    surface: Surface, target_from_lidar: RigidTransform, direction: np.ndarray, band: slice
+    surface: Surface, target_from_lidar: tuple[np.ndarray, np.ndarray], direction: np.ndarray, band: slice
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return ray, facet, range [m] and cos α of the hits of one band of rays on one target."""
     centre, radius = surface.sphere
-    origin, rotation = target_from_lidar.translation, target_from_lidar.rotation.as_matrix()
+    origin, rotation = target_from_lidar
     # Rays start 1 % and 1 cm before the sphere about the target, where float32 is fine, and no facet lies behind them.
     start_m = max(0.0, float(np.linalg.norm(centre - origin)) - 1.01 * radius - 0.01)
     x, y, z = direction[band].T

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Hits, Labels, Photons
 
 
@@ -24,32 +25,68 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "part": np.full(n_pixels, -1, np.int16),
         "facet": np.full(n_pixels, -1, np.int32),
         "cos_incidence": np.full(n_pixels, np.nan, np.float32),
-        "photons": np.bincount(photons.pixel, photons.photons, n_pixels),
-        "filled_fraction": _filled(hits, photons),
+        "photons": np.zeros(n_pixels, np.float32),
+        "filled_fraction": np.zeros(n_pixels, np.float32),
     }
+    mean_range, bright = (_spoken_by_loops if compiled() else _spoken)(sky, hits, photons)
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
-        sky["return_photons"] = np.zeros((n_pixels, max_returns))
-    if len(photons.pixel):
-        _fill(sky, hits, photons)
+        sky["return_photons"] = np.zeros((n_pixels, max_returns), np.float32)
+        first = np.searchsorted(photons.cluster_pixel, photons.cluster_pixel)
+        number = np.arange(len(first)) - first
+        listed = np.flatnonzero(number < max_returns)
+        at = photons.cluster_pixel[listed], number[listed]
+        sky["return_range_m"][at], sky["return_photons"][at] = mean_range[listed], bright[listed]
     return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
 
 
-def _filled(hits: Hits, photons: Photons) -> np.ndarray:
-    """Return the share of each pixel that is on a target and lit."""
+def _spoken_by_loops(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+    """Do what `_spoken` does."""
+    from rso_lidar.scene.label_loops import filled, spoken
+
     if photons.filled_fraction is not None:
-        return photons.filled_fraction.ravel()
-    return np.bincount(hits.pixel, hits.weight, photons.shape[0] * photons.shape[1])
+        labels["filled_fraction"] = photons.filled_fraction.ravel()
+    else:
+        filled(packed(hits.pixel), packed(hits.weight), labels["filled_fraction"])
+    return spoken(
+        packed(photons.pixel),
+        packed(photons.photons),
+        packed(photons.delay_s),
+        packed(photons.hit),
+        packed(photons.cluster),
+        len(photons.cluster_pixel),
+        packed(hits.weight),
+        packed(hits.target),
+        packed(hits.part),
+        packed(hits.facet),
+        packed(hits.cos_incidence),
+        labels["photons"],
+        labels["range_m"],
+        labels["first_range_m"],
+        labels["cluster_count"],
+        labels["target"],
+        labels["part"],
+        labels["facet"],
+        labels["cos_incidence"],
+    )
 
 
-def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
-    """Write the labels of the pixels that see something."""
-    n_clusters = len(photons.cluster_pixel)
+def _spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
+    n_pixels, n_clusters = len(labels["range_m"]), len(photons.cluster_pixel)
+    labels["photons"] = np.bincount(photons.pixel, photons.photons, n_pixels)
+    labels["filled_fraction"] = (
+        np.bincount(hits.pixel, hits.weight, n_pixels)
+        if photons.filled_fraction is None
+        else photons.filled_fraction.ravel()
+    )
     bright = np.bincount(photons.cluster, photons.photons, n_clusters)
+    if not n_clusters:
+        return bright, bright
     # A black facet returns nothing and is there all the same: then area weighs instead of light.
     share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight[photons.hit])
     range_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
-    mean_range = np.bincount(photons.cluster, share * range_m, n_clusters) / np.bincount(
+    mean_range: np.ndarray = np.bincount(photons.cluster, share * range_m, n_clusters) / np.bincount(
         photons.cluster, share, n_clusters
     )
 
@@ -68,11 +105,7 @@ def _fill(labels: dict[str, Any], hits: Hits, photons: Photons) -> None:
     chosen = speak[_first_greatest(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
         labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
-    if "return_range_m" in labels:
-        number = np.arange(n_clusters) - np.repeat(first, np.diff(first, append=n_clusters))
-        listed = np.flatnonzero(number < labels["return_range_m"].shape[1])
-        at = photons.cluster_pixel[listed], number[listed]
-        labels["return_range_m"][at], labels["return_photons"][at] = mean_range[listed], bright[listed]
+    return mean_range, bright
 
 
 def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: np.ndarray) -> np.ndarray:

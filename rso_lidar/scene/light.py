@@ -1,13 +1,15 @@
 """Light that does not come from the lens: a laser beside it, the Sun, and what stands in their way."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from rso_lidar.pose import ROOT
+from rso_lidar.pose import ROOT, turned
 from rso_lidar.records import Truth
+from rso_lidar.scene import packets
 from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
 from rso_lidar.scene.surface import Surface
 
@@ -25,7 +27,7 @@ class Seen:
     surfaces: Sequence[Surface]
     number: int
     truth: Truth
-    target_from_lidar: RigidTransform
+    target_from_lidar: tuple[np.ndarray, np.ndarray]
     facet: np.ndarray
     point: np.ndarray
     to_viewer: np.ndarray
@@ -53,9 +55,9 @@ def seen(
     `cosine` is that of the facet; on smooth parts it gives way to that of the interpolated normal, 0 where that turns away.
     """
     surface = surfaces[number]
-    target_from_lidar = truth.pose(surface.name, "lidar")
+    target_from_lidar = truth.poses.place(surface.name, "lidar")
     along = _turned(target_from_lidar, direction.T)
-    point = target_from_lidar.translation[:, None] + range_m * along
+    point = target_from_lidar[0][:, None] + range_m * along
     plane = np.stack([surface.planes[axis][facet] for axis in range(3)])
     side = np.where(_dot(plane, along) > 0.0, -1.0, 1.0)
     facing = side * plane
@@ -72,7 +74,8 @@ def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.nda
 
     cos α is 0 where the laser is on the facet's other side from the lens, or something stands between.
     """
-    laser = hits.target_from_lidar.apply(laser_from_m)[:, None] - hits.point
+    (origin, turn) = hits.target_from_lidar
+    laser = (origin + turned(turn, laser_from_m))[:, None] - hits.point
     distance_m = np.sqrt(_dot(laser, laser))
     to_laser = laser / distance_m
     cos_in = np.where(_dot(hits.facing, to_laser) > 0.0, np.clip(_dot(hits.normal, to_laser), 0.0, 1.0), 0.0)
@@ -93,8 +96,8 @@ def from_sun(hits: Seen) -> np.ndarray:
     share = float(np.asarray(hits.truth.sunlit.get(hits.surface.body, 1.0)))
     if not np.all(np.isfinite(sun)) or share <= 0.0 or not len(lit):
         return lit
-    to_sun = hits.truth.pose(hits.surface.name, ROOT).rotation.apply(sun / np.linalg.norm(sun))
-    toward = np.broadcast_to(to_sun[:, None], hits.point.shape)
+    to_sun = turned(hits.truth.poses.place(hits.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
+    toward = np.repeat(to_sun[:, None], len(lit), axis=1)
     up = (_dot(hits.facing, toward) > 0.0) & (hits.cos_out > 0.0)
     up[_shaded(hits, up, toward, np.full(len(up), np.inf))] = False
     on = np.flatnonzero(up)
@@ -128,19 +131,40 @@ def _disc(to_sun: np.ndarray) -> np.ndarray:
 
 def _shaded(hits: Seen, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
     """Return the hits, of those asked for, from which a ray `toward` (xyz, hit) meets a surface within its reach [m]."""
-    index = np.flatnonzero(asked)
     centre, radius = hits.surface.sphere
     off_m = _OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
+    engine = packets.engine()
+    if engine is not None:
+        return _met_in_packets(hits, asked, toward, reach_m, off_m, engine)
+    index = np.flatnonzero(asked)
     start, toward = hits.point[:, index] + off_m * hits.facing[:, index], toward[:, index]
     shaded = np.zeros(len(index), dtype=bool)
     for number, other in enumerate(hits.surfaces):
         if number == hits.number:
             shaded |= _occluded(other, start, toward, reach_m[index])
         else:
-            other_from_here = hits.truth.pose(other.name, hits.surface.name)
-            there = other_from_here.translation[:, None] + _turned(other_from_here, start)
+            other_from_here = hits.truth.poses.place(other.name, hits.surface.name)
+            there = other_from_here[0][:, None] + _turned(other_from_here, start)
             shaded |= _occluded(other, there, _turned(other_from_here, toward), reach_m[index])
     return index[shaded]
+
+
+def _met_in_packets(
+    hits: Seen, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray, off_m: float, engine: packets.Engine
+) -> np.ndarray:
+    """Return what `_shaded` does, by the loops."""
+    from rso_lidar.scene.packets_loops import add_met
+
+    met = np.zeros(len(asked), dtype=bool)
+    point, facing, toward = (np.ascontiguousarray(vectors) for vectors in (hits.point, hits.facing, toward))
+    for number, other in enumerate(hits.surfaces):
+        origin, turn = np.zeros(3), np.eye(3)
+        if number != hits.number:
+            origin[:], turn[:] = hits.truth.poses.place(other.name, hits.surface.name)
+        scene, sphere = other.packets(engine), np.append(*other.sphere)
+        at = (origin, turn, sphere, engine.occluded, scene.address, engine.width)
+        add_met(met, asked, point, facing, off_m, toward, reach_m, *at)
+    return np.flatnonzero(met)
 
 
 def _occluded(surface: Surface, start: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
@@ -167,9 +191,9 @@ def _occluded(surface: Surface, start: np.ndarray, toward: np.ndarray, reach_m: 
     return met
 
 
-def _turned(a_from_b: RigidTransform, vectors: np.ndarray) -> np.ndarray:
+def _turned(a_from_b: tuple[np.ndarray, np.ndarray], vectors: np.ndarray) -> np.ndarray:
     """Return vectors (xyz, ray) turned from axes b to axes a, element by element."""
-    matrix = a_from_b.rotation.as_matrix()
+    matrix = a_from_b[1]
     x, y, z = vectors
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
 

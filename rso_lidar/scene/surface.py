@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.packets import Engine, PacketScene
 from rso_lidar.scene.scatter import Scatterer
 from rso_lidar.scene.shading import corner_normals, interpolated
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
+_held: WeakValueDictionary[str, PacketScene] = WeakValueDictionary()
 _scenes_lock = Lock()
 _SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
 _FARTHEST_M = 1e7  # float32 still resolves a metre there
@@ -111,6 +114,24 @@ class Surface:
                     _scenes.popitem(last=False)
             _scenes.move_to_end(self.content)
             return _scenes[self.content]
+
+    def packets(self, engine: Engine) -> PacketScene:
+        """Return the scene for packets of rays of this surface in body axes, built once for each geometry."""
+        key = f"{self.content} {engine.width}"
+        with _scenes_lock:
+            scene = _held.get(key)
+            _scenes[key] = _held[key] = scene = scene or PacketScene(engine, self.corners)
+            _scenes.move_to_end(key)
+            while len(_scenes) > _SCENES_KEPT:
+                _scenes.popitem(last=False)  # whoever still casts at it holds it
+            return scene
+
+    @cached_property
+    def matt_per_sr(self) -> np.ndarray:
+        """Return the BRDF [1/sr] of each facet (facet) whose material looks the same from everywhere, NaN of others."""
+        of_part = [m.reflectance / np.pi if isinstance(m, Lambertian) else np.nan for m in self.materials]
+        matt: np.ndarray = np.array(of_part)[self.part]
+        return matt
 
     def brdf_per_sr(
         self,

@@ -1,5 +1,8 @@
 import math
+import os
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -299,3 +302,46 @@ def test_a_laser_beside_the_lens_gets_the_whole_field():
     """Where its light falls depends on the range: every cell that may hit has its ray."""
     rays = pixel_rays(SEED_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
     assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
+
+
+# ------------------------------------------------------------------------------------------ rays that cannot hit vanish
+
+
+def crafts():
+    """Return the surfaces of shipped models, and of some real spacecraft where there are any."""
+    here = Path(__file__).parents[2] / "models"
+    found = [here / name for name in ("juno.glb", "rocket_body.glb", "sphere.glb", "cubesat_3u.glb")]
+    shared = Path(os.environ.get("RSO_LIDAR_SHARED", ""), "meshes")
+    found += [shared / f"{name}.stl" for name in ("tdrs", "mro", "voyager") if (shared / f"{name}.stl").is_file()]
+    return [scene.build_surface("target", scene.load_mesh(path)) for path in found]
+
+
+@pytest.mark.parametrize("distortion", [None, BrownConrady(k1=5.2)], ids=["straight", "bent"])
+def test_outlines_lose_no_ray_that_hits(distortion):
+    """Against all rays within the bounds, from filling the field down to a tenth of a pixel: the same rays hit."""
+    rng = np.random.default_rng(9)
+    receiver = SEED_RECEIVER.replace(n_rows=64, n_cols=64, distortion=distortion)
+    laser, hit, made, before = Laser(divergence_deg=4.0), 0, 0, 0
+    for target in crafts():
+        size = 2 * target.sphere[1]
+        for _ in range(6):
+            range_m = size * math.exp(rng.uniform(math.log(10), math.log(20_000)))
+            beside = rng.uniform(-HALF, HALF, 2) * range_m
+            truth = truth_of(target=place([*beside, range_m], Rotation.random(rng=rng)))
+            seen = scene.extent([target], truth)
+            some, every = (pixel_rays(receiver, laser, e) for e in (seen, replace(seen, outlines=None)))
+            hits, all_hits = (scene.cast(rays, [target], truth, 1) for rays in (some, every))
+            assert np.array_equal(hits.pixel, all_hits.pixel) and np.array_equal(hits.weight, all_hits.weight)
+            assert np.allclose(some.direction[hits.ray], every.direction[all_hits.ray], rtol=0, atol=1e-12)
+            hit, made, before = hit + len(hits.ray), made + len(some.pixel), before + len(every.pixel)
+    assert hit > 10_000 and made < 1.35 * hit < 0.7 * before
+
+
+def test_a_small_target_on_a_large_focal_plane_and_many_of_them():
+    """Rays follow from what is seen, not from the number of pixels or of other targets."""
+    large = SEED_RECEIVER.replace(n_rows=1024, n_cols=1024, rays_per_pixel=1)
+    assert len(pixel_rays(large, SEED_LASER, extent(((0.1, 0.1), (0.11, 0.11)))).pixel) < 6 * 4096
+    corner = np.random.default_rng(4).uniform(-0.9, 0.9, (50, 2))
+    boxes = [((x, y), (x + 0.002, y + 0.002)) for x, y in corner]
+    rays = pixel_rays(SEED_RECEIVER, SEED_LASER, extent(*boxes))
+    assert 40 * 4096 < len(rays.pixel) < 50 * 6 * 4096 and exact_sums(rays).max() <= 1 + 1e-12

@@ -110,3 +110,11 @@ def test_the_edge_of_the_field_holds_every_direction(name):
     assert np.abs(x).max() > 0.999 * lens.field_edge[0] and np.abs(y).max() > 0.999 * lens.field_edge[1]
     straight = lens.replace(distortion=None)
     assert straight.field_edge.tolist() == pytest.approx([18 * lens.pixel_tangent, 12 * lens.pixel_tangent], rel=1e-15)
+
+
+def test_what_follows_from_a_lens_is_worked_out_once_and_not_carried_over():
+    lens = Receiver(fov_deg=2.5, f_number=2.8)
+    assert lens.line_of_sight is lens.line_of_sight and lens.field_edge is lens.field_edge
+    closer = lens.replace(fov_deg=1.25)
+    assert closer.pixel_tangent == pytest.approx(math.tan(math.radians(0.625)) / 64, rel=1e-12)
+    assert lens == Receiver(fov_deg=2.5, f_number=2.8) and hash(lens) == hash(Receiver(fov_deg=2.5, f_number=2.8))

@@ -1,0 +1,195 @@
+"""Cells of the focal plane, k x k to a pixel: where targets lie on them, and which directions go through them."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from rso_lidar.optics.receiver import Receiver
+from rso_lidar.records import Extent
+
+_BEND = 16  # points along an edge that a lens bends
+_BLOCK = 8  # rows of pixels of a lens that bends whose directions are found at once
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """Outlines of all targets: corners (corner, row_col), those of outline p from `starts[p]` to `starts[p + 1]`.
+
+    `off` (outline) [cells] is how far an outline may be from its corners' chords. `of[t]` are the first outline of target t
+    and the one past its last; None where only bounds are known.
+    """
+
+    corners: np.ndarray
+    starts: np.ndarray
+    off: np.ndarray
+    of: list[tuple[int, int] | None]
+
+
+def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarray:
+    """Return each target's bounds (target, low_high, row_col) in cells, whole at cell edges.
+
+    Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
+    target does; it is empty where low > high.
+    """
+    low, high = np.maximum(extent.low, -reach), np.minimum(extent.high, reach)
+    ends = np.stack([low, high], axis=1)
+    if receiver.distortion is None:
+        return _in_cells(ends, receiver)
+    boxes = np.empty_like(ends)
+    empty = (low > high).any(axis=1)
+    boxes[empty] = [[1.0, 1.0], [0.0, 0.0]]
+    within = np.clip(ends[~empty], -receiver.field_edge, receiver.field_edge)
+    corners = np.stack([within[:, [0, 1, 1, 0], 0], within[:, [0, 0, 1, 1], 1]], axis=-1).reshape(-1, 2)
+    cells, off = _bent(corners, np.arange(0, len(corners) + 1, 4), receiver)
+    cells = cells.reshape(-1, 4 * _BEND, 2)
+    beyond = (ends[~empty] - within)[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
+    boxes[~empty] = np.stack([cells.min(axis=1) - off[:, None], cells.max(axis=1) + off[:, None]], axis=1) + beyond
+    return boxes
+
+
+def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
+    """Return the outlines of all targets in cells."""
+    of: list[tuple[int, int] | None] = []
+    every: list[np.ndarray] = []
+    for outlines in extent.outlines or [None] * len(extent.low):
+        of.append(None if outlines is None else (len(every), len(every) + len(outlines)))
+        every.extend(outlines or ())
+    bent = receiver.distortion is not None
+    if bent:
+        every = [_within(outline, receiver.field_edge) for outline in every]
+    starts = np.cumsum([0] + [len(outline) for outline in every])
+    corners = np.concatenate(every) if every else np.empty((0, 2))
+    if not bent:
+        return Outlines(_in_cells(corners, receiver), starts, np.zeros(len(every)), of)
+    cells, off = _bent(corners, starts, receiver)
+    return Outlines(cells, _BEND * starts, off, of)
+
+
+def touched(box: list[list[float]], shape: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return the first row, one past the last, the first col and one past the last of the cells that a box touches."""
+    most = float(max(shape) + 1)
+    (r0, c0), (r1, c1) = ([min(max(at, -1.0), most) for at in end] for end in box)
+    return (
+        max(0, math.floor(r0)),
+        max(0, min(shape[0], math.floor(r1) + 1)),
+        max(0, math.floor(c0)),
+        max(0, min(shape[1], math.floor(c1) + 1)),
+    )
+
+
+def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (row, col) of the directions (x, y, 1) through the middles of cells; of rows first to last at least.
+
+    Without distortion x has one row and y one column, for all.
+    """
+    return _straight(receiver) if receiver.distortion is None else _bending(receiver).of(rows)
+
+
+@lru_cache(maxsize=8)
+def _straight(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+    middles = _middles(receiver, 0, receiver.n_rows)
+    x, y = receiver.tangents_at(*middles)
+    x.flags.writeable = y.flags.writeable = False
+    return x, y
+
+
+def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns (1, col) and rows (row, 1) on the focal plane of the cells in rows of pixels first to last."""
+    k = receiver.rays_per_side
+    return ((np.arange(receiver.n_cols * k) + 0.5) / k)[None, :], ((np.arange(first * k, last * k) + 0.5) / k)[:, None]
+
+
+class _Bending:
+    """The directions through the cells of a lens that bends, found block by block of rows when they are first asked for.
+
+    A block is always found as a whole, so that its bits do not depend on what was asked; threads may both find one.
+    """
+
+    def __init__(self, receiver: Receiver) -> None:
+        self.receiver = receiver
+        self.side = _BLOCK * receiver.rays_per_side
+        n_rows, n_cols = (n * receiver.rays_per_side for n in receiver.shape)
+        self.x, self.y = np.empty((n_rows, n_cols)), np.empty((n_rows, n_cols))
+        self.found = [False] * -(-receiver.n_rows // _BLOCK)
+
+    def of(self, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and y of all cells, those in rows first to last of cells filled in."""
+        for block in range(rows[0] // self.side, -(-rows[1] // self.side)):
+            if not self.found[block]:
+                first = block * _BLOCK
+                last = min(first + _BLOCK, self.receiver.n_rows)
+                at = slice(block * self.side, (block + 1) * self.side)
+                x, y = self.receiver.tangents_at(*np.broadcast_arrays(*_middles(self.receiver, first, last)))
+                self.x[at], self.y[at] = x, y
+                self.found[block] = True
+        return tuple(_locked(values) for values in (self.x, self.y))  # type: ignore[return-value]
+
+
+def _locked(values: np.ndarray) -> np.ndarray:
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+@lru_cache(maxsize=2)
+def _bending(receiver: Receiver) -> _Bending:
+    return _Bending(receiver)
+
+
+def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
+    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges.
+
+    Outside the field a distortion means nothing: there the cells go on as even ones.
+    """
+    k = receiver.rays_per_side
+    cells = np.empty_like(points)
+    if receiver.distortion is None:
+        for axis, size in ((0, receiver.n_rows), (1, receiver.n_cols)):
+            cells[..., axis] = points[..., 1 - axis] * (k / receiver.pixel_tangent) + 0.5 * k * size
+        return cells
+    within = np.clip(points, -receiver.field_edge, receiver.field_edge)
+    image = receiver.image_of(within[..., 0], within[..., 1])
+    for axis in (0, 1):
+        cells[..., axis] = k * (image[1 - axis] + (points - within)[..., 1 - axis] / receiver.pixel_tangent)
+    return cells
+
+
+def _bent(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+    """Return outlines (corner, right_down) in cells (point, row_col), `_BEND` a corner, and how far off each may be."""
+    following = np.arange(1, len(corners) + 1)
+    sizes = np.diff(starts)
+    following[starts[1:][sizes > 0] - 1] = starts[:-1][sizes > 0]
+    share = (np.arange(_BEND) / _BEND)[:, None]
+    along = corners[:, None] + share * (corners[following] - corners)[:, None]
+    cells = _in_cells(along, receiver)
+    even, odd = cells[:, ::2], cells[:, 1::2]
+    chords = 0.5 * (even + np.concatenate([even[:, 1:], even[following, :1]], axis=1))
+    # A chord of half the length leaves a quarter of the arrow, of any curve that is smooth over it; twice that is sure.
+    arrow = 0.5 * np.abs(odd - chords).max(axis=(1, 2), initial=0.0) + 1e-6
+    off = np.array([arrow[a:b].max(initial=0.0) for a, b in pairwise(starts)])
+    return np.ascontiguousarray(cells.reshape(-1, 2)), off
+
+
+def _within(outline: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Return the part of a convex outline (corner, right_down) with |right| <= edge[0] and |down| <= edge[1]."""
+    if (np.abs(outline) <= edge).all():
+        return outline
+    for axis, side in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
+        outline = _cut(outline, axis, side, float(edge[axis]))
+    return outline
+
+
+def _cut(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
+    """Return the part of a convex outline (corner, right_down) with side * coordinate <= edge (Sutherland & Hodgman)."""
+    if not len(outline):
+        return outline
+    over = side * outline[:, axis] - edge
+    following, next_over = np.roll(outline, -1, axis=0), np.roll(over, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = outline + (over / (over - next_over))[:, None] * (following - outline)
+    both = np.stack([outline, crossing], axis=1).reshape(-1, 2)
+    kept: np.ndarray = both[np.stack([over <= 0.0, (over <= 0.0) != (next_over <= 0.0)], axis=1).ravel()]
+    return kept

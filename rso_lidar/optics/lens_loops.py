@@ -1,0 +1,237 @@
+"""What `lens` does to the light of each pixel, as loops."""
+
+import math
+
+import numpy as np
+
+from rso_lidar.arithmetic import loop
+
+RUN = 16  # so many are sorted by insertion
+# Where the light of a return comes from is one number: a group and one of its offsets, or what comes from far and the last.
+SLOTS_LOG2 = 5
+SLOTS = 1 << SLOTS_LOG2
+FROM_FAR = SLOTS - 1
+
+
+@loop
+def sort_by(value: np.ndarray, order: np.ndarray, spare: tuple[np.ndarray, np.ndarray], start: int, stop: int) -> None:
+    """Sort value[start:stop] and order[start:stop] with it; equal ones keep their order: runs by insertion, then merged."""
+    for low in range(start, stop, RUN):
+        for k in range(low + 1, min(low + RUN, stop)):
+            this, number, at = value[k], order[k], k
+            while at > low and value[at - 1] > this:
+                value[at], order[at] = value[at - 1], order[at - 1]
+                at -= 1
+            value[at], order[at] = this, number
+    run = RUN
+    while run < stop - start:
+        for low in range(start, stop, 2 * run):
+            middle, high = min(low + run, stop), min(low + 2 * run, stop)
+            for k in range(low, high):
+                spare[0][k], spare[1][k] = order[k], value[k]
+            left, right = low, middle
+            for at in range(low, high):
+                if right < high and (left == middle or spare[1][right] < spare[1][left]):
+                    order[at], value[at] = spare[0][right], spare[1][right]
+                    right += 1
+                else:
+                    order[at], value[at] = spare[0][left], spare[1][left]
+                    left += 1
+        run *= 2
+
+
+@loop
+def places(
+    ray: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    pixel_tangent: float,
+    n_rows: int,
+    n_cols: int,
+    sub: int,
+) -> np.ndarray:
+    """Return the sub-cell of its pixel (hit) that each ray goes through, row * sub + col, in a lens that bends nothing."""
+    cell = np.empty(len(ray), np.int64)
+    for k in range(len(ray)):
+        r = ray[k]
+        col, row = x[r] / z[r] / pixel_tangent + 0.5 * n_cols, y[r] / z[r] / pixel_tangent + 0.5 * n_rows
+        down, across = int((row - math.floor(row)) * sub), int((col - math.floor(col)) * sub)
+        cell[k] = min(down, sub - 1) * sub + min(across, sub - 1)
+    return cell
+
+
+@loop
+def grouped(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return returns in order of pixel and bin of delay, and where groups of one pixel and bin begin; their number last."""
+    n = len(pixel)
+    order, number, starts = np.empty(n, np.int64), np.empty(n), np.empty(n + 1, np.int64)
+    spare = np.empty(n, np.int64), np.empty(n)
+    nearest = delay_s.min()
+    found, start = 0, 0
+    while start < n:
+        stop, same = start, True
+        while stop < n and pixel[stop] == pixel[start]:
+            order[stop] = stop
+            number[stop] = math.floor((delay_s[stop] - nearest) / bin_s)
+            same = same and number[stop] == number[start]
+            stop += 1
+        if not same:
+            sort_by(number, order, spare, start, stop)
+        for k in range(start, stop):
+            if k == start or number[k] != number[k - 1]:
+                starts[found] = k
+                found += 1
+        start = stop
+    starts[found] = n
+    return order, starts[: found + 1].copy()
+
+
+@loop
+def spread(
+    pixel: np.ndarray,
+    delay_s: np.ndarray,
+    photons: np.ndarray,
+    spread_s: np.ndarray,
+    modes: np.ndarray,
+    hit: np.ndarray,
+    order: np.ndarray,
+    starts: np.ndarray,
+    place: np.ndarray,
+    zone: np.ndarray,
+    zones: int,
+    shares: np.ndarray,
+    n_rows: int,
+    n_cols: int,
+    least: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return of each group the pixel, brightest hit, depth spread and light that goes far; and where the rest goes.
+
+    `shares` (zone, sub-cell, offset) tells where the light of a ray lands, `zone` which of its zones holds at a place of
+    the field cut `zones` x `zones`. Where it goes (group, offset): photons, mean delay, modes. A return of fewer photons
+    than `least` is not made: its light stays in the group's own pixel, the middle offset.
+    """
+    n_groups, n_offsets = len(starts) - 1, shares.shape[2]
+    side = int(math.sqrt(n_offsets) + 0.5)
+    reach, middle = side // 2, n_offsets // 2
+    at, brightest = np.empty(n_groups, np.int32), np.empty(n_groups, np.int32)
+    width_s, away = np.empty(n_groups), np.empty(n_groups)
+    near = np.zeros((n_groups, n_offsets)), np.zeros((n_groups, n_offsets)), np.zeros((n_groups, n_offsets))
+    for g in range(n_groups):
+        first = order[starts[g]]
+        row, col = pixel[first] // n_cols, pixel[first] % n_cols
+        share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
+        sent, sent_s, sent_modes = near[0][g], near[1][g], near[2][g]
+        # Moments of delay about the first: by light for the width, by rays where all are dark for the mean.
+        light, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
+        for k in range(starts[g], starts[g + 1]):
+            r = order[k]
+            n, apart = photons[r], delay_s[r] - delay_s[first]
+            cell = share[place[hit[r]]]
+            caught = 0.0
+            for j in range(n_offsets):
+                sent[j] += n * cell[j]
+                sent_s[j] += n * cell[j] * apart
+                sent_modes[j] += modes[r] * cell[j]
+            for j in range(n_offsets):
+                caught += cell[j]
+            gone += n * max(1.0 - caught, 0.0)
+            weight = max(n, 1e-30)
+            total += weight
+            early += weight * apart
+            square += weight * (apart * apart + spread_s[r] * spread_s[r] / 12.0)
+            light += n
+            dark_s += apart
+            if n > photons[best]:
+                best = r
+        j = 0
+        for down in range(row - reach, row + reach + 1):
+            for across in range(col - reach, col + reach + 1):
+                if sent[j] >= least:
+                    sent_s[j] = delay_s[first] + sent_s[j] / sent[j]
+                elif j != middle and 0 <= down < n_rows and 0 <= across < n_cols:
+                    sent[middle] += sent[j]
+                    sent[j] = 0.0
+                j += 1
+        sent_s[middle] = delay_s[first] + (early / total if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
+        width_s[g] = math.sqrt(max(12.0 * (square / total - (early / total) * (early / total)), 0.0))
+        at[g], brightest[g], away[g] = pixel[first], hit[best], gone
+    return at, brightest, width_s, away, near
+
+
+@loop
+def by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return entries in order of their pixel, those of one in their own order, and where each pixel's begin."""
+    begins, order = np.zeros(n_pixels + 1, np.int64), np.empty(len(pixel), np.int64)
+    for k in range(len(pixel)):
+        begins[pixel[k] + 1] += 1
+    for p in range(n_pixels):
+        begins[p + 1] += begins[p]
+    free = begins.copy()
+    for k in range(len(pixel)):
+        order[free[pixel[k]]] = k
+        free[pixel[k]] += 1
+    return order, begins
+
+
+@loop
+def gathered(
+    at: np.ndarray,
+    brightest: np.ndarray,
+    width_s: np.ndarray,
+    near: tuple[np.ndarray, np.ndarray, np.ndarray],
+    far: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    n_rows: int,
+    n_cols: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return light ordered by pixel and delay: in each pixel what stays there, what comes from near, and what from far.
+
+    Groups of light are as `spread` returns them; `far` is pixel, delay, photons, depth spread, modes and hit.
+    """
+    sent, sent_s, sent_modes = near
+    n_groups, n_offsets = sent.shape
+    side = int(math.sqrt(n_offsets) + 0.5)
+    reach, middle = side // 2, n_offsets // 2
+    begins = by_pixel(at, n_rows * n_cols)[1]
+    far_order, far_begins = by_pixel(far[0], n_rows * n_cols)
+    n = n_groups + len(far_order)
+    left, right = n_cols, 0
+    for g in range(n_groups):
+        left, right = min(left, at[g] % n_cols - reach), max(right, at[g] % n_cols + reach)
+        for j in range(n_offsets):
+            n += j != middle and sent[g, j] > 0.0
+    top, bottom = at[0] // n_cols - reach, at[-1] // n_cols + reach
+    if len(far_order) > 0:
+        top, bottom, left, right = 0, n_rows, 0, n_cols
+    source, delay_s, spare = np.empty(n, np.int64), np.empty(n), (np.empty(n, np.int64), np.empty(n))
+    pixel, hit = np.empty(n, np.int32), np.empty(n, np.int32)
+    photons, spread_s, modes = np.empty(n), np.empty(n), np.empty(n)
+    made = 0
+    for row in range(max(top, 0), min(bottom + 1, n_rows)):
+        for col in range(max(left, 0), min(right + 1, n_cols)):
+            p, start = row * n_cols + col, made
+            for g in range(begins[p], begins[p + 1]):
+                source[made], delay_s[made] = g * SLOTS + middle, sent_s[g, middle]
+                made += 1
+            j = 0
+            for down in range(row + reach, row - reach - 1, -1):
+                for across in range(col + reach, col - reach - 1, -1):
+                    if j != middle and 0 <= down < n_rows and 0 <= across < n_cols:
+                        q = down * n_cols + across
+                        for g in range(begins[q], begins[q + 1]):
+                            if sent[g, j] > 0.0:
+                                source[made], delay_s[made] = g * SLOTS + j, sent_s[g, j]
+                                made += 1
+                    j += 1
+            for k in range(far_begins[p], far_begins[p + 1]):
+                source[made], delay_s[made] = far_order[k] * SLOTS + FROM_FAR, far[1][far_order[k]]
+                made += 1
+            if made - start > 1:
+                sort_by(delay_s, source, spare, start, made)
+            for k in range(start, made):
+                g, j, pixel[k] = source[k] >> SLOTS_LOG2, source[k] & (SLOTS - 1), p
+                if j == FROM_FAR:
+                    photons[k], spread_s[k], modes[k], hit[k] = far[2][g], far[3][g], far[4][g], far[5][g]
+                else:
+                    photons[k], spread_s[k], modes[k], hit[k] = sent[g, j], width_s[g], sent_modes[g, j], brightest[g]
+    return pixel[:made], delay_s[:made], photons[:made], spread_s[:made], modes[:made], hit[:made]

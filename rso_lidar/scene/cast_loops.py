@@ -1,0 +1,201 @@
+"""Rays meet facets, as loops: `cast.py` says what and why, and this does it block by block, each array read once.
+
+A block of rays that follow one another is asked of every target whose sphere it may touch, in packets of the rays that
+touch it; the nearest hit of each ray stands. Blocks begin at set places, so that threads do not change them.
+"""
+
+import numpy as np
+
+from rso_lidar.arithmetic import loop
+from rso_lidar.scene.packets_loops import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
+
+BLOCK_RAYS = 256
+# Words of a placed target: the turn row by row, the lidar's place, the sphere as the lidar sees it, where rays start.
+_ORIGIN, _CENTRE, _REACH, _START, _SLACK, _WORDS = 9, 12, 15, 16, 17, 18
+
+
+@loop
+def placed(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
+    """Return the words of targets (target, word), from target_from_lidar and the spheres about them.
+
+    Directions are compared by how far unit vectors end apart, which is exact for narrow cones where a cosine is not:
+    those within `_REACH` of the direction to the centre pass the sphere.
+    """
+    words = np.empty((len(origin), _WORDS))
+    for t in range(len(origin)):
+        word, radius = words[t], sphere[t, 3]
+        x, y, z = sphere[t, 0] - origin[t, 0], sphere[t, 1] - origin[t, 1], sphere[t, 2] - origin[t, 2]
+        distance = np.sqrt(x * x + y * y + z * z)
+        for axis in range(3):
+            for other in range(3):
+                word[3 * axis + other] = turn[t, axis, other]
+            word[_ORIGIN + axis] = origin[t, axis]
+            toward = turn[t, 0, axis] * x + turn[t, 1, axis] * y + turn[t, 2, axis] * z
+            word[_CENTRE + axis] = toward / distance if distance > 0.0 else 0.0
+        word[_REACH] = 2.0
+        if distance > radius:
+            sine = radius / distance
+            word[_REACH] = sine * np.sqrt(2.0 / (1.0 + np.sqrt(1.0 - sine * sine)))
+        word[_START] = max(0.0, distance - 1.01 * radius - 0.01)
+        word[_SLACK] = 1e-3 * (1.0 + 2.0 * radius)
+    return words
+
+
+@loop
+def about(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
+    """Return the middle (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
+    x0 = y0 = z0 = np.inf
+    x1 = y1 = z1 = -np.inf
+    for i in range(first, last):
+        x0, x1 = min(x0, direction[0, i]), max(x1, direction[0, i])
+        y0, y1 = min(y0, direction[1, i]), max(y1, direction[1, i])
+        z0, z1 = min(z0, direction[2, i]), max(z1, direction[2, i])
+    half = 0.5 * np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2 + (z1 - z0) ** 2)
+    return 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1), half
+
+
+@loop
+def touched(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
+    """Return whether any ray that ends within `half` of (x, y, z) may pass the sphere about a target."""
+    apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
+    reach = half + target[_REACH]
+    return bool(apart <= (1.0 + 1e-6) * reach * reach + 1e-24)
+
+
+@loop
+def nearest_first(targets: np.ndarray) -> np.ndarray:
+    """Return the numbers of the targets in the order in which rays may meet them."""
+    order = np.arange(len(targets))
+    for t in range(1, len(targets)):
+        at = t
+        while at > 0 and targets[order[at - 1], _START] > targets[t, _START]:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = t
+    return order
+
+
+@loop
+def passing(
+    direction: np.ndarray, first: int, last: int, target: np.ndarray, near: np.ndarray, chosen: np.ndarray
+) -> int:
+    """Return how many of rays first to last pass the sphere about a target, and write which.
+
+    Those that met something before where rays to this target start, in `near`, are done.
+    """
+    count = 0
+    x, y, z = target[_CENTRE], target[_CENTRE + 1], target[_CENTRE + 2]
+    within = (1.0 + 1e-6) * target[_REACH] * target[_REACH] + 1e-24
+    for i in range(first, last):
+        apart = (direction[0, i] - x) ** 2 + (direction[1, i] - y) ** 2 + (direction[2, i] - z) ** 2
+        if apart <= within and near[i - first] >= target[_START]:
+            chosen[count] = i
+            count += 1
+    return count
+
+
+@loop
+def cast_rays(
+    direction: np.ndarray,
+    pixel: np.ndarray,
+    weight: np.ndarray,
+    first: int,
+    last: int,
+    origin: np.ndarray,
+    turn: np.ndarray,
+    scenes: np.ndarray,
+    sphere: np.ndarray,
+    target_number: np.ndarray,
+    first_facet: np.ndarray,
+    planes: np.ndarray,
+    part: np.ndarray,
+    source_facet: np.ndarray,
+    matt_per_sr: np.ndarray,
+    question: int,
+    width: int,
+) -> tuple[np.ndarray, ...]:
+    """Return the columns of `cast._First` for rays first to last; the BRDF is NaN where the material is not matt.
+
+    Rays are `direction` (xyz, ray), `pixel`, `weight`; targets stand at `origin` (target, xyz) [m] and `turn`
+    (target, xyz, xyz), which is target_from_lidar, and are what `cast._Targets` holds; `question` is rtcIntersect.
+    """
+    n = last - first
+    hit_ray, hit_pixel, hit_weight = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n)
+    hit_target, hit_number, hit_facet = np.empty(n, np.int16), np.empty(n, np.int16), np.empty(n, np.int32)
+    hit_part, hit_source = np.empty(n, np.int16), np.empty(n, np.int32)
+    hit_range, hit_cosine, hit_brdf = np.empty(n), np.empty(n), np.empty(n)
+    words = packet(width)
+    values = words.view(np.float32)
+    turned = np.empty((3, width))
+    chosen = np.empty(BLOCK_RAYS, np.int64)
+    near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
+    facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
+    targets = placed(origin, turn, sphere)
+    order = nearest_first(targets)
+    alone = len(targets) == 1
+    hits = 0
+    for block in range(first, last, BLOCK_RAYS):
+        end = min(block + BLOCK_RAYS, last)
+        near[: end - block] = np.inf
+        x, y, z, half = about(direction, block, end)
+        for t in order:
+            target = targets[t]
+            if not alone and not touched(x, y, z, half, target):
+                continue
+            start = target[_START]
+            count = end - block
+            if alone:
+                chosen[:count] = np.arange(block, end)  # the rays were made for it
+            else:
+                count = passing(direction, block, end, target, near, chosen)
+            for p in range(0, count, width):
+                used = min(width, count - p)
+                for k in range(used):
+                    i = chosen[p + k]
+                    dx, dy, dz = direction[0, i], direction[1, i], direction[2, i]
+                    for axis in range(3):
+                        along = target[3 * axis] * dx + target[3 * axis + 1] * dy + target[3 * axis + 2] * dz
+                        turned[axis, k] = along
+                        values[BEFORE + (ALONG + axis) * width + k] = along
+                        values[BEFORE + (START + axis) * width + k] = target[_ORIGIN + axis] + start * along
+                    values[BEFORE + FAR * width + k] = near[i - block] - start + target[_SLACK]
+                ask(question, scenes[t], words, width, used)
+                for k in range(used):
+                    if words[BEFORE + GEOMETRY * width + k] == NOTHING:
+                        continue
+                    f = np.int64(words[BEFORE + FACET * width + k])
+                    plane = planes[first_facet[t] + f]
+                    c = plane[0] * turned[0, k] + plane[1] * turned[1, k] + plane[2] * turned[2, k]
+                    before = (
+                        plane[0] * target[_ORIGIN] + plane[1] * target[_ORIGIN + 1] + plane[2] * target[_ORIGIN + 2]
+                    )
+                    exact = (plane[3] - before) / c
+                    rough = start + np.float64(values[BEFORE + FAR * width + k])
+                    # Seen edge-on, a facet's plane says nothing about range: `cast._meet` tells.
+                    distance = exact if abs(exact - rough) <= target[_SLACK] else rough
+                    j = chosen[p + k] - block
+                    if distance < near[j] or (distance == near[j] and t < number[j]):
+                        near[j], cosine[j], facet[j], number[j] = distance, min(abs(c), 1.0), f, t
+        for i in range(block, end):
+            j = i - block
+            if near[j] == np.inf:
+                continue
+            f = first_facet[number[j]] + facet[j]
+            hit_ray[hits], hit_pixel[hits], hit_weight[hits] = i, pixel[i], weight[i]
+            hit_target[hits], hit_number[hits], hit_facet[hits] = target_number[number[j]], number[j], facet[j]
+            hit_part[hits], hit_source[hits] = part[f], source_facet[f]
+            hit_range[hits], hit_cosine[hits], hit_brdf[hits] = near[j], cosine[j], matt_per_sr[f]
+            hits += 1
+    return (
+        hit_ray[:hits],
+        hit_pixel[:hits],
+        hit_weight[:hits],
+        hit_target[:hits],
+        hit_number[:hits],
+        hit_facet[:hits],
+        hit_part[:hits],
+        hit_source[:hits],
+        hit_range[:hits],
+        hit_cosine[:hits],
+        hit_brdf[:hits],
+    )

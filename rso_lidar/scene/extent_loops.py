@@ -1,0 +1,84 @@
+"""The loops of extent: points of a surface seen from the lidar, and the convex outlines of its pieces."""
+
+import numpy as np
+
+from rso_lidar.arithmetic import loop
+
+
+@loop
+def outlined(
+    points: np.ndarray, starts: np.ndarray, translation: np.ndarray, matrix: np.ndarray
+) -> tuple[bool, bool, np.ndarray, np.ndarray, np.ndarray]:
+    """Return whether any, and whether all points are ahead, their bounds, and the outlines of the pieces.
+
+    Bounds are low x, y, high x, y in the tangent plane; outlines are corners (corner, right_down), those of piece p from
+    ends[p] to ends[p + 1], rising in x along the lower side and falling along the upper.
+    """
+    n = len(points)
+    x, y, z = np.empty(n), np.empty(n), np.empty(n)
+    farthest = 0.0
+    for i in range(n):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        x[i] = matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]
+        y[i] = matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]
+        z[i] = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
+        farthest = max(farthest, abs(x[i]), abs(y[i]), abs(z[i]))
+    some, every = False, True
+    for i in range(n):
+        if z[i] > 1e-6 * (1.0 + farthest):
+            some = True
+        else:
+            every = False
+    bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
+    ends = np.zeros(len(starts), dtype=np.int64)
+    corners = np.empty((2 * n, 2))
+    if not every:
+        return some, every, bounds, corners[:0], ends
+    for i in range(n):
+        x[i] /= z[i]
+        y[i] /= z[i]
+        bounds[0], bounds[1] = min(bounds[0], x[i]), min(bounds[1], y[i])
+        bounds[2], bounds[3] = max(bounds[2], x[i]), max(bounds[3], y[i])
+    made = 0
+    for piece in range(len(starts) - 1):
+        first, last = starts[piece], starts[piece + 1]
+        sort(x, y, first, last)
+        made = chain(x, y, first, last, 1, corners, made)
+        made = chain(x, y, first, last, -1, corners, made)
+        ends[piece + 1] = made
+    return some, every, bounds, corners[:made], ends
+
+
+@loop
+def sort(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
+    """Sort the points from `first` to `last` by x, then y, in place (Shell's method)."""
+    gap = 1
+    while 3 * gap < last - first:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            px, py, j = x[i], y[i], i - gap
+            while j >= first and (x[j] > px or (x[j] == px and y[j] > py)):
+                x[j + gap], y[j + gap] = x[j], y[j]
+                j -= gap
+            x[j + gap], y[j + gap] = px, py
+        gap //= 3
+
+
+@loop
+def chain(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, made: int) -> int:
+    """Write one side of the outline of sorted points behind `made` corners, its last point left out; return their number.
+
+    `way` is 1 along the side of small y, -1 back along the other (Andrew's monotone chain).
+    """
+    begin = made
+    for step in range(last - first):
+        i = first + step if way > 0 else last - 1 - step
+        while made - begin >= 2:
+            ax, ay = corners[made - 1, 0] - corners[made - 2, 0], corners[made - 1, 1] - corners[made - 2, 1]
+            if ax * (y[i] - corners[made - 2, 1]) > ay * (x[i] - corners[made - 2, 0]):
+                break
+            made -= 1
+        corners[made, 0], corners[made, 1] = x[i], y[i]
+        made += 1
+    return made - 1

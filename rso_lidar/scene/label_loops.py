@@ -1,0 +1,97 @@
+"""What `label` does to each pixel's returns, as a loop."""
+
+import numpy as np
+
+from rso_lidar.arithmetic import loop
+from rso_lidar.units import RANGE_PER_DELAY_M_S
+
+
+@loop
+def filled(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
+    """Write the share of each pixel that rays hit; `pixel` never falls."""
+    total = 0.0
+    for k in range(len(pixel)):
+        total += weight[k]
+        if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:
+            fraction[pixel[k]] = total
+            total = 0.0
+
+
+@loop
+def spoken(
+    pixel: np.ndarray,
+    photons: np.ndarray,
+    delay_s: np.ndarray,
+    hit: np.ndarray,
+    cluster: np.ndarray,
+    n_clusters: int,
+    weight: np.ndarray,
+    target: np.ndarray,
+    part: np.ndarray,
+    facet: np.ndarray,
+    cos_incidence: np.ndarray,
+    out_photons: np.ndarray,
+    out_range_m: np.ndarray,
+    out_first_range_m: np.ndarray,
+    out_count: np.ndarray,
+    out_target: np.ndarray,
+    out_part: np.ndarray,
+    out_facet: np.ndarray,
+    out_cos_incidence: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster.
+
+    First come arrays of returns, then of hits, then the labels, of pixels, which are written.
+    """
+    bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
+    # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and their brightest return.
+    kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
+    kind_light, kind_most, kind_hit = np.empty(len(pixel)), np.empty(len(pixel)), np.empty(len(pixel), np.int32)
+    start, first = 0, 0
+    while start < len(pixel):
+        at, total, last, stop = pixel[start], 0.0, first, start
+        while stop < len(pixel) and pixel[stop] == at:
+            bright[cluster[stop]] += photons[stop]
+            total += photons[stop]
+            last = max(last, cluster[stop])
+            stop += 1
+        best = first
+        for c in range(first, last + 1):
+            if bright[c] > bright[best]:
+                best = c
+        kinds = 0
+        for k in range(start, stop):
+            c, h = cluster[k], hit[k]
+            # A black facet returns nothing and is there all the same: then area weighs instead of light.
+            light = photons[k] if bright[c] > 0.0 else weight[h]
+            share[c] += light
+            mean_range_m[c] += light * (delay_s[k] * RANGE_PER_DELAY_M_S)
+            if c != best:
+                continue
+            kind = 0
+            while kind < kinds and (kind_target[kind] != target[h] or kind_part[kind] != part[h]):
+                kind += 1
+            if kind == kinds:
+                kind_target[kind], kind_part[kind], kind_light[kind], kind_most[kind] = target[h], part[h], 0.0, -1.0
+                kinds += 1
+            kind_light[kind] += light
+            if light > kind_most[kind]:
+                kind_most[kind], kind_hit[kind] = light, h
+        for c in range(first, last + 1):
+            mean_range_m[c] /= share[c]
+        speaks = 0
+        for kind in range(1, kinds):
+            more = kind_light[kind] - kind_light[speaks]
+            earlier = kind_target[kind] - kind_target[speaks]
+            if more == 0.0 and earlier == 0:
+                earlier = kind_part[kind] - kind_part[speaks]
+            if more > 0.0 or (more == 0.0 and earlier < 0):
+                speaks = kind
+        chosen = kind_hit[speaks]
+        out_photons[at] = total
+        out_range_m[at], out_first_range_m[at] = mean_range_m[best], mean_range_m[first]
+        out_count[at] = min(last + 1 - first, 255)
+        out_target[at], out_part[at] = kind_target[speaks], kind_part[speaks]
+        out_facet[at], out_cos_incidence[at] = facet[chosen], cos_incidence[chosen]
+        start, first = stop, last + 1
+    return mean_range_m, bright

@@ -1,0 +1,147 @@
+"""Embree without the wrapper: scenes for packets of rays, from the library that comes inside embreex's wheel.
+
+embreex asks embree for one ray after another. Rays through neighbouring pixels meet neighbouring facets, and asked for
+together, 16, 8 or 4 as the processor is wide, they cost a third. Where that library is not found, or is not Embree 4,
+there are no packets and embreex does the work. Prototypes and numbers are those of the headers of Embree 4.4
+(rtcore_device.h, rtcore_scene.h, rtcore_geometry.h, rtcore_buffer.h).
+"""
+
+import ctypes
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import Any, NamedTuple
+from weakref import finalize
+
+import numpy as np
+
+from rso_lidar.arithmetic import compiled
+from rso_lidar.errors import MeshError
+
+_VERSION_MAJOR = 4
+_PROPERTY_VERSION = 0
+_PROPERTY_NATIVE = {16: 34, 8: 33, 4: 32}  # packets of so many rays that the processor does at once, widest first
+_TRIANGLES, _BUFFER_INDEX, _BUFFER_VERTEX = 0, 0, 1
+_FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
+_ROBUST = 4  # no ray slips between two facets, at a cost of 5 %
+_OUT_OF_MEMORY = 4
+_QUESTIONS = ("Intersect", "Occluded")
+
+_POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
+_PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
+    "rtcGetDeviceError": (_INT, [_POINTER]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [_POINTER, _INT]),
+    "rtcNewScene": (_POINTER, [_POINTER]),
+    "rtcSetSceneFlags": (None, [_POINTER, _INT]),
+    "rtcCommitScene": (None, [_POINTER]),
+    "rtcReleaseScene": (None, [_POINTER]),
+    "rtcNewGeometry": (_POINTER, [_POINTER, _INT]),
+    "rtcSetNewGeometryBuffer": (_POINTER, [_POINTER, _INT, _UINT, _INT, _SIZE, _SIZE]),
+    "rtcCommitGeometry": (None, [_POINTER]),
+    "rtcAttachGeometry": (_UINT, [_POINTER, _POINTER]),
+    "rtcReleaseGeometry": (None, [_POINTER]),
+}
+_finding = Lock()
+
+
+class Engine(NamedTuple):
+    """Embree as found: its functions, a device, how many rays go together, and where its two questions are called."""
+
+    library: Any
+    device: int
+    width: int
+    intersect: int
+    occluded: int
+
+
+class PacketScene:
+    """The facets of one surface in embree, committed; `address` is good for as long as this object is held."""
+
+    def __init__(self, engine: Engine, triangles: np.ndarray) -> None:
+        """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        call, device = engine.library, engine.device
+        corners = np.ascontiguousarray(triangles.reshape(-1, 3), dtype=np.float32)
+        index = np.arange(len(corners), dtype=np.uint32)
+        self.address: int = call.rtcNewScene(device) or _failed(engine)
+        finalize(self, call.rtcReleaseScene, self.address).atexit = False  # the process's end frees all at once
+        call.rtcSetSceneFlags(self.address, _ROBUST)
+        geometry = call.rtcNewGeometry(device, _TRIANGLES) or _failed(engine)
+        try:
+            for kind, form, values in (
+                (_BUFFER_VERTEX, _FORMAT_FLOAT3, corners),
+                (_BUFFER_INDEX, _FORMAT_UINT3, index.reshape(-1, 3)),
+            ):
+                # Embree makes the room, and pads it as it reads it.
+                room = call.rtcSetNewGeometryBuffer(geometry, kind, 0, form, 12, len(values)) or _failed(engine)
+                ctypes.memmove(room, values.ctypes.data, values.nbytes)
+            call.rtcCommitGeometry(geometry)
+            call.rtcAttachGeometry(self.address, geometry)
+        finally:
+            call.rtcReleaseGeometry(geometry)  # the scene holds it now
+        call.rtcCommitScene(self.address)
+        if code := call.rtcGetDeviceError(device):
+            _failed(engine, code)
+
+
+def _failed(engine: Engine, code: int | None = None) -> int:
+    """Raise what embree's error says."""
+    code = engine.library.rtcGetDeviceError(engine.device) if code is None else code
+    if code == _OUT_OF_MEMORY:
+        raise MemoryError("embree: no memory left for the acceleration structure of a mesh")
+    raise MeshError(f"embree: cannot build the acceleration structure of a mesh (error {code})")
+
+
+def engine() -> Engine | None:
+    """Return embree for packets, with a device for this process; None without it, or where NumPy is to do the work."""
+    if not compiled():
+        return None
+    with _finding:
+        return _found()
+
+
+@lru_cache(maxsize=1)
+def _found() -> Engine | None:
+    for path in _libraries():
+        try:
+            return open_engine(path)
+        except (OSError, AttributeError, ValueError):
+            continue
+    return None
+
+
+def open_engine(path: Path, isa: str = "") -> Engine:
+    """Return embree from a library's file, on the processor's own instructions or those of `isa`, such as "avx2".
+
+    Raises OSError, AttributeError or ValueError where it is not a library, not embree, or not one that will do.
+    """
+    library = ctypes.CDLL(str(path))
+    for name, (result, arguments) in _PROTOTYPES.items():
+        function: Callable[..., Any] = getattr(library, name)
+        function.restype, function.argtypes = result, arguments  # type: ignore[attr-defined]
+    # One thread builds: the same structure each time, and nothing that a forked process would wait for.
+    device = library.rtcNewDevice(("threads=1" + (f",isa={isa}" if isa else "")).encode())
+    if not device:
+        raise ValueError("embree makes no device")
+    version = library.rtcGetDeviceProperty(device, _PROPERTY_VERSION)
+    if version // 10_000 != _VERSION_MAJOR:
+        raise ValueError(f"embree is version {version}, and records of rays differ between versions")
+    for width, native in _PROPERTY_NATIVE.items():
+        if library.rtcGetDeviceProperty(device, native):
+            return Engine(library, device, width, *(_address(library, f"rtc{q}{width}") for q in _QUESTIONS))
+    raise ValueError("embree takes no packets on this processor")
+
+
+def _address(library: Any, name: str) -> int:
+    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+
+
+def _libraries() -> list[Path]:
+    """Return the files that may be the embree that embreex has loaded, where wheels keep them."""
+    import embreex
+    import embreex.rtcore_scene  # loads embree, and what embree itself needs
+
+    package = Path(embreex.__file__).parent
+    rooms = (package.parent / "embreex.libs", package / ".dylibs", package)
+    return [file for room in rooms for file in sorted(room.glob("*embree4*")) if file.is_file()]

@@ -1,0 +1,188 @@
+"""Pieces of a surface, each with the few points of its convex hull.
+
+Seen from the lidar they cover the target more closely than one hull of the whole, so that fewer rays are made in vain.
+"""
+
+import heapq
+from dataclasses import dataclass
+from threading import Lock
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from rso_lidar.scene.surface import Surface
+
+_MOST = 128  # pieces looked at
+_BINS = 16  # places along each axis where a piece may be split
+_WORTH = 0.004  # of the whole hull's area: what a piece must save, or it costs more to draw than the rays it spares
+_CORNERS = 128  # of one hull; a rounder one is replaced by a slightly larger one of so many
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Points (point, xyz) [m] in body axes; those from `starts[p]` to `starts[p + 1]` span the convex hull of piece p."""
+
+    points: np.ndarray
+    starts: np.ndarray
+
+
+@dataclass(eq=False)
+class _Node:
+    """Some facets, and how they are split; `area` [m²] is that of their hull, four times its mean shadow (Cauchy)."""
+
+    facets: np.ndarray
+    parts: "tuple[_Node, _Node] | None" = None
+    hull: np.ndarray | None = None
+    area: float = 0.0
+
+
+_known: WeakKeyDictionary[Surface, Pieces] = WeakKeyDictionary()
+_lock = Lock()
+
+
+def pieces(surface: Surface) -> Pieces:
+    """Return the pieces of a surface, split once: each facet lies in the hull of one of them."""
+    found = _known.get(surface)
+    if found is None:
+        with _lock:
+            found = _known.get(surface) or _split(surface)
+            _known[surface] = found
+    return found
+
+
+def _split(surface: Surface) -> Pieces:
+    corners = surface.corners
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    root = _tree(low, high)
+    _measure(root, surface)
+    hulls = [_rounded(hull) for hull in _kept(root, _WORTH * root.area)[1]]
+    starts = np.cumsum([0] + [len(hull) for hull in hulls])
+    points = np.ascontiguousarray(np.concatenate(hulls))
+    points.flags.writeable = starts.flags.writeable = False
+    return Pieces(points, starts)
+
+
+def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
+    """Return the facets, given by their bounds (facet, xyz), split box by box, the largest first, into at most `_MOST`."""
+    root = _Node(np.arange(len(low)))
+    heap = [(-_box_area(low.min(axis=0), high.max(axis=0)), 0, root)]
+    number = 1
+    while heap and number < _MOST:
+        node = heapq.heappop(heap)[2]
+        sides = _sides(low, high, node.facets)
+        if sides is None:
+            continue
+        node.parts = _Node(sides[0]), _Node(sides[1])
+        for part in node.parts:
+            box = _box_area(low[part.facets].min(axis=0), high[part.facets].max(axis=0))
+            heapq.heappush(heap, (-box, 2 * number + (part is node.parts[1]), part))
+        number += 1
+    return root
+
+
+def _sides(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the facets on the two sides of the plane across an axis that leaves the least area of boxes; None: no plane."""
+    least, best = np.inf, None
+    low, high = low[facets], high[facets]
+    for axis in range(3):
+        middle = low[:, axis] + high[:, axis]
+        first, last = middle.min(), middle.max()
+        if not last > first:
+            continue
+        place = np.minimum(_BINS * ((middle - first) / (last - first)), _BINS - 1).astype(np.int8)
+        order = np.argsort(place, kind="stable")
+        bins, at = np.unique(place[order], return_index=True)
+        low_of, high_of = np.minimum.reduceat(low[order], at), np.maximum.reduceat(high[order], at)
+        before = _box_area(np.minimum.accumulate(low_of), np.maximum.accumulate(high_of))[:-1]
+        behind = _box_area(np.minimum.accumulate(low_of[::-1]), np.maximum.accumulate(high_of[::-1]))[-2::-1]
+        cut = int(np.argmin(before + behind))
+        if before[cut] + behind[cut] < least:
+            least, best = before[cut] + behind[cut], place > bins[cut]
+    return None if best is None else (facets[~best], facets[best])
+
+
+def _box_area(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return half the area of boxes (…, xyz)."""
+    x, y, z = np.moveaxis(high - low, -1, 0)
+    area: np.ndarray = x * y + y * z + z * x
+    return area
+
+
+def _measure(node: _Node, surface: Surface) -> None:
+    """Find the hulls of a node and of all below it: of a whole, from those of its parts."""
+    if node.parts is None:
+        points = surface.vertices[np.unique(surface.facets[node.facets])]
+    else:
+        for part in node.parts:
+            _measure(part, surface)
+        points = np.concatenate([part.hull for part in node.parts if part.hull is not None])
+    node.hull, node.area = _hull(points)
+
+
+def _kept(node: _Node, price: float) -> tuple[float, list[np.ndarray]]:
+    """Return the least cost, areas and a price for each piece, of covering a node, and the hulls that cost it."""
+    assert node.hull is not None
+    whole = node.area + price
+    if node.parts is None:
+        return whole, [node.hull]
+    (cost, hulls), (other_cost, other_hulls) = (_kept(part, price) for part in node.parts)
+    return (cost + other_cost, hulls + other_hulls) if cost + other_cost < whole else (whole, [node.hull])
+
+
+def _hull(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the corners of the convex hull of points (point, xyz) and its area [m²]; of a flat sheet both sides'."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+        return points[hull.vertices], float(hull.area)
+    except (QhullError, ValueError):  # flat, or fewer than four points
+        pass
+    off = points - points.mean(axis=0)
+    axes = np.linalg.eigh(np.einsum("pi,pj->ij", off, off))[1]
+    along, across = (np.einsum("pi,i->p", off, axes[:, axis]) for axis in (2, 1))
+    try:
+        hull = ConvexHull(np.stack([along, across], axis=1))
+        return points[hull.vertices], 2.0 * float(hull.volume)
+    except (QhullError, ValueError):  # a line
+        return points[[int(np.argmin(along)), int(np.argmax(along))]], 0.0
+
+
+def _rounded(hull: np.ndarray) -> np.ndarray:
+    """Return corners whose hull holds that of the given ones: themselves, or some `_CORNERS` of a body slightly larger."""
+    if len(hull) <= _CORNERS:
+        return hull
+    from scipy.spatial import ConvexHull, QhullError
+
+    middle = 0.5 * (hull.min(axis=0) + hull.max(axis=0))
+    size = np.maximum(hull.max(axis=0) - middle, 1e-300)
+    even = (hull - middle) / size  # a thin body is judged as a round one
+    chosen = np.unique([int(np.argmax(_along(even, direction))) for direction in _spread(_CORNERS // 3)])
+    while True:
+        try:
+            planes = ConvexHull(even[chosen]).equations
+        except (QhullError, ValueError):
+            return hull
+        centre = even[chosen].mean(axis=0)
+        depth = -(_along(planes[:, :3], centre) + planes[:, 3])
+        # For each plane the corner farthest beyond it, in shares of the way from the centre.
+        beyond = [(_along(even, plane[:3]) + plane[3]) / far for plane, far in zip(planes, depth, strict=True)]
+        corner, share = np.argmax(beyond, axis=1), np.max(beyond, axis=1)
+        if len(chosen) >= _CORNERS or share.max() <= 1e-3:
+            break
+        farthest = corner[np.argsort(-share, kind="stable")]
+        chosen = np.union1d(chosen, farthest[: max(_CORNERS - len(chosen), _CORNERS // 8)])
+    corners: np.ndarray = middle + size * (centre + (even[chosen] - centre) * (1.0 + 1e-9 + share.max()))
+    return corners
+
+
+def _along(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    along: np.ndarray = points[:, 0] * direction[0] + points[:, 1] * direction[1] + points[:, 2] * direction[2]
+    return along
+
+
+def _spread(number: int) -> np.ndarray:
+    """Return unit vectors (direction, xyz) spread evenly, on a spiral from pole to pole."""
+    z = (np.arange(number) + 0.5) * (2.0 / number) - 1.0
+    turn, across = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(number), np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)

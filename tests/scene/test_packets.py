@@ -1,0 +1,177 @@
+import ctypes
+import gc
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rso_lidar.arithmetic import using
+from rso_lidar.errors import MeshError
+from rso_lidar.scene import packets
+from rso_lidar.scene import surface as surfaces
+from tests.optics.bench_for_tests import box, place, see, sphere, surface, truth_of
+
+ENGINE = packets.engine()
+needs_packets = pytest.mark.skipif(ENGINE is None, reason="embree, or numba, is not there to be asked for packets")
+
+
+class Spy:
+    """Embree's library, with some functions answered here, and all calls noted."""
+
+    def __init__(self, library, **answers):
+        self.library, self.answers, self.called = library, answers, []
+
+    def __getattr__(self, name):
+        def call(*arguments):
+            self.called.append((name, *arguments))
+            return self.answers[name] if name in self.answers else getattr(self.library, name)(*arguments)
+
+        return call
+
+    def count(self, name):
+        return sum(call[0] == name for call in self.called)
+
+
+@needs_packets
+@pytest.mark.parametrize("isa", ["avx512", "avx2", "sse4.2"])
+def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
+    """16, 8 and 4 rays at once: the same hits, but that embree may take either of two facets on their common edge."""
+    try:
+        engine = packets.open_engine(packets._libraries()[0], isa)
+    except ValueError:
+        pytest.skip(f"this processor has no {isa}")
+    assert engine.width in (4, 8, 16)
+    rng = np.random.default_rng(5)
+    targets = [surface("ball", sphere(20.0, 4)), surface("box", box(5, 9, 30))]
+    poses = {
+        "ball": place((2, 1, 1500), Rotation.random(rng=rng)),
+        "box": place((-9, 3, 1400), Rotation.random(rng=rng)),
+    }
+    with using("numpy"):
+        expected = see(targets, truth_of(**poses)).hits
+    monkeypatch.setattr(packets, "engine", lambda: engine)
+    got = see(targets, truth_of(**poses)).hits
+    assert len(expected.ray) > 10_000
+    assert len(np.setxor1d(got.ray, expected.ray)) <= 3  # at the rim, float32 may go either way
+    _, one, other = np.intersect1d(got.ray, expected.ray, return_indices=True)
+    same = (got.facet[one] == expected.facet[other]) & (got.target[one] == expected.target[other])
+    assert np.mean(~same) < 1e-3
+    assert got.range_m[one][same].tobytes() == expected.range_m[other][same].tobytes()
+
+
+def test_numpy_asks_for_no_packets():
+    with using("numpy"):
+        assert packets.engine() is None
+
+
+def test_without_the_library_embreex_does_the_work(tmp_path, monkeypatch):
+    (tmp_path / "libembree4.so").write_bytes(b"no library")
+    seen = see(surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900))))
+    for found in ([], [tmp_path / "libembree4.so"], [tmp_path / "nothing.so"]):
+        monkeypatch.setattr(packets, "_libraries", lambda found=found: found)
+        packets._found.cache_clear()
+        try:
+            assert packets.engine() is None
+            again = see(surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900))))
+        finally:
+            packets._found.cache_clear()
+        assert np.array_equal(again.hits.ray, seen.hits.ray)
+        assert again.hits.range_m == pytest.approx(seen.hits.range_m, rel=1e-12)
+
+
+@needs_packets
+@pytest.mark.parametrize(
+    ("answers", "says"),
+    [
+        ({"rtcGetDeviceProperty": 30_130}, "version 30130"),
+        ({"rtcNewDevice": None}, "no device"),
+    ],
+)
+def test_another_embree_will_not_do(answers, says, monkeypatch):
+    monkeypatch.setattr(ctypes, "CDLL", lambda path: _with_functions(answers))
+    with pytest.raises(ValueError, match=says):
+        packets.open_engine(packets._libraries()[0])
+
+
+def _with_functions(answers):
+    class Library:
+        def __getattr__(self, name):
+            def function(*arguments):
+                return answers.get(name, 1)
+
+            setattr(self, name, function)
+            return function
+
+    return Library()
+
+
+@needs_packets
+def test_what_a_scene_takes_it_gives_back():
+    spy = Spy(ENGINE.library)
+    built = packets.PacketScene(ENGINE._replace(library=spy), box(1, 2, 3))
+    address = built.address
+    assert address and spy.count("rtcReleaseGeometry") == spy.count("rtcNewGeometry") == 1
+    assert spy.count("rtcReleaseScene") == 0
+    del built
+    gc.collect()
+    assert [call for call in spy.called if call[0] == "rtcReleaseScene"] == [("rtcReleaseScene", address)]
+
+
+@needs_packets
+@pytest.mark.parametrize(
+    ("answers", "error"),
+    [
+        ({"rtcGetDeviceError": 4}, MemoryError),
+        ({"rtcGetDeviceError": 1}, MeshError),
+        ({"rtcNewScene": None}, MeshError),
+        ({"rtcNewGeometry": None}, MeshError),
+        ({"rtcSetNewGeometryBuffer": None}, MeshError),
+    ],
+)
+def test_a_scene_that_cannot_be_built_says_so_and_leaves_nothing(answers, error):
+    spy = Spy(ENGINE.library, **answers)
+    with pytest.raises(error, match="embree: "):
+        packets.PacketScene(ENGINE._replace(library=spy), box(1, 2, 3))
+    gc.collect()
+    for kind in ("Scene", "Geometry"):
+        made = spy.count(f"rtcNew{kind}") if f"rtcNew{kind}" not in answers else 0
+        assert spy.count(f"rtcRelease{kind}") == made
+
+
+@needs_packets
+def test_frames_side_by_side_share_one_scene():
+    at_once = Barrier(4)
+
+    def build(_):
+        one = surface("sat", sphere(1.2345, 4))
+        at_once.wait()
+        return one.packets(ENGINE)
+
+    with ThreadPoolExecutor(4) as pool:
+        built = list(pool.map(build, range(4)))
+    assert len({id(one) for one in built}) == 1
+    assert surface("other", sphere(1.2346, 4)).packets(ENGINE) is not built[0]
+
+
+@needs_packets
+def test_more_targets_than_scenes_are_kept(monkeypatch):
+    """A scene that is dropped from those kept stays good for who casts at it, and is not built twice meanwhile."""
+    monkeypatch.setattr(surfaces, "_SCENES_KEPT", 2)
+    targets = [surface(f"t{k}", box(0.5, 0.5, 0.5 + 0.01 * k)) for k in range(6)]
+    truth = truth_of(**{f"t{k}": place((2.0 * k - 5.0, 0, 300)) for k in range(6)})
+    one, other = see(targets, truth).hits, see(targets, truth).hits
+    assert set(one.target.tolist()) == set(range(6))
+    assert one.range_m.tobytes() == other.range_m.tobytes()
+    assert targets[0].packets(ENGINE) is targets[0].packets(ENGINE)
+
+
+def test_a_mesh_of_one_facet_and_one_with_facets_of_no_area():
+    triangle = np.array([[[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]])
+    for shape in (triangle, np.concatenate([np.zeros((3, 3, 3)), triangle, np.ones((2, 3, 3))])):
+        with np.errstate(invalid="ignore"):  # such facets have no normal; they are taken out where files are read
+            hits = see(surface("sat", shape), truth_of(sat=place((0, 0, 50)))).hits
+        assert len(hits.ray) > 100
+        assert set(hits.facet.tolist()) == {0 if len(shape) == 1 else 3}
+        assert np.all(np.isfinite(hits.range_m))
