@@ -8,23 +8,23 @@ w of a single primary solves w = z (1−p+pw)^(1/(1−k)). All closed forms here
 
 import math
 from functools import lru_cache
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled
+from rso_lidar.detector.alias import Table, draw, normal_table, table, words
 from rso_lidar.part import NotNegative, Number, Part
 
 _EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
-_MANY_PRIMARIES = 320.0  # above it skewness is small for usual gains, and told by a parabola
-_SMALL_SKEWNESS = 0.25
+_SMALL_SKEWNESS = 0.25  # less than it is told by a parabola
 _COARSE = 8  # means are made of a multiple of this, a whole number below it, and a remainder below one
 _PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
 _NEXT_TO_NONE = 1.0 / 64.0  # primaries
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 _LONGEST_TAIL_ELECTRONS = 1e4  # beyond this 1/e tail of a single avalanche the tables would fill memory
-_WORD = 1 << 32  # probabilities are whole multiples of one part in this
 
 
 class Apd(Part):
@@ -133,8 +133,10 @@ def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: fl
     floor = np.float32(least if base is None else base)
     if floor > _EXACT_PRIMARIES or not floor > 0.0:
         floor = np.float32(0.0)
+    if compiled():
+        return _multiplied_by_loops(lam, floor, apd, rng).reshape(expected.shape)
     if floor > 0.0:
-        electrons = _draw(_base_table(apd.gain, apd.ionisation_ratio, float(floor)), rng, lam.size)
+        electrons = draw(_base_table(apd.gain, apd.ionisation_ratio, float(floor)), rng, lam.size)
     else:
         electrons = np.zeros(lam.size, dtype=np.float32)
     excess = lam - floor
@@ -147,17 +149,37 @@ def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: fl
     some = np.flatnonzero((excess >= np.float32(1.0 / _PARTS)) & ~many)
     parts = (excess[some] * np.float32(_PARTS)).astype(np.intp)
     rest = parts % (_PARTS * _COARSE)
-    electrons[some] += _draw(coarse, rng, some.size, parts // (_PARTS * _COARSE)) + _draw(fine, rng, some.size, rest)
+    electrons[some] += draw(coarse, rng, some.size, parts // (_PARTS * _COARSE)) + draw(fine, rng, some.size, rest)
     excess[some] -= parts.astype(np.float32) * np.float32(1.0 / _PARTS)
     excess[many] = 0.0
     _scatter(excess, single, electrons, rng)
-    very = lam > np.float32(_MANY_PRIMARIES)
-    for some in (np.flatnonzero(many & ~very), np.flatnonzero(very)):
+    very = lam > np.float32(_parabolic_from(apd))
+    for some in (np.flatnonzero(many & ~very), np.flatnonzero(many & very)):
         electrons[some] = _matched(lam[some], apd, rng)
     return electrons.reshape(expected.shape)
 
 
-def _scatter(excess: np.ndarray, single: "_Table", electrons: np.ndarray, rng: np.random.Generator) -> None:
+def _multiplied_by_loops(lam: np.ndarray, floor: np.float32, apd: Apd, rng: np.random.Generator) -> np.ndarray:
+    from rso_lidar.detector.apd_loops import multiplied
+
+    base = _base_table(apd.gain, apd.ionisation_ratio, float(floor))
+    tables = base, *_level_tables(apd.gain, apd.ionisation_ratio), normal_table()
+    electrons = np.empty(lam.size, np.float32)
+    apart = int(np.count_nonzero((lam != floor) & (lam <= np.float32(_EXACT_PRIMARIES))))  # these take three words
+    multiplied(
+        lam,
+        floor,
+        tables,
+        cumulants(apd),
+        (_EXACT_PRIMARIES, _parabolic_from(apd)),
+        words(rng, lam.size + 2 * apart),
+        rng,
+        electrons,
+    )
+    return electrons
+
+
+def _scatter(excess: np.ndarray, single: "Table", electrons: np.ndarray, rng: np.random.Generator) -> None:
     """Add the avalanches of steps that expect few primaries: all drawn at once, each strewn on a step by its share.
 
     Steps that expect next to none are most: they share primaries evenly, and keep as many as they expect (thinning).
@@ -169,7 +191,13 @@ def _scatter(excess: np.ndarray, single: "_Table", electrons: np.ndarray, rng: n
     edge = np.cumsum(excess[some].astype(float))
     place = np.sort(rng.random(rng.poisson(edge[-1]))) * edge[-1] if edge.size else edge
     step = np.concatenate([strewn, some[np.minimum(np.searchsorted(edge, place, side="right"), edge.size - 1)]])
-    np.add.at(electrons, step, _draw(single, rng, step.size))
+    np.add.at(electrons, step, draw(single, rng, step.size))
+
+
+def _parabolic_from(apd: Apd) -> float:
+    """Return the primaries above which a step's skewness counts as small."""
+    _, second, third = cumulants(apd)
+    return third**2 / second**3 / _SMALL_SKEWNESS**2
 
 
 def _matched(lam: np.ndarray, apd: Apd, rng: np.random.Generator) -> np.ndarray:
@@ -195,73 +223,18 @@ def _matched(lam: np.ndarray, apd: Apd, rng: np.random.Generator) -> np.ndarray:
     return electrons
 
 
-class _Table(NamedTuple):
-    """Alias tables (Walker 1977) of one size, one a row: a 32-bit word picks a column, then one of its two values."""
-
-    columns_log2: int
-    bounds: np.ndarray  # (row * column) uint32: words below it take the first value
-    values: np.ndarray  # (row * column * 2) float32
-
-
-def _draw(table: _Table, rng: np.random.Generator, n: int, row: np.ndarray | None = None) -> np.ndarray:
-    """Return n draws [electrons], each from its row."""
-    word = rng.integers(0, _WORD, n, dtype=np.uint32)
-    column = (word >> np.uint32(32 - table.columns_log2)).astype(np.intp)
-    if row is not None:
-        column += row << table.columns_log2
-    second = word >= table.bounds.take(column, mode="clip")
-    column <<= 1
-    column += second
-    return table.values.take(column, mode="clip")
-
-
 @lru_cache(maxsize=32)
-def _base_table(gain: float, ionisation_ratio: float, primaries: float) -> _Table:
-    return _table([compound_pmf(primaries, gain, ionisation_ratio)])
+def _base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table:
+    return table([compound_pmf(primaries, gain, ionisation_ratio)])
 
 
 @lru_cache(maxsize=4)
-def _level_tables(gain: float, ionisation_ratio: float) -> tuple[_Table, _Table, _Table]:
+def _level_tables(gain: float, ionisation_ratio: float) -> tuple[Table, Table, Table]:
     """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
     coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(_EXACT_PRIMARIES) + 1, _COARSE)]
     fine = [compound_pmf(m / _PARTS, gain, ionisation_ratio) for m in range(_PARTS * _COARSE)]
     first, single = mcintyre_pmf(1, gain, ionisation_ratio)
-    return _table(coarse), _table(fine), _table([np.concatenate([np.zeros(first), single])])
-
-
-def _table(pmfs: list[np.ndarray]) -> _Table:
-    """Return the alias tables of some distributions over 0, 1, 2, ...; their sums are right to 2⁻³³."""
-    weights = []
-    for pmf in pmfs:
-        total = np.cumsum(pmf)
-        weight = np.diff(np.rint(total / total[-1] * _WORD).astype(np.int64), prepend=0)
-        first, last = np.flatnonzero(weight)[[0, -1]]
-        weights.append((int(first), weight[first : last + 1]))
-    log2 = max(1, (max(len(weight) for _, weight in weights) - 1).bit_length())
-    rows = [_alias(first, weight, log2) for first, weight in weights]
-    bounds, values = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return _Table(log2, bounds, values)
-
-
-def _alias(first: int, weight: np.ndarray, columns_log2: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds and values of one alias table, by sweeping over light and heavy columns at once.
-
-    Light columns fill up from the current heavy one; when that has no excess left, it is filled up by the next heavy one
-    (Hübschle-Schneider and Sanders, arXiv:1903.00227): prefix sums and two searches in place of a loop.
-    """
-    size, share = 1 << columns_log2, _WORD >> columns_log2
-    weight = np.concatenate([weight, np.zeros(size - len(weight), dtype=np.int64)])
-    light, heavy = np.flatnonzero(weight < share), np.flatnonzero(weight >= share)
-    needed, spare = np.cumsum(share - weight[light]), np.cumsum(weight[heavy] - share)
-    kept, other = np.full(size, share), np.arange(size)
-    giver = np.searchsorted(spare, needed - (share - weight[light]), side="right")
-    kept[light], other[light] = weight[light], heavy[giver]
-    taken = np.searchsorted(needed, spare, side="right")
-    spent = np.flatnonzero(taken < len(light))
-    kept[heavy[spent]] = share - (needed[taken[spent]] - spare[spent])
-    other[heavy[spent]] = heavy[spent + 1]
-    bounds = np.minimum(np.arange(size) * share + kept, _WORD - 1).astype(np.uint32)
-    return bounds, (first + np.stack([np.arange(size), other], axis=1)).ravel().astype(np.float32)
+    return table(coarse), table(fine), table([np.concatenate([np.zeros(first), single])])
 
 
 def _share(gain: float, ionisation_ratio: float) -> float:

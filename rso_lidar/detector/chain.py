@@ -7,18 +7,20 @@ pixels that trigger themselves, `gated` for pixels that all store one stretch of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.amplifier import Filters
+from rso_lidar.arithmetic import compiled
+from rso_lidar.detector.amplifier import Filters, amplified, filters
 from rso_lidar.detector.apd import multiply
 from rso_lidar.detector.false_triggers import false_traces, first_false_s
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.noise import noise_rms
-from rso_lidar.detector.trigger import crossed_between, first_crossing, watched_steps
-from rso_lidar.detector.waveform import Plan, Rows, expected, pulse_transfer, rows_about
+from rso_lidar.detector.trigger import NEAR, crossed_between, first_crossing, first_or_near, watched_steps
+from rso_lidar.detector.waveform import Laying, Plan, Rows, expected, laid, pulse_transfer, rows_about
 from rso_lidar.records import Photons, Waveforms
 
 if TYPE_CHECKING:
@@ -80,68 +82,59 @@ def analog(
     gsfl: Gsfl, photons: Photons, rows: Rows, plan: Plan, camera: Camera, rng: np.random.Generator | None
 ) -> Analog:
     """Return the amplifier's output over the rows; without a generator the mean of it, free of noise."""
-    from scipy.fft import irfft, rfft
-
     n, gain = rows.length, np.float32(gsfl.apd.gain)
-    filters = Filters(gsfl.amplifier, n, plan.step_s)
+    amplifier = filters(gsfl.amplifier, n, plan.step_s)
     light = expected(photons, rows, plan.step_s, speckled(gsfl, photons, rng) if rng else None)
-    pulse = (gsfl.quantum_efficiency * pulse_transfer(photons, n, plan.step_s)).astype(np.complex64)
-    transfer = gain * pulse * filters.mean
+    laying = _laying(
+        amplifier,
+        gsfl.quantum_efficiency,
+        gsfl.apd.gain,
+        photons.pulse_step_s,
+        photons.pulse_power_per_s.tobytes(),
+    )
     primaries, amplitude = (np.empty(light.shape, np.float32) for _ in range(2))
     electrons = primaries if rng is None else np.empty(light.shape, np.float32)
     base = (base_rate_per_s(gsfl, camera, photons) * plan.step_s).astype(np.float32)[rows.pixel]
     common = float(base.min(initial=np.inf)) if len(base) else 0.0
-
-    def amplified(
-        spectrum: np.ndarray, excess: np.ndarray | None, pixel: np.ndarray, rng: np.random.Generator | None
-    ) -> np.ndarray:
-        """Return the amplitude of the mean, transformed, and of what electrons are more than their mean."""
-        if gsfl.maps is not None:
-            gain = camera.gain[pixel, None].astype(np.float32)
-            spectrum *= gain
-            excess = None if excess is None else excess * gain
-        if excess is not None and rng is not None:
-            noise = rng.standard_normal(excess.shape, dtype=np.float32)
-            noise *= filters.noise_electrons
-            noise += excess
-            spectrum += rfft(noise, axis=1, overwrite_x=True) * filters.shot
-        amplitude: np.ndarray = irfft(spectrum, n, axis=1, overwrite_x=True)
-        return amplitude
+    pixel_gain = camera.gain[rows.pixel].astype(np.float32)
 
     blocks = [slice(first, first + _ROWS_AT_ONCE) for first in range(0, len(light), _ROWS_AT_ONCE)]
     wait = rng is not None and gsfl.droop is not None  # the whole array decides the gain
     waiting: list[tuple[np.ndarray, np.ndarray]] = []
     for block in blocks:
-        spectrum = rfft(light[block], axis=1)
-        signal = irfft(spectrum * pulse, n, axis=1)
-        signal *= signal >= _LEAST_PRIMARIES
-        primaries[block] = signal
-        spectrum *= transfer
-        excess = None
-        if rng is not None:
-            signal += base[block, None]
-            electrons[block] = multiply(signal, gsfl.apd, rng, base=common)
-            signal *= -gain
-            signal += electrons[block]
-            excess = signal
-        if wait and excess is not None:
-            waiting.append((spectrum, excess))
+        primaries[block], quiet = laid(light[block], laying, _LEAST_PRIMARIES)
+        if rng is None:
+            amplitude[block] = quiet * pixel_gain[block, None]
+            continue
+        excess = primaries[block] + base[block, None]
+        electrons[block] = multiply(excess, gsfl.apd, rng, base=common)
+        excess *= -gain
+        excess += electrons[block]
+        if wait:
+            waiting.append((quiet, excess))
         else:
-            amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
+            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng)
     relative = None
     if gsfl.maps is not None:
-        relative = camera.gain[rows.pixel, None].astype(np.float32)
-    if wait:
+        relative = pixel_gain[:, None]
+    if wait and rng is not None:
         sag = _droop(gsfl, rows, electrons, photons, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
-        for block, (spectrum, excess) in zip(blocks, waiting, strict=True):
+        for block, (quiet, excess) in zip(blocks, waiting, strict=True):
             excess += electrons[block] * sag[block]
-            amplitude[block] = amplified(spectrum, excess, rows.pixel[block], rng)
+            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng)
     if rng is None:
         electrons = gain * primaries
     if gsfl.saturation is not None:
         amplitude = gsfl.saturation.limited(amplitude, plan.step_s)
-    return Analog(rows, light, primaries, electrons, amplitude, transfer, relative)
+    return Analog(rows, light, primaries, electrons, amplitude, laying.amplified, relative)
+
+
+@lru_cache(maxsize=16)
+def _laying(amplifier: Filters, efficiency: float, gain: float, pulse_step_s: float, power_per_s: bytes) -> Laying:
+    """Return what lays the laser's pulse over light, made once: to primaries, and on to the amplitude."""
+    pulse = efficiency * pulse_transfer(pulse_step_s, np.frombuffer(power_per_s), amplifier.n, amplifier.step_s)
+    return Laying.of(pulse, gain * pulse * amplifier.mean, amplifier.n)
 
 
 def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, photons: Photons, step_s: float) -> np.ndarray:
@@ -190,12 +183,31 @@ def latched(
 
     `base_per_s` (row) are the primaries that no pulse makes; `arming` says which rows begin as the pixel is armed.
     """
-    rows, amplitude = made.rows, made.amplitude
+    rows, amplitude, bridge = made.rows, made.amplitude, gsfl.bridge(step_s)
     hysteresis = gsfl.trigger.hysteresis_electrons
-    latch = first_crossing(amplitude, threshold, rows.first, rows.last, hysteresis=hysteresis, arming=arming)
-    missed = np.flatnonzero((latch < 0) & ~arming)
+    if compiled():
+        amplifier = gsfl.amplifier
+        latch = first_or_near(
+            amplitude,
+            made.primaries,
+            threshold,
+            base_per_s,
+            rows.first,
+            rows.last,
+            arming,
+            hysteresis=hysteresis,
+            step_s=step_s,
+            quiet_electrons=amplifier.noise_electrons,
+            shot_electrons_rs=float(noise_rms(gsfl.apd, 1.0, 0.0, amplifier.pole_s, amplifier.integration_s)),
+            reach=bridge.reach * bridge.sigma,
+        )
+        missed = np.flatnonzero(latch == NEAR)
+    else:
+        latch = first_crossing(amplitude, threshold, rows.first, rows.last, hysteresis=hysteresis, arming=arming)
+        missed = np.flatnonzero((latch < 0) & ~arming)
+    if not len(missed):
+        return latch
     watched = watched_steps(rows.length, rows.first[missed], rows.last[missed])
-    bridge = gsfl.bridge(step_s)
     sigma = noise_sigma(gsfl, made.primaries[missed] / step_s + base_per_s[missed, None])
     latch[missed] = crossed_between(
         amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
@@ -220,44 +232,63 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     sure = _SURE * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
     rows, arming = armed(gsfl, rows_about(photons, plan, n_pixels, dark, sure), plan.step_s)
     made = analog(gsfl, photons, rows, plan, camera, rng)
-    threshold = gsfl.trigger.threshold_electrons * camera.threshold
     base = base_rate_per_s(gsfl, camera, photons)
-    latch = latched(gsfl, made, threshold[rows.pixel].astype(np.float32), base[rows.pixel], arming, plan.step_s, rng)
+    threshold = (gsfl.trigger.threshold_electrons * camera.threshold[rows.pixel]).astype(np.float32)
+    latch = latched(gsfl, made, threshold, base[rows.pixel], arming, plan.step_s, rng)
     fired = np.flatnonzero((latch >= 0) & ~camera.dead[rows.pixel])
-    pixel, first = np.unique(rows.pixel[fired], return_index=True)
-    row = fired[first]
-    latch_step = rows.start[row] + latch[row]
+    row = fired[np.diff(rows.pixel[fired], prepend=-1) != 0]  # the first of each pixel
+    pixel, latch_step = rows.pixel[row], rows.start[row] + latch[row]
 
-    false_s = first_false_s(gsfl, threshold, base, rng)
-    latched_s = np.full(n_pixels, np.inf)
-    latched_s[pixel] = latch_step * plan.step_s
-    first_s, at_s = rows.start * plan.step_s, false_s[rows.pixel]
-    inside = (at_s >= first_s + rows.first * plan.step_s) & (at_s <= first_s + rows.last * plan.step_s)
-    watched = np.zeros(n_pixels, bool)  # there the rows say what noise does
-    watched[rows.pixel[inside]] = True
-    closes_s = gsfl.armed_to_m / units.RANGE_PER_DELAY_M_S
-    false = np.flatnonzero((false_s < np.minimum(latched_s, closes_s)) & ~watched & ~camera.dead)
+    sunlight = None if photons.background_photons_per_s is None else base - gsfl.dark_per_s(camera)
+    noisy, false_s = first_false_s(gsfl, n_pixels, sunlight, rng)
+    unwatched = ~_watched(rows, plan.step_s, noisy, false_s)
+    noisy, false_s = noisy[unwatched], false_s[unwatched]
+    place, both = _among(pixel, noisy)
+    late = both & (false_s >= np.append(latch_step, 0)[place] * plan.step_s)
+    real = np.ones(len(pixel), bool)
+    real[place[both & ~late]] = False
+    noisy, false_s = noisy[~late], false_s[~late]
 
-    real = np.flatnonzero(~np.isin(pixel, false))
-    sample = latch_step[real] // per_sample - gsfl.readout.pretrigger_samples
-    at = (sample * per_sample - rows.start[row[real]])[:, None] + per_sample * np.arange(gsfl.readout.samples)
-    amplitude = np.take_along_axis(made.amplitude[row[real]], at, axis=1)
-    noise, noise_sample = false_traces(gsfl, false_s[false], threshold[false], base[false], rng)
-
-    pixel = np.concatenate([pixel[real], false])
-    order = np.argsort(pixel, kind="stable")
-    pixel = pixel[order]
-    amplitude = np.concatenate([amplitude, noise])[order]
-    start_s = np.concatenate([sample, noise_sample])[order] * gsfl.readout.sample_s
+    row, pixel, latch_step = row[real], pixel[real], latch_step[real]
+    sample = latch_step // per_sample - gsfl.readout.pretrigger_samples
+    offset = camera.offset_counts
+    first = sample * per_sample - rows.start[row]
+    counts = gsfl.readout.store(made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
+    latch_s = latch_step * plan.step_s
+    if len(noisy):
+        level = gsfl.trigger.threshold_electrons * camera.threshold[noisy]
+        noise, noise_sample = false_traces(gsfl, false_s, level, base[noisy], rng)
+        at = np.searchsorted(pixel, noisy)
+        counts = np.insert(counts, at, gsfl.readout.convert(noise, offset[noisy, None]), axis=0)
+        pixel, sample = np.insert(pixel, at, noisy), np.insert(sample, at, noise_sample)
+        latch_s = np.insert(latch_s, at, false_s)
     return Waveforms(
         shape=photons.shape,
         sample_s=gsfl.readout.sample_s,
         baseline_counts=gsfl.readout.baseline_counts,
         pixel=pixel,
-        start_s=start_s,
-        latch_s=np.concatenate([latch_step[real] * plan.step_s, false_s[false]])[order],
-        samples_counts=gsfl.readout.convert(amplitude, camera.offset_counts[pixel, None]),
+        start_s=sample * gsfl.readout.sample_s,
+        latch_s=latch_s,
+        samples_counts=counts,
     )
+
+
+def _watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Return whether rows say what noise does to these pixels at these times [s]."""
+    row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
+    watched = np.zeros(len(pixel), bool)
+    while (row < end).any():  # a pixel has few rows
+        some = np.flatnonzero(row < end)
+        step, of = at_s[some] / step_s - rows.start[row[some]], row[some]
+        watched[some] |= (step >= rows.first[of]) & (step <= rows.last[of])
+        row = row + 1
+    return watched
+
+
+def _among(pixel: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each pixel asked for stands, or would, among rising ones, and whether it is there."""
+    place = np.searchsorted(pixel, asked)
+    return place, np.append(pixel, -1)[place] == asked
 
 
 def gated(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
@@ -269,12 +300,14 @@ def gated(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     plan = gsfl.plan(photons.pulse_fwhm_s)
     n_samples = gsfl.gate.n_samples(gsfl.readout.sample_s)
     rows, sample = gate_rows(gsfl, plan, n_pixels)
+    first = np.full(n_pixels, plan.before)
     total = np.zeros((n_pixels, n_samples), np.float32)
     clipped = np.zeros((n_pixels, n_samples), bool)
     for _ in range(gsfl.gate.pulses):
         amplitude = analog(gsfl, photons, rows, plan, camera, rng).amplitude
-        stored = amplitude[:, plan.before :: plan.steps_per_sample][:, :n_samples]
-        counts = gsfl.readout.convert(stored, camera.offset_counts[:, None])
+        counts = gsfl.readout.store(
+            amplitude, rows.pixel, first, plan.steps_per_sample, n_samples, camera.offset_counts
+        )
         clipped |= counts >= gsfl.readout.full_scale_counts
         total += counts
     alive = np.flatnonzero(~camera.dead)

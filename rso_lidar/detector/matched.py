@@ -10,10 +10,10 @@ import numpy as np
 from rso_lidar.detector.pulse import Pulse, noise_covariance
 
 # The matched filter's templates stand at so many places within a sample; between them the fit is linear.
-_PHASES = 64
+PHASES = 64
 # Samples this far from the peak are used, in FWHM: a second pulse two FWHM away hardly enters with any weight.
 _REACH_FWHM = 1.5
-_ROUNDS, _ROUNDS_CLIPPED = 3, 8
+ROUNDS, ROUNDS_CLIPPED = 3, 8
 # A sample belongs to the pulse where the pulse has this share of its peak or more.
 _IN_PULSE = 1e-3
 # Height and place can be told apart where 1 - (their correlation)² is above this.
@@ -37,12 +37,13 @@ class Matched:
         self.lead = pulse.peak_s / sample_s  # samples from the nominal delay to the peak
         covariance = noise_covariance(self.width, sample_s, pole_s, 1.0)
         self._covariance = covariance + white_share * np.eye(self.width)
-        phase = (np.arange(_PHASES) - _PHASES // 2) / _PHASES
+        phase = (np.arange(PHASES) - PHASES // 2) / PHASES
         time_s = (np.arange(self.width) - self.half - phase[:, None]) * sample_s + pulse.peak_s
         self._shape: np.ndarray = pulse.amplitude(time_s) / pulse.peak
         self._slope: np.ndarray = -pulse.slope(time_s) * (sample_s / pulse.peak)
-        self._in_pulse = self._shape[_PHASES // 2] >= _IN_PULSE
+        self._in_pulse = self._shape[PHASES // 2] >= _IN_PULSE
         self._weights: dict[bytes, np.ndarray] = {}
+        self._known: tuple[np.ndarray, np.ndarray] | None = None
 
     @staticmethod
     def of(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
@@ -59,7 +60,7 @@ class Matched:
         """Return the weights (phase, 2, width) that give height and height times shift [samples] from `used` samples."""
         key = used.tobytes()
         if key not in self._weights:
-            weights = np.zeros((_PHASES, 2, self.width))
+            weights = np.zeros((PHASES, 2, self.width))
             if np.count_nonzero(used & self._in_pulse) >= 2:
                 jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
                 whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
@@ -74,9 +75,30 @@ class Matched:
             self._weights[key] = weights.astype(np.float32)
         return self._weights[key]
 
+    @property
+    def fits_in_a_word(self) -> bool:
+        """Return whether a pattern of samples fits in the bits of an integer."""
+        return self.width < 63
+
+    @property
+    def wanted(self) -> int:
+        """Return the samples of the window in which a pulse has to show, one bit each."""
+        return int((self._in_pulse * (1 << np.arange(self.width))).sum())
+
+    def known(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the patterns whose weights were asked for, rising, a bit for each sample used, and their weights."""
+        return self._known or self.learn(np.array([(1 << self.width) - 1]))
+
+    def learn(self, masks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the patterns known and their weights, with these patterns among them."""
+        masks = np.union1d(masks, self._known[0]) if self._known else np.unique(masks)
+        used = (masks[:, None] >> np.arange(self.width)) & 1 > 0
+        self._known = masks, np.stack([self.weights(pattern) for pattern in used]).astype(float)
+        return self._known
+
     def height_weights(self) -> np.ndarray:
         """Return the weights (width) that give the height of a pulse whose place is known: the middle of the window."""
-        shape = self._shape[_PHASES // 2]
+        shape = self._shape[PHASES // 2]
         whitened = np.linalg.solve(self._covariance, shape)
         weights: np.ndarray = whitened / float((whitened * shape).sum())
         return weights
@@ -96,7 +118,7 @@ class Matched:
 
         Rice's nu_0 = √(−R''(0)/R(0)) / 2π, with s'ᵀC⁻¹s' / sᵀC⁻¹s for the ratio, s' the slope of the pulse s.
         """
-        shape, slope = self._shape[_PHASES // 2], self._slope[_PHASES // 2]
+        shape, slope = self._shape[PHASES // 2], self._slope[PHASES // 2]
         heights = float((shape * np.linalg.solve(self._covariance, shape)).sum())
         slopes = float((slope * np.linalg.solve(self._covariance, slope)).sum())
         return math.sqrt(slopes / heights) / (2.0 * math.pi * self.sample_s)
@@ -105,13 +127,13 @@ class Matched:
         self, samples: np.ndarray, guess: np.ndarray, clipped: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return place of the peak [samples] and height of the pulse nearest to `guess` (row) [samples]."""
-        place, height = self._climb(samples, guess, None, _ROUNDS)
+        place, height = self._climb(samples, guess, None, ROUNDS)
         if clipped is not None:
             some = np.flatnonzero(clipped.any(axis=1))
-            place[some], height[some] = self._climb(samples[some], guess[some], clipped[some], _ROUNDS_CLIPPED)
+            place[some], height[some] = self._climb(samples[some], guess[some], clipped[some], ROUNDS_CLIPPED)
         lost = np.flatnonzero(~((height > 0.0) & (np.abs(place - guess) <= max(1.0, self.fwhm))))
         place[lost] = guess[lost]
-        height[lost] = samples[lost, np.rint(guess[lost]).astype(np.intp)]
+        height[lost] = samples[lost, np.clip(np.rint(guess[lost]).astype(np.intp), 0, samples.shape[1] - 1)]
         return place, height
 
     def _climb(
@@ -126,18 +148,18 @@ class Matched:
         usable = np.lib.stride_tricks.sliding_window_view(free, self.width, axis=1)
         place, height = guess.astype(float), np.zeros(len(samples))
         for _ in range(rounds if len(samples) else 0):
-            step = np.rint(place * _PHASES).astype(np.intp) + _PHASES // 2
-            middle = np.clip(step // _PHASES, 0, n - 1)
-            phase = np.clip(step - middle * _PHASES, 0, _PHASES - 1)
+            step = np.rint(place * PHASES).astype(np.intp) + PHASES // 2
+            middle = np.clip(step // PHASES, 0, n - 1)
+            phase = np.clip(step - middle * PHASES, 0, PHASES - 1)
             if clipped is None:
                 patterns, pattern = inside[middle.min() : middle.max() + 1], middle - middle.min()
             else:
                 patterns, pattern = self._patterns(usable[row, middle], inside[middle])
             weights = np.stack([self.weights(used) for used in patterns])[pattern, phase]
-            found = np.einsum("tk,tck->tc", windows[row, middle], weights).astype(float)
+            found = np.einsum("tk,tck->tc", windows[row, middle], weights, dtype=float)
             height = found[:, 0]
             shift = np.divide(found[:, 1], height, out=np.zeros_like(height), where=height > 0.0)
-            here = middle + (phase - _PHASES // 2) / _PHASES
+            here = middle + (phase - PHASES // 2) / PHASES
             place = np.clip(here + np.clip(shift, -0.75, 0.75), -0.5, n - 0.5)
         return place, height
 

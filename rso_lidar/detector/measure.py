@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.gate_threshold import gate_thresholds
 from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse
-from rso_lidar.detector.ranging import correct_walk, locate, locate_all, walk_table
+from rso_lidar.detector.ranging import locate, locate_all
+from rso_lidar.detector.walk import correct_walk, walk_table
 from rso_lidar.records import Reading, Waveforms
 
 if TYPE_CHECKING:
@@ -27,12 +29,12 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
     camera = gsfl.camera(n_pixels)
     flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters by itself
-    jitter_s = rng.standard_normal(n_pixels)[waveforms.pixel] * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
+    jitter_s = _normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
     jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)
     samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)
-    clipped = waveforms.clipped
-    if clipped is None:
-        clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
+    clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
+    if waveforms.clipped is not None:
+        clipped = waveforms.clipped.copy()
     unknown = gsfl.maps.unknown_fraction if gsfl.maps is not None else 1.0
     if unknown < 1.0:
         samples = samples - ((1.0 - unknown) * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
@@ -48,14 +50,26 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     if gsfl.crosstalk is not None and not gsfl.gate:
         shift_m = gsfl.crosstalk.shift_m(waveforms.latch_s, waveforms.sample_s, n_pixels, rng)
         range_m = range_m + shift_m[:, None]
-    return _reading(gsfl, waveforms, range_m, amplitude, clipped | _on_rail(gsfl, waveforms, camera))
+    if gsfl.saturation is not None:
+        clipped = clipped | _on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
+    return _reading(gsfl, waveforms, range_m, amplitude, clipped)
 
 
-def _on_rail(gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
+def _normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.ndarray:
+    """Return a standard normal number for each of these pixels, the same whoever else is among them.
+
+    Each pixel of the array has a word of 32 bits; only those asked for are turned into normal numbers.
+    """
+    from scipy.special import ndtri
+
+    words = rng.integers(0, 2**32, n_pixels, dtype=np.uint32)[pixel]
+    normal: np.ndarray = ndtri((words + 0.5) * 2.0**-32)
+    return normal
+
+
+def _on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
     """Return which samples (trace, sample) the amplifier's rail holds down, below that of the converter."""
-    if gsfl.saturation is None:
-        return np.zeros(waveforms.samples_counts.shape, bool)
-    rail = waveforms.baseline_counts + gsfl.saturation.rail_electrons / gsfl.readout.electrons_per_count
+    rail = waveforms.baseline_counts + rail_electrons / gsfl.readout.electrons_per_count
     held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - 1.0
     return held
 
@@ -149,11 +163,49 @@ def _reading(
     """Return the returns (trace, return) laid out over the focal plane; one of them is the pixel's range and intensity."""
     shape = waveforms.shape
     n_pixels = shape[0] * shape[1]
+    most = gsfl.max_returns if gsfl.max_returns > 1 else 0
+    one_m, one_counts = np.full(n_pixels, np.nan, np.float32), np.zeros(n_pixels, np.uint16)
+    several_m, several_counts = np.full((n_pixels, most), np.nan, np.float32), np.zeros((n_pixels, most), np.uint16)
+    filled = one_m, one_counts, np.zeros(n_pixels, np.uint8), several_m, several_counts
+    _lay_out(gsfl, waveforms.pixel, range_m, amplitude, clipped, *filled)
+    several = (several_m.reshape(*shape, most), several_counts.reshape(*shape, most)) if most else ()
+    return Reading(*(one.reshape(shape) for one in filled[:3]), *several)
+
+
+def _lay_out(
+    gsfl: Gsfl,
+    pixel: np.ndarray,
+    range_m: np.ndarray,
+    amplitude: np.ndarray,
+    clipped: np.ndarray,
+    one_m: np.ndarray,
+    one_counts: np.ndarray,
+    saturated: np.ndarray,
+    several_m: np.ndarray,
+    several_counts: np.ndarray,
+) -> None:
+    """Fill what each pixel reports: of the returns (trace, return) the one chosen, and of all as many as are asked for."""
+    if compiled():
+        from rso_lidar.detector.measure_loops import lay_out
+
+        lay_out(
+            np.ascontiguousarray(pixel, np.int64),
+            np.ascontiguousarray(range_m, np.float64),
+            np.ascontiguousarray(amplitude, np.float64),
+            np.ascontiguousarray(clipped, np.bool_),
+            ("first", "strongest", "last").index(gsfl.returns),
+            float(gsfl.full_scale_counts),
+            one_m,
+            one_counts,
+            saturated,
+            several_m,
+            several_counts,
+        )
+        return
     seen = np.isfinite(range_m)
     reported = np.flatnonzero(seen.any(axis=1))
-    range_m, amplitude, seen = range_m[reported], amplitude[reported], seen[reported]
-    pixel = waveforms.pixel[reported]
-    counts = np.clip(np.rint(np.where(seen, amplitude, 0.0)), 1, gsfl.full_scale_counts)
+    range_m, amplitude, seen, pixel = range_m[reported], amplitude[reported], seen[reported], pixel[reported]
+    counts = np.clip(np.rint(np.where(seen, amplitude, 1.0)), 1, gsfl.full_scale_counts)
     row = np.arange(len(reported))
     if gsfl.returns == "strongest":
         chosen = np.where(seen, amplitude, -math.inf).argmax(axis=1)
@@ -161,19 +213,9 @@ def _reading(
         chosen = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
     else:
         chosen = seen.argmax(axis=1)
-    one_m, one_counts, saturated = np.full(n_pixels, np.nan), np.zeros(n_pixels), np.zeros(n_pixels)
     one_m[pixel] = range_m[row, chosen]
     one_counts[pixel] = counts[row, chosen]
     saturated[pixel] = clipped[reported].any(axis=1) | (counts[row, chosen] >= gsfl.full_scale_counts)
-    several: dict[str, np.ndarray | None] = {"return_range_m": None, "return_intensity_counts": None}
-    if gsfl.max_returns > 1:
-        most = gsfl.max_returns
-        all_m, all_counts = np.full((n_pixels, most), np.nan), np.zeros((n_pixels, most))
-        kept = min(most, seen.shape[1])
-        all_m[pixel, :kept] = range_m[:, :kept]
-        all_counts[pixel, :kept] = np.where(seen, counts, 0.0)[:, :kept]
-        several = {
-            "return_range_m": all_m.reshape(*shape, most),
-            "return_intensity_counts": all_counts.reshape(*shape, most),
-        }
-    return Reading(one_m.reshape(shape), one_counts.reshape(shape), saturated.reshape(shape), **several)
+    kept = min(several_m.shape[1], seen.shape[1])
+    several_m[pixel, :kept] = range_m[:, :kept]
+    several_counts[pixel, :kept] = np.where(seen, counts, 0.0)[:, :kept]

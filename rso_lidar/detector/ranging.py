@@ -13,11 +13,15 @@ import numpy as np
 from pydantic import Field, Strict
 
 from rso_lidar import units
-from rso_lidar.detector.matched import Matched
+from rso_lidar.arithmetic import compiled
+from rso_lidar.detector.matched import ROUNDS, ROUNDS_CLIPPED, Matched
 from rso_lidar.detector.pulse import Pulse
 from rso_lidar.part import Flag, Part
 
 Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola", "leading_edge"]
+
+
+_ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])
 
 
 class Ranging(Part):
@@ -59,14 +63,51 @@ def locate(
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
-    peak = _first_peak(samples, np.asarray(start), 0.5 * threshold_counts)
-    guess = peak + _vertex(samples, peak)
-    if clipped is not None:
-        peak, guess = _middle_of_plateau(clipped, peak, guess)
-    place, height = matched.fit(samples, guess, clipped)
+    if compiled() and matched.fits_in_a_word:
+        peak, place, height = _first_pulses(samples, np.asarray(start), 0.5 * threshold_counts, matched, clipped)
+    else:
+        peak = _first_peak(samples, np.asarray(start), 0.5 * threshold_counts)
+        guess = peak + _vertex(samples, peak)
+        if clipped is not None:
+            peak, guess = _middle_of_plateau(clipped, peak, guess)
+        place, height = matched.fit(samples, guess, clipped)
     if ranging.algorithm != "matched_filter":
         place = _place(samples, peak, matched, ranging, threshold_counts) + matched.lead
     return (place - matched.lead) * sample_s, height
+
+
+def _first_pulses(
+    samples: np.ndarray, start: np.ndarray, least: float, matched: Matched, clipped: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the sample of the first peak of each trace, and place [samples] and height fitted there, by the loops."""
+    from rso_lidar.detector.ranging_loops import first_pulses
+
+    peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
+    masks, weights = matched.known()
+    while True:
+        first_pulses(
+            samples,
+            np.ascontiguousarray(start, np.int64),
+            np.float32(least),
+            _mask(clipped),
+            _ROUNDS,
+            matched.half,
+            float(matched.fwhm),
+            matched.wanted,
+            masks,
+            weights,
+            peak,
+            place,
+            height,
+            unknown,
+        )
+        if not unknown.any():
+            return peak, place, height
+        masks, weights = matched.learn(unknown[unknown > 0])
+
+
+def _mask(clipped: np.ndarray | None) -> np.ndarray:
+    return np.zeros((0, 0), bool) if clipped is None else np.ascontiguousarray(clipped, bool)
 
 
 def _first_peak(samples: np.ndarray, start: np.ndarray, least: float) -> np.ndarray:
@@ -193,11 +234,41 @@ def locate_all(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return delays [s after sample 0] and peak amplitudes [counts] of up to `most` pulses in each trace, near to far.
 
-    Both are (trace, most); NaN and 0 where there are fewer. Pulses are peaks at least about one FWHM apart whose fitted
-    height is above the threshold, each fitted with the others taken away. Parameters are those of `locate`.
+    Both have as many columns as the fullest trace needs; NaN and 0 where there are fewer. Pulses are peaks at least about
+    one FWHM apart whose fitted height is above the threshold, each fitted with the others taken away. Parameters are those
+    of `locate`.
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
+    fitted = _all_pulses if compiled() and matched.fits_in_a_word else _all_fitted
+    alive, place, height = fitted(samples, matched, threshold_counts, sigma_counts, most, clipped)
+    slots = int(np.flatnonzero(alive.any(axis=0)).max(initial=0)) + 1
+    alive, place, height = alive[:, :slots], place[:, :slots], height[:, :slots]
+    found = place - matched.lead
+    if ranging.algorithm != "matched_filter":
+        for slot in range(slots):
+            rows = np.flatnonzero(alive[:, slot])
+            alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
+            peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
+            if clipped is None:
+                peak = _highest_near(alone, peak)
+            found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
+    alive &= np.isfinite(found)
+    found = np.where(alive, found, np.nan)
+    order = np.argsort(found, axis=1)
+    delay_s = np.take_along_axis(found, order, axis=1) * sample_s
+    return delay_s, np.take_along_axis(np.where(alive, height, 0.0), order, axis=1)
+
+
+def _all_fitted(
+    samples: np.ndarray,
+    matched: Matched,
+    threshold_counts: float,
+    sigma_counts: float,
+    most: int,
+    clipped: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each."""
     peaks = _peaks(samples, matched, threshold_counts, sigma_counts, most)
     place = np.full(peaks.shape, np.nan)
     height = np.zeros(peaks.shape)
@@ -220,21 +291,48 @@ def locate_all(
             alive &= height >= threshold_counts
             alive &= ~_shadowed(place, height, 0.75 * matched.fwhm)
             place[~alive], height[~alive] = np.nan, 0.0
-    alive &= height >= threshold_counts
-    found = place - matched.lead
-    if ranging.algorithm != "matched_filter":
-        for slot in range(most):
-            rows = np.flatnonzero(alive[:, slot])
-            alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
-            peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
-            if clipped is None:
-                peak = _highest_near(alone, peak)
-            found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
-    alive &= np.isfinite(found)
-    found = np.where(alive, found, np.nan)
-    order = np.argsort(found, axis=1)
-    delay_s = np.take_along_axis(found, order, axis=1) * sample_s
-    return delay_s, np.take_along_axis(np.where(alive, height, 0.0), order, axis=1)
+    return alive & (height >= threshold_counts), place, height
+
+
+def _all_pulses(
+    samples: np.ndarray,
+    matched: Matched,
+    threshold_counts: float,
+    sigma_counts: float,
+    most: int,
+    clipped: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what `_all_fitted` does, by the loops."""
+    from rso_lidar.detector.ranging_loops import all_pulses
+
+    shape, pulse = (len(samples), most), matched.pulse
+    alive, place, height = np.empty(shape, bool), np.empty(shape), np.empty(shape)
+    unknown = np.empty(len(samples), np.int64)
+    masks, weights = matched.known()
+    while True:
+        all_pulses(
+            samples,
+            _mask(clipped),
+            np.float32(threshold_counts),
+            np.float32(3.0 * sigma_counts),
+            matched.height_weights().astype(np.float32),
+            pulse.table / pulse.peak,
+            (pulse.from_s - pulse.peak_s) / pulse.step_s,
+            matched.sample_s / pulse.step_s,
+            _ROUNDS,
+            matched.half,
+            float(matched.fwhm),
+            matched.wanted,
+            masks,
+            weights,
+            alive,
+            place,
+            height,
+            unknown,
+        )
+        if not unknown.any():
+            return alive, place, height
+        masks, weights = matched.learn(unknown[unknown > 0])
 
 
 def _peaks(
@@ -300,52 +398,3 @@ def _shadowed(place: np.ndarray, height: np.ndarray, apart: float) -> np.ndarray
         near = np.abs(place[:, :, None] - place[:, None, :]) < apart
     shadowed: np.ndarray = (near & (height[:, :, None] < height[:, None, :])).any(axis=2)
     return shadowed
-
-
-def walk_table(
-    pulse: Pulse,
-    ranging: Ranging,
-    *,
-    sample_s: float,
-    sigma_counts: float,
-    pole_s: float,
-    threshold_counts: float,
-    full_scale_counts: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the walk of an algorithm: fitted amplitudes [counts], rising, and the mean bias of the delay there [s].
-
-    Pulses without noise, from just above the threshold to 200 times it and clipped at the rail, each at 32 phases of the
-    sampling.
-    """
-    matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
-    truth = np.geomspace(1.02, 200.0, 64) * threshold_counts
-    place = matched.half + 4 + (np.arange(32) + 0.5) / 32
-    samples = truth[:, None, None].astype(np.float32) * matched.curve(2 * matched.half + 10, place)
-    samples = np.minimum(samples, np.float32(full_scale_counts)).reshape(-1, samples.shape[-1])
-    clipped = samples >= full_scale_counts
-    latched = (samples >= min(threshold_counts, full_scale_counts)).argmax(axis=1)
-    start = np.where(latched > 0, latched, matched.half + 4)
-    delay_s, amplitude = locate(
-        samples,
-        start,
-        pulse,
-        ranging,
-        sample_s=sample_s,
-        sigma_counts=sigma_counts,
-        pole_s=pole_s,
-        threshold_counts=threshold_counts,
-        clipped=clipped if clipped.any() else None,
-    )
-    bias_s = delay_s.reshape(len(truth), -1) - (place - matched.lead) * sample_s
-    measured = amplitude.reshape(len(truth), -1).mean(axis=1)
-    # Far beyond the rail nothing is left to fit and the amplitude falls back: what does not rise is no calibration.
-    rising = np.append(True, measured[1:] > np.maximum.accumulate(measured)[:-1]) & np.isfinite(bias_s).any(axis=1)
-    return measured[rising], np.nanmean(bias_s[rising], axis=1)
-
-
-def correct_walk(delay_s: np.ndarray, amplitude_counts: np.ndarray, table: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return delays [s] less the bias that the calibration found at their amplitude, interpolated in its logarithm."""
-    amplitudes, bias_s = table
-    place = np.log(np.maximum(amplitude_counts, 0.5 * amplitudes[0]))
-    corrected: np.ndarray = delay_s - np.interp(place, np.log(amplitudes), bias_s)
-    return corrected

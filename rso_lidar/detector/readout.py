@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled
 from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
 
 
@@ -54,13 +55,45 @@ class Readout(Part):
         """Return the depth [m] that the stored samples span."""
         return self.samples * self.sample_s * units.RANGE_PER_DELAY_M_S
 
+    def store(
+        self,
+        amplitude: np.ndarray,
+        row: np.ndarray,
+        first: np.ndarray,
+        per_sample: int,
+        n: int,
+        offset_counts: np.ndarray,
+    ) -> np.ndarray:
+        """Return `n` samples (trace, sample) [counts], converted: every `per_sample`th step of each `row` from `first` on.
+
+        `amplitude` (row, step) is in electrons; `offset_counts` (trace) is what a pixel adds of its own.
+        """
+        if not compiled():
+            step = first[:, None] + per_sample * np.arange(n)
+            return self.convert(np.take_along_axis(amplitude[row], step, axis=1), offset_counts[:, None])
+        from rso_lidar.detector.readout_loops import store
+
+        counts = np.empty((len(row), n), np.float32)
+        store(
+            np.ascontiguousarray(amplitude, np.float32),
+            np.ascontiguousarray(row, np.int64),
+            np.ascontiguousarray(first, np.int64),
+            int(per_sample),
+            np.float32(1.0 / self.electrons_per_count),
+            (offset_counts + self.baseline_counts).astype(np.float32),
+            np.float32(self.full_scale_counts),
+            bool(self.quantised),
+            counts,
+        )
+        return counts
+
     def convert(self, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the converter's output [counts], baseline included, of amplitudes [electrons]; float32.
 
         `offset_counts` is what a pixel adds of its own.
         """
-        counts = amplitude * np.float32(1.0 / self.electrons_per_count) + np.float32(self.baseline_counts)
-        counts += np.asarray(offset_counts, np.float32)
+        counts = amplitude * np.float32(1.0 / self.electrons_per_count)
+        counts = counts + np.asarray(offset_counts + self.baseline_counts, np.float32)
         if self.quantised:
             np.rint(counts, out=counts)
         np.clip(counts, 0.0, float(self.full_scale_counts), out=counts)

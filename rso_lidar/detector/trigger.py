@@ -9,6 +9,7 @@ from rso_lidar.detector.presets import DEFAULT
 from rso_lidar.part import NotNegative, Part, Positive
 
 NEVER = -1
+NEAR = -2  # not at a step, perhaps between two
 
 
 class Trigger(Part):
@@ -103,6 +104,47 @@ def first_crossing(
     latched: np.ndarray = above.argmax(axis=1)
     latched[~above[np.arange(len(above)), latched]] = NEVER
     return latched
+
+
+def first_or_near(
+    amplitude: np.ndarray,
+    primaries: np.ndarray,
+    threshold: np.ndarray,
+    base_per_s: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    arming: np.ndarray,
+    *,
+    hysteresis: float,
+    step_s: float,
+    quiet_electrons: float,
+    shot_electrons_rs: float,
+    reach: float,
+) -> np.ndarray:
+    """Return what `first_crossing` does, with NEAR for the rows in which `crossed_between` has anything to look at.
+
+    Compiled only. `primaries` (row, step) and `base_per_s` (row) make the noise: an rms of `quiet_electrons`, and of
+    `shot_electrons_rs` times the root of the rate [1/s]. `reach` is in units of that rms.
+    """
+    from rso_lidar.detector.trigger_loops import first_crossings
+
+    latch = np.empty(len(amplitude), np.int64)
+    first_crossings(
+        np.ascontiguousarray(amplitude, np.float32),
+        np.ascontiguousarray(primaries, np.float32),
+        np.ascontiguousarray(threshold, np.float32),
+        np.ascontiguousarray(base_per_s, np.float64),
+        np.ascontiguousarray(first, np.int64),
+        np.ascontiguousarray(last, np.int64),
+        np.ascontiguousarray(arming, np.bool_),
+        np.float32(hysteresis),
+        1.0 / float(step_s),
+        float(quiet_electrons) ** 2,
+        float(shot_electrons_rs) ** 2,
+        float(reach),
+        latch,
+    )
+    return latch
 
 
 def watched_steps(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:

@@ -8,9 +8,11 @@ the row finds all its samples there.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Photons
 
 _AT_ONCE = 32_768  # returns, so that what is worked on stays in the cache
@@ -65,12 +67,14 @@ def rows_about(
     Pixels that get no more than `least_photons` have none; after a row that gets more than `sure_photons` early enough, a
     pixel has no other, for it will have latched.
     """
+    if compiled():
+        return _rows_by_loops(photons, plan, least_photons, sure_photons)
     half_s = np.minimum(0.5 * photons.depth_spread_s, photons.pulse_fwhm_s)  # longer, it is too thin to trigger
     enough = np.bincount(photons.pixel, photons.photons, n_pixels) > least_photons
     left = np.flatnonzero((photons.photons > 0.0) & enough[photons.pixel])
     if not len(left):
         none = np.zeros(0, np.int64)
-        return Rows(none, none, none, none, plan.length)
+        return Rows(none, none, none, none, plan.length, plan.room)
     pixel = photons.pixel[left]
     delay_s, half_s, light = photons.delay_s[left] + photons.late_s, half_s[left], photons.photons[left]
     from_s, to_s = delay_s - half_s - plan.rise * plan.step_s, delay_s + half_s + plan.fall * plan.step_s
@@ -97,7 +101,28 @@ def rows_about(
     pixel, start, first = (np.concatenate(column) for column in (pixels, starts, firsts))
     order = np.lexsort((start, pixel))
     last = np.full(len(pixel), plan.before + plan.watched)
-    return Rows(pixel[order], start[order], first[order], last, plan.length, plan.room)
+    return Rows(pixel[order].astype(np.int64), start[order], first[order], last, plan.length, plan.room)
+
+
+def _rows_by_loops(photons: Photons, plan: Plan, least_photons: float, sure_photons: float) -> Rows:
+    from rso_lidar.detector.waveform_loops import rows_of
+
+    longest_s, step_s = float(photons.pulse_fwhm_s), plan.step_s
+    # No return reaches into more rows than this: each but the first and last is as long as what is watched.
+    most = math.ceil(2.0 * longest_s / (plan.watched * step_s)) + 3
+    made = np.empty((3, most * len(photons.pixel)), np.int64)
+    n_rows = rows_of(
+        packed(photons.pixel),
+        packed(photons.delay_s),
+        packed(photons.photons),
+        packed(photons.depth_spread_s),
+        (float(photons.late_s), longest_s, plan.rise * step_s, plan.fall * step_s, step_s),
+        (plan.steps_per_sample, plan.before, plan.watched),
+        (float(least_photons), float(sure_photons)),
+        made,
+    )
+    pixel, start, first = made[:, :n_rows].copy()
+    return Rows(pixel, start, first, np.full(n_rows, plan.before + plan.watched), plan.length, plan.room)
 
 
 def expected(photons: Photons, rows: Rows, step_s: float, factors: np.ndarray | None = None) -> np.ndarray:
@@ -106,6 +131,8 @@ def expected(photons: Photons, rows: Rows, step_s: float, factors: np.ndarray | 
     `factors` (return) multiply the photons. The pulse is laid over it by a filter, for all rows at once.
     """
     weight = photons.photons if factors is None else photons.photons * factors
+    if compiled():
+        return _light_by_loops(photons, weight, rows, step_s)
     centre = (photons.delay_s + photons.late_s) / step_s
     spread = photons.depth_spread_s / step_s
     pixel = photons.pixel
@@ -124,6 +151,27 @@ def expected(photons: Photons, rows: Rows, step_s: float, factors: np.ndarray | 
             row = first[pixel[of]] + k
             _share(grid, weight[of], centre[of] - rows.start[row], spread[of], row * rows.length, rows)
     return grid.reshape(-1, rows.length)
+
+
+def _light_by_loops(photons: Photons, weight: np.ndarray, rows: Rows, step_s: float) -> np.ndarray:
+    from rso_lidar.detector.waveform_loops import shared
+
+    grid = np.zeros((len(rows.pixel), rows.length), np.float32)
+    last = rows.length - 3 - rows.room
+    shared(
+        packed(photons.pixel),
+        packed(photons.delay_s),
+        packed(weight),
+        packed(photons.depth_spread_s),
+        float(photons.late_s),
+        step_s,
+        _WIDEST,
+        rows.pixel,
+        rows.start,
+        last,
+        grid,
+    )
+    return grid
 
 
 def _cut(
@@ -193,16 +241,47 @@ def sharing_response(n: int) -> np.ndarray:
     return response
 
 
-@lru_cache(maxsize=16)
-def _transfer(step_s: float, power_per_s: bytes, n: int, grid_s: float) -> np.ndarray:
-    power = np.frombuffer(power_per_s)
-    time_s = (np.arange(len(power)) - (len(power) - 1) / 2.0) * step_s
-    turn = np.exp(-2j * math.pi * np.multiply.outer(np.fft.rfftfreq(n, grid_s), time_s))
-    transfer: np.ndarray = (turn * (power * step_s)).sum(axis=1) / sharing_response(n)
-    transfer[np.fft.rfftfreq(n, grid_s) > 0.5 / step_s] = 0.0  # finer than the taps nothing is known of the pulse
+def pulse_transfer(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s: float) -> np.ndarray:
+    """Return what lays a laser's pulse over `n` steps of `expected` light, complex factors of its transform."""
+    time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
+    frequency_hz = np.fft.rfftfreq(n, step_s)
+    turn = np.exp(-2j * math.pi * np.multiply.outer(frequency_hz, time_s))
+    transfer: np.ndarray = (turn * (power_per_s * pulse_step_s)).sum(axis=1) / sharing_response(n)
+    transfer[frequency_hz > 0.5 / pulse_step_s] = 0.0  # finer than the taps nothing is known of the pulse
     return transfer
 
 
-def pulse_transfer(photons: Photons, n: int, step_s: float) -> np.ndarray:
-    """Return what lays the laser's pulse over `n` steps of `expected` light, complex factors of its transform."""
-    return _transfer(photons.pulse_step_s, photons.pulse_power_per_s.tobytes(), n, step_s)
+class Laying(NamedTuple):
+    """Two filters, on the circle of a row: factors of its transform, and responses of its steps, twice around."""
+
+    pulse: np.ndarray  # light to primaries
+    amplified: np.ndarray  # light to amplitude
+    pulse_response: np.ndarray
+    amplified_response: np.ndarray
+
+    @staticmethod
+    def of(pulse: np.ndarray, amplified: np.ndarray, n: int) -> "Laying":
+        """Return the filters of so many steps with these factors."""
+        from scipy.fft import irfft
+
+        responses = (np.tile(irfft(factors, n), 2).astype(np.float32) for factors in (pulse, amplified))
+        return Laying(pulse.astype(np.complex64), amplified.astype(np.complex64), *responses)
+
+
+def laid(light: np.ndarray, laying: Laying, least_primaries: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """Return expected primaries and amplitude (row, step): light behind two filters; fewer primaries count as none.
+
+    The transform costs the same whatever is lit. Little of a row is: the loop lays a response over each lit step.
+    """
+    if compiled():
+        from rso_lidar.detector.waveform_loops import laid as laid_by_loops
+
+        primaries, amplitude = np.empty(light.shape, np.float32), np.empty(light.shape, np.float32)
+        laid_by_loops(light, laying.pulse_response, laying.amplified_response, least_primaries, primaries, amplitude)
+        return primaries, amplitude
+    from scipy.fft import irfft, rfft
+
+    spectrum, n = rfft(light, axis=1), light.shape[1]
+    primaries, amplitude = (irfft(spectrum * factors, n, axis=1) for factors in (laying.pulse, laying.amplified))
+    primaries *= primaries >= least_primaries
+    return primaries, amplitude

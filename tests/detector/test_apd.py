@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rso_lidar import arithmetic
 from rso_lidar.detector.apd import Apd, compound_pmf, cumulants, mcintyre_pmf, multiply
 from rso_lidar.errors import ScenarioError
 
@@ -13,6 +14,13 @@ from rso_lidar.errors import ScenarioError
 EXCESS = {0.02: 2.062, 0.2: 3.52, 0.4: 5.14}
 DEVICES = [Apd(), Apd(gain=20.0, ionisation_ratio=0.4), Apd(ionisation_ratio=0.0), Apd(gain=1.0)]
 NAMES = ["InAlAs", "InP", "electrons_only", "no_gain"]
+
+
+@pytest.fixture(autouse=True, params=arithmetic.CHOICES)
+def path(request):
+    """Run each test on loops and on NumPy: draws differ, their distributions do not."""
+    with arithmetic.using(request.param):
+        yield
 
 
 def rng(seed=1):

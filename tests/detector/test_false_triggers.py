@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector.chain import analog, armed, latched
-from rso_lidar.detector.false_triggers import false_traces, first_false_s, rates_per_s
+from rso_lidar.detector.false_triggers import crossings, false_traces, first_crossings, first_false_s, rates_per_s
 from rso_lidar.detector.gsfl import Gsfl
 from rso_lidar.detector.waveform import rows_about
 from tests.detector.returns_for_tests import nothing, returns
@@ -21,21 +21,57 @@ EASY = Gsfl(
 )
 
 
-def test_waiting_times_are_exponential():
-    """Kolmogorov and Smirnov's test of each pixel's time in units of its own mean; 0.1 % would fail by chance."""
-    threshold = np.repeat([4800.0, 5000.0, 5400.0], 10_000)
-    base = np.full(30_000, EASY.apd.dark_electrons_per_s)
-    rates = rates_per_s(EASY, threshold, base)
+@pytest.mark.parametrize("window_means", [0.3, 30.0])
+def test_waiting_times_are_exponential(window_means):
+    """Kolmogorov and Smirnov's test of each pixel's time in units of its own mean; 0.1 % would fail by chance.
+
+    In a window of 0.3 means crossings are drawn for all pixels together, and times are exponential up to its end; in one of
+    30, whose end matters to none, pixel by pixel. How many have one is a binomial: 4 sigma.
+    """
+    rates = rates_per_s(EASY, np.repeat([4800.0, 5000.0, 5400.0], 10_000), np.full(30_000, 1e9))
     assert rates[0] > rates[10_000] > rates[20_000] > 0.0
-    first_s = first_false_s(EASY, threshold, base, np.random.default_rng(8))
-    waited = (first_s - 2.0 * EASY.armed_from_m / C) * rates
-    assert stats.kstest(waited, "expon").pvalue > 1e-3
+    to_s = 2e-6 + window_means / rates[20_000 if window_means > 1.0 else 0]
+    pixel, first_s = first_crossings(np.cumsum(rates), 2e-6, to_s, np.random.default_rng(8))
+    assert np.all(np.diff(pixel) > 0) and first_s.min() >= 2e-6 and first_s.max() < to_s
+    # Where they fall in the part of the law before the window's end.
+    some = -np.expm1(-rates * (to_s - 2e-6))
+    share = -np.expm1(-(first_s - 2e-6) * rates[pixel]) / some[pixel]
+    assert stats.kstest(share, "uniform").pvalue > 1e-3
+    for group in (slice(10_000), slice(10_000, 20_000), slice(20_000, None)):
+        seen = np.isin(np.arange(30_000)[group], pixel).sum()
+        assert abs(seen - some[group].sum()) <= 4.0 * math.sqrt((some * (1.0 - some))[group].sum()) + 1e-6
+
+
+def test_the_second_crossing_of_a_pixel_is_as_far_from_the_first():
+    """Gaps in units of the mean are exponential too, cut by the window's end: together they are a Poisson process."""
+    pixel, at_s = crossings(np.array([0.0, 1e4, 3e4]), 0.0, 1.0, np.random.default_rng(9))
+    assert 0 not in pixel
+    for k, rate in ((1, 1e4), (2, 2e4)):
+        assert stats.kstest(np.diff(at_s[pixel == k]) * rate, "expon").pvalue > 1e-3
 
 
 def test_without_noise_nothing_ever_triggers():
     quiet = EASY.replace(amplifier={"noise_electrons": 0.0}, apd={"dark_current_na": 0.0})
-    first_s = first_false_s(quiet, np.full(4, 5000.0), np.zeros(4), np.random.default_rng(8))
-    assert np.isinf(first_s).all()
+    for sunlight in (None, np.zeros(4)):
+        pixel, first_s = first_false_s(quiet, 4, sunlight, np.random.default_rng(8))
+        assert len(pixel) == len(first_s) == 0
+
+
+@pytest.mark.parametrize("brightest", [3e8, 3e9])
+def test_sunlit_pixels_trigger_at_their_own_rate(brightest):
+    """Thinned from the brightest, or each for itself where crossings are many: as many as the rates say, 4 sigma."""
+    part = EASY.replace(defects={"dead_fraction": 0.1, "hot_fraction": 0.1, "hot_dark_current_na": 5.0})
+    n, rng, window_s = 4096, np.random.default_rng(10), 2.0 * (EASY.armed_to_m - EASY.armed_from_m) / C
+    camera, sunlight = part.camera(n), brightest * np.linspace(0.0, 1.0, n)
+    rates = rates_per_s(part, 5300.0 * camera.threshold, part.dark_per_s(camera) + sunlight)
+    expected = np.where(camera.dead, 0.0, -np.expm1(-rates * window_s))
+    seen = np.zeros(n)
+    for _ in range(20):
+        seen[first_false_s(part, n, sunlight, rng)[0]] += 1.0
+    assert not seen[camera.dead].any()
+    for some in (camera.hot, sunlight < 0.3 * brightest, sunlight > 0.7 * brightest):
+        left = 4.0 * math.sqrt(20.0 * (expected * (1.0 - expected))[some].sum())
+        assert left > 4.0 and abs(seen[some].sum() - 20.0 * expected[some].sum()) < left
 
 
 def test_false_triggers_of_an_empty_scene_are_as_many_as_the_rate_says():

@@ -1,0 +1,85 @@
+"""Draws of whole numbers from tabulated distributions: alias tables (Walker 1977), a random word and a look into a table."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+_WORD = 1 << 32  # probabilities are whole multiples of one part in this
+NORMAL_PER_SIGMA = 64
+NORMAL_ZERO = 8 * NORMAL_PER_SIGMA
+
+
+class Table(NamedTuple):
+    """Alias tables of one size, one a row: a 32-bit word picks a column, then one of its two values."""
+
+    columns_log2: int
+    cells: np.ndarray  # (row * column, 2) uint32: words below the first take the column's own value, others the second
+    first: np.ndarray  # (row) int64: value of a row's first column; each next is one more
+
+
+def draw(table: Table, rng: np.random.Generator, n: int, row: np.ndarray | None = None) -> np.ndarray:
+    """Return n draws (float32), each from its row."""
+    word = words(rng, n)
+    cell = (word >> np.uint32(32 - table.columns_log2)).astype(np.intp)
+    drawn: np.ndarray = cell.astype(np.float32)
+    drawn += table.first[0] if row is None else table.first[row]
+    if row is not None:
+        cell += row << table.columns_log2
+    cell <<= 1
+    bounds_and_others = table.cells.reshape(-1)
+    second = word >= bounds_and_others.take(cell, mode="clip")
+    cell += 1
+    np.copyto(drawn, bounds_and_others.take(cell, mode="clip"), where=second, casting="unsafe")
+    return drawn
+
+
+def words(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Return n random words of 32 bits, drawn two at a time."""
+    pairs = rng.integers(0, (1 << 64) - 1, (n + 1) // 2, dtype=np.uint64, endpoint=True)
+    return pairs.view(np.uint32)[:n]
+
+
+@lru_cache(maxsize=1)
+def normal_table() -> Table:
+    """Return the table of a normal number: `NORMAL_ZERO` and `NORMAL_PER_SIGMA` times a standard one, up to 6.3 of those.
+
+    On so fine a grid the sums for its moments are their integrals, to exp(−2π² 64²) (Poisson's summation).
+    """
+    number = np.arange(2 * NORMAL_ZERO + 1) - NORMAL_ZERO
+    return table([np.exp(-0.5 * (number / NORMAL_PER_SIGMA) ** 2)])
+
+
+def table(pmfs: list[np.ndarray]) -> Table:
+    """Return the alias tables of some distributions over 0, 1, 2, ...; their sums are right to 2⁻³³."""
+    weights, firsts = [], []
+    for pmf in pmfs:
+        total = np.cumsum(pmf)
+        weight = np.diff(np.rint(total / total[-1] * _WORD).astype(np.int64), prepend=0)
+        first, last = np.flatnonzero(weight)[[0, -1]]
+        weights.append(weight[first : last + 1])
+        firsts.append(first)
+    log2 = max(1, (max(len(weight) for weight in weights) - 1).bit_length())
+    cells = [_alias(first, weight, log2) for first, weight in zip(firsts, weights, strict=True)]
+    return Table(log2, np.concatenate(cells), np.array(firsts))
+
+
+def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:
+    """Return the cells of one alias table, by sweeping over light and heavy columns at once.
+
+    Light columns fill up from the current heavy one; when that has no excess left, it is filled up by the next heavy one
+    (Hübschle-Schneider and Sanders, arXiv:1903.00227): prefix sums and two searches in place of a loop.
+    """
+    size, share = 1 << columns_log2, _WORD >> columns_log2
+    weight = np.concatenate([weight, np.zeros(size - len(weight), dtype=np.int64)])
+    light, heavy = np.flatnonzero(weight < share), np.flatnonzero(weight >= share)
+    needed, spare = np.cumsum(share - weight[light]), np.cumsum(weight[heavy] - share)
+    kept, other = np.full(size, share), np.arange(size)
+    giver = np.searchsorted(spare, needed - (share - weight[light]), side="right")
+    kept[light], other[light] = weight[light], heavy[giver]
+    taken = np.searchsorted(needed, spare, side="right")
+    spent = np.flatnonzero(taken < len(light))
+    kept[heavy[spent]] = share - (needed[taken[spent]] - spare[spent])
+    other[heavy[spent]] = heavy[spent + 1]
+    bounds = np.minimum(np.arange(size) * share + kept, _WORD - 1)
+    return np.stack([bounds, first + other], axis=1).astype(np.uint32)

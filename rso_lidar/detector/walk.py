@@ -1,0 +1,58 @@
+"""Range walk: by how much a range algorithm errs at each amplitude, found beforehand and taken off."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar.detector.matched import Matched
+from rso_lidar.detector.pulse import Pulse
+from rso_lidar.detector.ranging import Ranging, locate
+
+
+def walk_table(
+    pulse: Pulse,
+    ranging: Ranging,
+    *,
+    sample_s: float,
+    sigma_counts: float,
+    pole_s: float,
+    threshold_counts: float,
+    full_scale_counts: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the walk of an algorithm: fitted amplitudes [counts], rising, and the mean bias of the delay there [s].
+
+    Pulses without noise, from just above the threshold to 200 times it and clipped at the rail, each at 32 phases of the
+    sampling.
+    """
+    matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
+    truth = np.geomspace(1.02, 200.0, 64) * threshold_counts
+    place = matched.half + 4 + (np.arange(32) + 0.5) / 32
+    samples = truth[:, None, None].astype(np.float32) * matched.curve(2 * matched.half + 10, place)
+    samples = np.minimum(samples, np.float32(full_scale_counts)).reshape(-1, samples.shape[-1])
+    clipped = samples >= full_scale_counts
+    latched = (samples >= min(threshold_counts, full_scale_counts)).argmax(axis=1)
+    start = np.where(latched > 0, latched, matched.half + 4)
+    delay_s, amplitude = locate(
+        samples,
+        start,
+        pulse,
+        ranging,
+        sample_s=sample_s,
+        sigma_counts=sigma_counts,
+        pole_s=pole_s,
+        threshold_counts=threshold_counts,
+        clipped=clipped if clipped.any() else None,
+    )
+    bias_s = delay_s.reshape(len(truth), -1) - (place - matched.lead) * sample_s
+    measured = amplitude.reshape(len(truth), -1).mean(axis=1)
+    # Far beyond the rail nothing is left to fit and the amplitude falls back: what does not rise is no calibration.
+    rising = np.append(True, measured[1:] > np.maximum.accumulate(measured)[:-1]) & np.isfinite(bias_s).any(axis=1)
+    return measured[rising], np.nanmean(bias_s[rising], axis=1)
+
+
+def correct_walk(delay_s: np.ndarray, amplitude_counts: np.ndarray, table: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return delays [s] less the bias that the calibration found at their amplitude, interpolated in its logarithm."""
+    amplitudes, bias_s = table
+    place = np.log(np.maximum(amplitude_counts, 0.5 * amplitudes[0]))
+    corrected: np.ndarray = delay_s - np.interp(place, np.log(amplitudes), bias_s)
+    return corrected

@@ -1,0 +1,41 @@
+"""The amplifier by a loop over its taps is the one by Fourier transform; its noise has the two poles' autocorrelation."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rso_lidar import arithmetic
+from rso_lidar.detector.amplifier import Amplifier, amplified, filters
+from rso_lidar.detector.amplifier_loops import amplified as by_loops
+
+QUIET, NOISY = Amplifier(noise_electrons=0.0), Amplifier(noise_electrons=1000.0)
+STEP_S = 1.19e-9
+
+
+@pytest.mark.parametrize("n", [13, 64, 105])
+def test_without_noise_both_paths_are_one(n):
+    """Rounding of float32 sums of some ten terms, 3e-6 of the highest; on a short circle there are fewer taps."""
+    rng = np.random.default_rng(1)
+    quiet, excess = rng.standard_normal((2, 50, n), dtype=np.float32)
+    gain = rng.uniform(0.5, 1.5, 50).astype(np.float32)
+    made = []
+    for path in arithmetic.CHOICES:
+        with arithmetic.using(path):
+            made.append(amplified(filters(QUIET, n, STEP_S), quiet, excess, gain, np.random.default_rng(2)))
+    assert made[0].dtype == made[1].dtype == np.float32
+    assert np.abs(made[0] - made[1]).max() < 3e-6 * np.abs(made[0]).max()
+    assert len(by_loops.signatures) == 1
+
+
+@pytest.mark.parametrize("path", arithmetic.CHOICES)
+def test_noise_has_the_autocorrelation_of_two_poles(path):
+    """4.5 standard errors over independent rows; nothing of it is in the mean."""
+    none, tau = np.zeros((20_000, 64), np.float32), NOISY.pole_s
+    with arithmetic.using(path):
+        noise = amplified(filters(NOISY, 64, STEP_S), none, none, np.ones(20_000, np.float32), np.random.default_rng(3))
+    for lag in (0, 1, 2, 3, 5, 9, 32):
+        products = (noise * np.roll(noise, lag, axis=1)).mean(axis=1, dtype=float) / 1000.0**2
+        x = lag * STEP_S / tau
+        assert abs(products.mean() - (1.0 + x) * math.exp(-x)) < 4.5 * products.std() / math.sqrt(20_000)
+    assert abs(noise.mean(dtype=float)) < 4.5 * noise.mean(axis=1).std() / math.sqrt(20_000)

@@ -1,0 +1,108 @@
+"""The compiled range algorithms against NumPy's, on traces with noise, clipping, edges and several pulses."""
+
+import numpy as np
+import pytest
+
+from rso_lidar import arithmetic
+from rso_lidar.detector.matched import Matched
+from rso_lidar.detector.pulse import Pulse, noise_covariance
+from rso_lidar.detector.ranging import Ranging, locate, locate_all
+
+SAMPLE_S, POLE_S, NOISE = 2.38e-9, 1.0243e-9, 10.0
+KNOWN = {"sample_s": SAMPLE_S, "sigma_counts": NOISE, "pole_s": POLE_S, "threshold_counts": 60.0}
+STEP_S, SIGMA_S = 0.5e-9, 3.4e-9
+POWER = np.exp(-0.5 * (np.arange(-40, 41) * STEP_S / SIGMA_S) ** 2)
+PULSE = Pulse.after(STEP_S, POWER / (POWER.sum() * STEP_S), POLE_S, 8.516e-9)
+RAIL = 4000.0
+
+
+def traces(n_traces, n, pulses, seed):
+    """Return noisy samples of pulses of many heights at places all over the trace, whole counts, clipped at the rail."""
+    rng = np.random.default_rng(seed)
+    root = np.linalg.cholesky(noise_covariance(n, SAMPLE_S, POLE_S, NOISE))
+    samples = np.einsum("ij,tj->ti", root, rng.standard_normal((n_traces, n)))
+    for _ in range(pulses):
+        place = rng.uniform(-2.0, n + 1.0, (n_traces, 1))
+        height = 10.0 ** rng.uniform(1.5, 4.3, (n_traces, 1))
+        samples += height / PULSE.peak * PULSE.amplitude((np.arange(n) - place) * SAMPLE_S + PULSE.peak_s)
+    samples = np.minimum(np.rint(samples), RAIL).astype(np.float32)
+    return samples, samples >= RAIL
+
+
+def both(function, *arguments, **settings):
+    """Return what a function gives on NumPy, and compiled."""
+    made = []
+    for path in ("numpy", "numba"):
+        with arithmetic.using(path):
+            made.append(function(*arguments, **settings))
+    return made
+
+
+def same(one, other):
+    """Whole counts add without rounding, so both paths take the same decisions: places to rounding, 1e-12 of a trace."""
+    for a, b, scale in zip(one, other, (20.0 * SAMPLE_S, 2e4), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("algorithm", ["matched_filter", "constant_fraction", "parabola"])
+@pytest.mark.parametrize("clips", [False, True])
+@pytest.mark.parametrize("n", [8, 20])
+def test_the_first_pulse_is_the_same(n, clips, algorithm):
+    samples, clipped = traces(2000, n, 1, seed=n)
+    assert 100 < clipped.any(axis=1).sum() < 1900
+    start = np.random.default_rng(1).integers(0, n, 2000)
+    settings = {**KNOWN, "clipped": clipped if clips else None}
+    same(*both(locate, samples, start, PULSE, Ranging(algorithm=algorithm), **settings))
+
+
+@pytest.mark.parametrize("clips", [False, True])
+@pytest.mark.parametrize(("n", "pulses", "most"), [(20, 2, 8), (84, 5, 3), (20, 0, 2)])
+def test_all_pulses_are_the_same(n, pulses, most, clips):
+    """The pulses taken away are summed in float32, in both, but what is read of the table may round another way.
+
+    A float32 of 2e4 counts is good to 1e-3: 1e-4 of the noise, which can move a place by so much of its error, 0.1 sample.
+    """
+    samples, clipped = traces(1500, n, pulses, seed=pulses)
+    settings = {**KNOWN, "most": most, "clipped": clipped if clips else None}
+    (one_s, one), (other_s, other) = both(locate_all, samples, PULSE, Ranging(), **settings)
+    assert one_s.shape == other_s.shape
+    assert pulses == 0 or np.isfinite(one_s).sum() > 1500
+    alike = (np.isfinite(one_s) == np.isfinite(other_s)).all(axis=1)
+    assert alike.mean() > 0.998  # a height may lie on the threshold
+    np.testing.assert_allclose(one_s[alike], other_s[alike], rtol=0.0, atol=1e-4 * SAMPLE_S)
+    np.testing.assert_allclose(one[alike], other[alike], rtol=1e-4, atol=1e-3 * NOISE)
+
+
+def test_patterns_are_learnt_once_and_do_not_depend_on_the_order():
+    samples, clipped = traces(400, 20, 1, seed=5)
+    start = np.full(400, 8)
+    with arithmetic.using("numba"):
+        whole = locate(samples, start, PULSE, Ranging(), **KNOWN, clipped=clipped)
+        matched = Matched.of(PULSE, SAMPLE_S, POLE_S, NOISE)
+        patterns = len(matched.known()[0])
+        parts = [
+            locate(samples[k], start[k], PULSE, Ranging(), **KNOWN, clipped=clipped[k])
+            for k in np.array_split(np.arange(400)[::-1], 7)
+        ]
+        assert len(matched.known()[0]) == patterns > 10
+    for i in (0, 1):
+        assert np.array_equal(whole[i][::-1], np.concatenate([part[i] for part in parts]))
+
+
+def test_no_traces():
+    none = np.zeros((0, 20), np.float32)
+    for found in both(locate, none, np.zeros(0, int), PULSE, Ranging(), **KNOWN):
+        assert all(part.shape == (0,) for part in found)
+    for found in both(locate_all, none, PULSE, Ranging(), **KNOWN, most=3):
+        assert all(len(part) == 0 for part in found)
+
+
+def test_each_loop_compiles_once():
+    from rso_lidar.detector.ranging_loops import all_pulses, first_pulses
+
+    samples, clipped = traces(10, 20, 2, seed=6)
+    with arithmetic.using("numba"):
+        for mask in (None, clipped):
+            locate(samples, np.full(10, 8), PULSE, Ranging(), **KNOWN, clipped=mask)
+            locate_all(samples, PULSE, Ranging(), **KNOWN, most=2, clipped=mask)
+    assert len(first_pulses.signatures) == len(all_pulses.signatures) == 1

@@ -1,0 +1,91 @@
+"""Rows, light and pulses by loops are those by NumPy: whole numbers exactly, light to float32's rounding."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rso_lidar import arithmetic
+from rso_lidar.detector import Gsfl
+from rso_lidar.detector.chain import analog
+from rso_lidar.detector.waveform import expected, rows_about
+from rso_lidar.detector.waveform_loops import laid, rows_of, shared
+from tests.detector.returns_for_tests import nothing, returns
+
+GSFL = Gsfl(preset="offset_limited")
+PLAN = GSFL.plan(8e-9)
+
+
+def scattered(n_returns, n_pixels=60, seed=1):
+    """Return photons of many pixels: near together and far apart, dim and bright, some dark, flat and deep."""
+    rng = np.random.default_rng(seed)
+    pixel = np.sort(rng.integers(0, n_pixels, n_returns))
+    range_m = rng.choice([100.0, 1000.0, 4000.0], n_returns) + rng.choice([0.0, 5.0, 12.0], n_returns) * rng.random()
+    bright = rng.choice([0.0, 1.0, 300.0, 1e5], n_returns) * rng.random(n_returns)
+    photons = returns(range_m, bright, pixel, (4, n_pixels // 4), cluster=np.arange(n_returns))
+    depth_s = rng.choice([0.0, 0.3e-9, 4e-9, 2e-7], n_returns, p=[0.4, 0.3, 0.2, 0.1])
+    return replace(photons, depth_spread_s=depth_s, late_s=3.3e-10)
+
+
+def both(work):
+    """Return what the work gives by NumPy and by loops."""
+    made = []
+    for path in ("numpy", "numba"):
+        with arithmetic.using(path):
+            made.append(work())
+    return made
+
+
+SCENES = {
+    "many": scattered(800),
+    "one": returns(np.array([1234.5]), 100.0),
+    "dark": returns(np.array([1000.0, 1010.0]), 0.0),
+    "none": nothing((4, 15)),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("least", "sure"), [(0.0, np.inf), (2.0, 1000.0)])
+def test_rows_are_the_same(name, least, sure):
+    photons = SCENES[name]
+    n_pixels = photons.shape[0] * photons.shape[1]
+    by_numpy, by_loops = both(lambda: rows_about(photons, PLAN, n_pixels, least, sure))
+    for field in ("pixel", "start", "first", "last"):
+        one, other = getattr(by_numpy, field), getattr(by_loops, field)
+        assert one.dtype == other.dtype and np.array_equal(one, other), field
+    assert (by_numpy.length, by_numpy.room) == (by_loops.length, by_loops.room)
+    if name == "many":
+        assert len(by_loops.pixel) > 80  # pixels have several
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_light_is_the_same(name):
+    """Sums of some 15 shares in float32: 1e-6 of the most light in a step of the row."""
+    photons = SCENES[name]
+    rows = rows_about(photons, PLAN, photons.shape[0] * photons.shape[1])
+    factors = np.linspace(0.5, 1.5, len(photons.pixel))
+    for given in (None, factors):
+        by_numpy, by_loops = both(lambda given=given: expected(photons, rows, PLAN.step_s, given))
+        assert by_numpy.shape == by_loops.shape and by_numpy.dtype == by_loops.dtype
+        most = np.abs(by_numpy).max(axis=1, keepdims=True, initial=0.0)
+        assert np.all(np.abs(by_numpy - by_loops) <= 1e-6 * most)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_primaries_and_the_mean_amplitude_are_the_same(name):
+    """The transform rounds to 1e-6 of the highest step of a row; below 1e-4 primaries either may have cut."""
+    photons = SCENES[name]
+    n_pixels = photons.shape[0] * photons.shape[1]
+    rows = rows_about(photons, PLAN, n_pixels)
+    by_numpy, by_loops = both(lambda: analog(GSFL, photons, rows, PLAN, GSFL.camera(n_pixels), None))
+    for field, cut in (("primaries", 1.1e-4), ("amplitude", 1e-9)):
+        one, other = getattr(by_numpy, field), getattr(by_loops, field)
+        most = np.abs(one).max(axis=1, keepdims=True, initial=0.0)
+        assert np.all(np.abs(one - other) <= 2e-6 * most + cut), field
+
+
+def test_each_loop_is_compiled_once():
+    with arithmetic.using("numba"):
+        for photons in SCENES.values():
+            GSFL.waveforms(photons, np.random.default_rng(1))
+    assert [len(function.signatures) for function in (rows_of, shared, laid)] == [1, 1, 1]
