@@ -67,7 +67,8 @@ calibrate: $(VENV)/.installed ## solve the constants of the shipped detectors th
 models: $(VENV)/.installed ## build the models in models/ anew
 	$(BIN)/python -m rso_lidar.shapes.write
 
-bench: $(VENV)/.installed ## measure how fast the stages are
+bench: export RSO_LIDAR_SHARED ?= $(abspath $(wildcard ../shared))
+bench: $(VENV)/.installed ## measure how fast it is, stage by stage and beside peers that are installed
 	$(BIN)/python -m benchmarks
 
 clean: ## remove all that make made: .venv, out and caches

@@ -1,0 +1,280 @@
+"""The same mesh, rays and machine, by others: bare embree, Open3D, Mitsuba 3 and mitransient, each in pairs with ours.
+
+What a peer is given it gets ready-made: rays of float32 in the target's own axes. Ours start from directions of float64 in
+lidar axes and turn them; both end with NumPy arrays.
+"""
+
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+import rso_lidar as rl
+from benchmarks import scenes
+from benchmarks.clock import Work, pairs, quartiles
+from benchmarks.report import Findings, Target, table
+from rso_lidar import optics, scene
+from rso_lidar.records import Extent
+from rso_lidar.simulate import flash
+
+BANDS = 16
+BINS = 20
+REFLECTANCE = 0.30
+WALK_FRAMES = 40
+GEOMETRY = {"TDRS, 300 m": 1.0, "TDRS, 1 km": 3.0, "TDRS, 3 km": 10.0}  # how many times faster than Mitsuba is wanted
+
+
+class Bench:
+    """One scene, with what ours and the peers are given of it."""
+
+    def __init__(self, name: str) -> None:
+        self.scenario = scenes.build(name).replace(time=scenes.time_of(WALK_FRAMES))
+        self.truth = next(rl.simulate(self.scenario, frames=[0])).truth
+        self.surface, lidar = self.scenario.surfaces[0], self.scenario.instrument
+        self.receiver, self.laser = lidar.receiver, lidar.laser
+        self.rays = self.aimed()
+        everywhere = Extent(np.full((1, 2), -np.inf), np.full((1, 2), np.inf))
+        self.field = self.in_target_axes(optics.pixel_rays(self.receiver, self.laser, everywhere))
+        self.made = self.in_target_axes(self.rays)
+
+    def in_target_axes(self, rays: rl.Rays) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and directions (ray, xyz), f4, in target axes; origins just before the target."""
+        pose = self.truth.pose(self.surface.name, "lidar")
+        along = pose.rotation.apply(np.ascontiguousarray(rays.direction))
+        near_m = max(0.0, float(np.linalg.norm(pose.translation)) - 1.5 * self.surface.radius_m)
+        return (pose.translation + near_m * along).astype(np.float32), along.astype(np.float32)
+
+    def aimed(self) -> rl.Rays:
+        """Return the rays that we make: none that cannot hit."""
+        return optics.pixel_rays(self.receiver, self.laser, scene.extent(self.scenario.surfaces, self.truth))
+
+    def cast(self, threads: int) -> Work:
+        """Return our casting: directions in, hit records out."""
+        return lambda: scene.cast(self.rays, self.scenario.surfaces, self.truth, threads)
+
+    def geometry(self) -> None:
+        """Find where targets are, make the rays, cast them."""
+        scene.cast(self.aimed(), self.scenario.surfaces, self.truth, 2)
+
+    def flash(self) -> None:
+        """Make one whole frame, on one thread."""
+        flash(self.scenario, self.truth, self.scenario.rng(0), 1)
+
+    def walk(self) -> None:
+        """Make whole frames, two at a time."""
+        for _ in rl.simulate(self.scenario, threads=2):
+            pass
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Somebody else's program for part of the walk. `make` may raise ImportError."""
+
+    name: str
+    install: str
+    make: Callable[[Bench], Work]
+
+
+def bare_embree(threads: int) -> Callable[[Bench], Work]:
+    """Return embree as embreex hands it out, on the rays that we make, in bands where there are threads for them."""
+
+    def make(bench: Bench) -> Work:
+        embree, (start, along) = bench.surface.embree, bench.made
+        cuts = np.linspace(0, len(start), 1 + (BANDS if threads > 1 else 1)).astype(int)
+        bands = [slice(a, b) for a, b in pairwise(cuts) if b > a]
+        pool = ThreadPoolExecutor(threads)
+
+        def one(band: slice) -> object:
+            return embree.run(start[band], along[band], query="INTERSECT", output=1)
+
+        return (lambda: list(pool.map(one, bands))) if threads > 1 else (lambda: one(bands[0]))
+
+    return make
+
+
+def open3d(bench: Bench) -> Work:
+    """Return Open3D's RaycastingScene over the whole field, all that it says of a hit."""
+    import open3d as o3d
+
+    corners = bench.surface.corners.reshape(-1, 3).astype(np.float32)
+    facets = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+    caster = o3d.t.geometry.RaycastingScene(nthreads=2)
+    caster.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(facets))
+    rays = np.concatenate(bench.field, axis=1)
+    return lambda: {key: value.numpy() for key, value in caster.cast_rays(o3d.core.Tensor(rays)).items()}
+
+
+def mitsuba(*, normals: bool) -> Callable[[Bench], Work]:
+    """Return Mitsuba 3 over the whole field: distance and facet, or the whole record with normals."""
+
+    def make(bench: Bench) -> Work:
+        mi, dr = _mitsuba()
+        world = mi.load_dict({"type": "scene", "target": _mesh(mi, bench.surface.corners.reshape(-1, 3))})
+        start, along = (np.ascontiguousarray(array.T) for array in bench.field)
+
+        def cast() -> tuple[np.ndarray, ...]:
+            rays = mi.Ray3f(mi.Point3f(start), mi.Vector3f(along))
+            if normals:
+                met = world.ray_intersect(rays)
+                wanted = met.t, met.prim_index, met.n
+            else:
+                met = world.ray_intersect_preliminary(rays, coherent=True)
+                wanted = met.t, met.prim_index
+            dr.eval(*wanted)
+            return tuple(np.array(column) for column in wanted)
+
+        return cast
+
+    return make
+
+
+def mitransient(bench: Bench) -> Work:
+    """Return mitransient's histogram of 20 bins for each pixel, from 16 samples a pixel; it has no detector."""
+    mi, _ = _mitsuba()
+    import mitransient as _registers_its_plugins  # noqa: F401
+
+    pose = bench.truth.pose("lidar", bench.surface.name)
+    distance_m = float(np.linalg.norm(pose.translation))
+    # The target stands at the origin, where float32 is finest; +y is down in lidar axes.
+    corners = pose.apply(bench.surface.corners.reshape(-1, 3)) - np.array([0.0, 0.0, distance_m])
+    lens = mi.ScalarTransform4f().look_at(origin=[0, 0, -distance_m], target=[0, 0, 0], up=[0, -1, 0])
+    rows, cols = bench.receiver.shape
+    film = {
+        "type": "transient_hdr_film",
+        "width": cols,
+        "height": rows,
+        "start_opl": 2.0 * distance_m - BINS,
+        "bin_width_opl": 2.0,
+        "temporal_bins": BINS,
+        "rfilter": {"type": "box"},
+    }
+    sensor = {
+        "type": "perspective",
+        "fov": scenes.FOV_DEG,
+        "fov_axis": "x",
+        "to_world": lens,
+        "near_clip": 0.01,
+        "far_clip": 2.0 * distance_m,
+        "film": film,
+        "sampler": {"type": "independent", "sample_count": bench.receiver.rays_per_pixel},
+    }
+    beam = {"type": "uniform", "value": 1.0 / np.pi}
+    laser = {"type": "projector", "fov": scenes.FOV_DEG, "to_world": lens, "irradiance": beam}
+    path = {"type": "transient_path", "max_depth": 2}
+    target = _mesh(mi, corners)
+    world = mi.load_dict({"type": "scene", "integrator": path, "sensor": sensor, "laser": laser, "target": target})
+    seeds = iter(range(1_000_000))
+    return lambda: np.array(mi.render(world, seed=next(seeds))[1])
+
+
+def _mitsuba() -> tuple[object, object]:
+    """Return Mitsuba with its compiled variant on two threads, and Dr.Jit."""
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_mono")
+    dr.set_thread_count(2)
+    return mi, dr
+
+
+def _mesh(mi: object, corners: np.ndarray) -> object:
+    """Return a two-sided Lambertian mesh of triangles, corner by corner."""
+    properties = mi.Properties()
+    grey = {"type": "uniform", "value": REFLECTANCE}
+    properties["bsdf"] = mi.load_dict({"type": "twosided", "side": {"type": "diffuse", "reflectance": grey}})
+    properties["face_normals"] = True
+    mesh = mi.Mesh("target", len(corners), len(corners) // 3, props=properties)
+    shape = mi.traverse(mesh)
+    shape["vertex_positions"] = corners.ravel().astype(np.float32)
+    shape["faces"] = np.arange(len(corners), dtype=np.uint32)
+    shape.update()
+    return mesh
+
+
+EMBREE = "pip install embreex"
+MITSUBA = "pip install mitsuba==3.9.1; it needs LLVM: Debian's libllvm19"
+ONE = Peer("bare embree, 1 thread", EMBREE, bare_embree(1))
+TWO = Peer("bare embree, 2 threads", EMBREE, bare_embree(2))
+OPEN3D = Peer("Open3D, whole field", "pip install open3d; it needs libusb-1.0-0 and libgl1", open3d)
+QUICK_MITSUBA = Peer("Mitsuba, whole field", MITSUBA, mitsuba(normals=False))
+WHOLE_MITSUBA = Peer("Mitsuba with normals, whole field", MITSUBA, mitsuba(normals=True))
+MITRANSIENT = Peer(
+    "mitransient, 20 bins", "pip install mitransient==1.3.1 mitsuba==3.9.1; " + MITSUBA[27:], mitransient
+)
+
+
+def compared(name: str, n: int) -> tuple[list[tuple[str, ...]], dict[tuple[str, str], np.ndarray]]:
+    """Return the rows of one scene's table, and the ratios peer / ours by names of the two."""
+    bench = Bench(name)
+    ours = {
+        "cast, 1 thread": (bench.cast(1), 1),
+        "cast, 2 threads": (bench.cast(2), 1),
+        "extent, rays and cast, 2 threads": (bench.geometry, 1),
+        "flash, 1 thread": (bench.flash, 1),
+        "whole walk, 2 threads": (bench.walk, WALK_FRAMES),
+    }
+    order = (
+        ("cast, 1 thread", ONE),
+        ("cast, 2 threads", TWO),
+        ("cast, 2 threads", OPEN3D),
+        ("cast, 2 threads", QUICK_MITSUBA),
+        ("cast, 2 threads", WHOLE_MITSUBA),
+        ("extent, rays and cast, 2 threads", QUICK_MITSUBA),
+        ("flash, 1 thread", ONE),
+        ("whole walk, 2 threads", TWO),
+        ("whole walk, 2 threads", MITRANSIENT),
+    )
+    rows, ratios = [], {}
+    for what, peer in order:
+        try:
+            theirs = peer.make(bench)
+        except ImportError as error:
+            print(f"skipped: {peer.name}: {error} ({peer.install})")
+            continue
+        work, frames = ours[what]
+        took = pairs(work, theirs, n) / (frames, 1)
+        ratio = took[:, 1] / took[:, 0]
+        mine, other = np.median(took, axis=0) * 1e3
+        rows.append((name, what, peer.name, f"{mine:.2f}", f"{other:.2f}", quartiles(ratio)))
+        ratios[what, peer.name] = ratio
+    return rows, ratios
+
+
+def judged(name: str, ratios: dict[tuple[str, str], np.ndarray]) -> list[Target]:
+    """Return what the issue wanted of these ratios."""
+    found = []
+
+    def faster(what: str, ours: str, peer: Peer, wanted: float) -> None:
+        if (ours, peer.name) in ratios:
+            ratio = ratios[ours, peer.name]
+            said = "no slower" if wanted == 1.0 else f"at least {wanted:g} ×"
+            found.append(Target(what, said, f"{quartiles(ratio)} ×", bool(np.median(ratio) >= wanted)))
+
+    def at_most(what: str, ours: str, peer: Peer, wanted: float) -> None:
+        if (ours, peer.name) in ratios:
+            ratio = 1.0 / ratios[ours, peer.name]
+            found.append(
+                Target(what, f"at most {wanted:g} ×", f"{quartiles(ratio)} ×", bool(np.median(ratio) <= wanted))
+            )
+
+    faster(f"{name}: cast, faster than Mitsuba over the whole field", "cast, 2 threads", QUICK_MITSUBA, GEOMETRY[name])
+    if name == "TDRS, 300 m":
+        faster(f"{name}: frames, faster than noise-free mitransient", "whole walk, 2 threads", MITRANSIENT, 1.0)
+        at_most(f"{name}: one flash over bare embree, both on one thread", "flash, 1 thread", ONE, 2.5)
+        at_most(f"{name}: a frame over bare embree, both on two threads", "whole walk, 2 threads", TWO, 2.5)
+    return found
+
+
+def run(*, quick: bool) -> Findings:
+    """Return the table of all pairs, and what was wanted of them."""
+    rows, targets = [], []
+    for name in GEOMETRY:
+        print(f"peers: {name}", file=sys.stderr)
+        made, ratios = compared(name, 7 if quick else 11)
+        rows += made
+        targets += judged(name, ratios)
+    header = ("scene", "ours", "peer", "ours [ms]", "peer [ms]", "peer / ours")
+    return Findings({"peers": table(header, rows, left=3)}, targets)
