@@ -97,7 +97,12 @@ class Part(BaseModel, metaclass=_PartMeta):
     """The base of all that a user describes: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), validate_default=False
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        protected_namespaces=(),
+        validate_default=False,
+        defer_build=True,  # what checks a part is made when one is first asked for: few scenarios use them all
     )
 
     def __eq__(self, other: object) -> bool:

@@ -7,17 +7,22 @@ axes a, so ``a_from_c = a_from_b * b_from_c``. A `Link` adds how fast: it is wha
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.errors import ScenarioError, did_you_mean
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform, Rotation
 
 ROOT = "inertial"
 
 
 def pose(position_m: np.ndarray | None = None, rotation: Rotation | None = None) -> RigidTransform:
     """Return the pose made of a translation [m] (…, 3), in the axes a, and a rotation a_from_b; either may be left out."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
     if position_m is None:
         return RigidTransform.from_rotation(Rotation.identity() if rotation is None else rotation)
     if rotation is None:
@@ -30,7 +35,7 @@ def turned(rotation: Rotation | np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
     Element by element: library routines give an epoch other bits alone than among many.
     """
-    matrix = rotation.as_matrix() if isinstance(rotation, Rotation) else rotation
+    matrix = rotation if isinstance(rotation, np.ndarray) else rotation.as_matrix()
     vectors = np.asarray(vectors, dtype=float)
     v0, v1, v2 = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     product = np.empty(np.broadcast_shapes(matrix.shape[:-1], vectors.shape))
@@ -41,6 +46,8 @@ def turned(rotation: Rotation | np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def euler_zyx(euler_zyx_deg: tuple[float, float, float]) -> Rotation:
     """Return the intrinsic rotation about z, then the new y, then the new x [deg]: the axes so turned, seen from the old."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_euler("ZYX", euler_zyx_deg, degrees=True)
 
 
@@ -68,7 +75,7 @@ class Link:
         angular_velocity_rad_s: np.ndarray,
     ) -> None:
         """Take parent_from_child as a pose, or as translation [m] (…, 3) and rotation matrix (…, 3, 3)."""
-        known = pose if isinstance(pose, RigidTransform) else None
+        known = None if isinstance(pose, tuple) else pose
         given = pose if isinstance(pose, tuple) else (pose.translation, pose.rotation.as_matrix())
         self.translation_m, self.matrix, self.velocity_m_s, self.angular_velocity_rad_s = (
             _locked(vectors) for vectors in (*given, velocity_m_s, angular_velocity_rad_s)
@@ -85,6 +92,8 @@ class Link:
     @property
     def rotation(self) -> Rotation:
         """Return the rotation in parent_from_child."""
+        from scipy.spatial.transform import Rotation
+
         return Rotation.from_matrix(self.matrix, assume_valid=True)
 
     @staticmethod
@@ -190,6 +199,8 @@ class PoseTree(Mapping[str, Link]):
 
     def pose(self, a: str, b: str) -> RigidTransform:
         """Return a_from_b (seed eq. 5), batched where the tree is."""
+        from scipy.spatial.transform import Rotation
+
         translation, matrix = self.place(a, b)
         return pose(translation, Rotation.from_matrix(matrix, assume_valid=True))
 

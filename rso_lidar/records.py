@@ -11,13 +11,15 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.record import ArraySpec, Record, array, locked, specs
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 __all__ = ["ArraySpec", "Record", "array", "specs"]
 SCHEMA_VERSION = 1

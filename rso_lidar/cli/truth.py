@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import orbit, picture
 from rso_lidar.cli.check import ScenarioFile, Settings
@@ -194,11 +193,15 @@ def _czml(scenario: Scenario, place: Truth) -> list[dict[str, Any]]:
 
 
 def _quaternion(matrix: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
     return quaternion_xyzw(Rotation.from_matrix(matrix))
 
 
 def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
     """Write the motion of a body as OEM, or how axes are turned in inertial ones as AEM."""
+    from scipy.spatial.transform import Rotation
+
     wanted = body or "follower"
     place, _ = course(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
     name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))

@@ -69,16 +69,26 @@ def false_alarm_rate(
     result = np.where((rate > 0.0) & ~shot, 0.0, result)
     if not shot.any():
         return result
+    T, pulses = threshold[shot], rate[shot] * pole_s
+    result[shot] = _crossings(T, apd, pulses, noise_electrons, peak) / pole_s
+    return result
+
+
+def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: float) -> np.ndarray:
+    """Return the upcrossings per τ of thresholds T with as many `pulses`, primaries per τ."""
+    if pulses.min() == pulses.max():
+        order = np.argsort(T)
+        log_rate = np.empty(T.shape)
+        log_rate[order] = _log_crossings(T[order], apd, float(pulses[0]), noise, peak)
+        return np.where(log_rate > _NIL + 10.0, np.exp(log_rate), 0.0)
     from scipy.interpolate import RectBivariateSpline
 
-    T, pulses = threshold[shot], rate[shot] * pole_s
     top, low, high = float(T.max()), math.log(pulses.min()) - 0.05, math.log(pulses.max()) + 0.05
     levels = np.linspace(low, high, max(4, math.ceil((high - low) / 0.5) + 1))
     grid = np.linspace(min(float(T.min()), 0.99 * top), top + 1e-9, 257)
-    table = [_log_crossings(grid, apd, math.exp(level), noise_electrons, peak) for level in levels]
+    table = [_log_crossings(grid, apd, math.exp(level), noise, peak) for level in levels]
     log_rate = RectBivariateSpline(levels, grid, np.array(table)).ev(np.log(pulses), T)
-    result[shot] = np.where(log_rate > _NIL + 10.0, np.exp(log_rate) / pole_s, 0.0)
-    return result
+    return np.where(log_rate > _NIL + 10.0, np.exp(log_rate), 0.0)
 
 
 class _Pulses(NamedTuple):

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
@@ -167,6 +166,8 @@ def setting_unit(name: str) -> str:
 
 def values(frame: Frame) -> dict[str, Any]:
     """Return what a frame puts into each dataset, by path, in the file's dtypes (time last)."""
+    from scipy.spatial.transform import Rotation
+
     observation, truth = frame.observation, frame.truth
     found: dict[str, Any] = {
         path: value

@@ -11,7 +11,6 @@ from types import SimpleNamespace, TracebackType
 from typing import Any, Self, overload
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
@@ -326,6 +325,8 @@ class Recording(Sequence[Frame]):
         return self._sight[1]
 
     def _link(self, group: str, k: int) -> Link:
+        from scipy.spatial.transform import RigidTransform, Rotation
+
         rotation = Rotation.from_quat(self._row(f"{group}/parent_quaternion", k))
         return Link(
             RigidTransform.from_components(self._row(f"{group}/parent_position", k), rotation),

@@ -1,7 +1,7 @@
 """Where everything is, and how it is turned."""
 
 from rso_lidar.motion.aem import AttitudeTable, write_aem, write_attitude_csv
-from rso_lidar.motion.aim import LIDAR_FROM_PTU, Aim, asked, demand, driven, with_lidar
+from rso_lidar.motion.aim import Aim, asked, demand, driven, lidar_from_ptu, with_lidar
 from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
 from rso_lidar.motion.body import Axes, Body, working_order
 from rso_lidar.motion.course import Course
@@ -26,7 +26,6 @@ from rso_lidar.motion.sunward import Nadir, SunPointing
 from rso_lidar.motion.truth import Chief, truth
 
 __all__ = [
-    "LIDAR_FROM_PTU",
     "Aim",
     "AttitudeTable",
     "Axes",
@@ -63,6 +62,7 @@ __all__ = [
     "asked",
     "demand",
     "driven",
+    "lidar_from_ptu",
     "sense",
     "start",
     "step",

@@ -11,13 +11,12 @@ import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.motion.attitude import RTN_FROM_LVLH_CCSDS
+from rso_lidar.motion.attitude import rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.orbit import ccsds
 from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000, known_frame
@@ -26,6 +25,9 @@ from rso_lidar.orbit.oem import EDGE_S
 from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
 from rso_lidar.part import Part, Text
 from rso_lidar.pose import quaternion_xyzw
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _TURN = (("qx", "qy", "qz", "qw"),)
 _ORBITAL = ("RTN", "RSW", "QSW", "RIC")
@@ -50,6 +52,8 @@ class AttitudeTable(Part):
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned; epochs outside the table raise `PropagationError`."""
+        from scipy.spatial.transform import Rotation
+
         epochs, arcs = here.epochs, self._arcs()
         which = np.full(len(epochs), -1)
         for number, arc in enumerate(arcs):
@@ -99,11 +103,15 @@ class TurnArc:
 
     @functools.cached_property
     def _spline(self) -> Any:
+        from scipy.spatial.transform import RotationSpline
+
         return RotationSpline(self.time_s, self.rotation)
 
     @functools.cached_property
     def _slerp(self) -> tuple[Any, np.ndarray]:
         """Return the interpolator, and its constant rates (row - 1, 3) [rad/s] between rows."""
+        from scipy.spatial.transform import Slerp
+
         steps = (self.rotation[:-1].inv() * self.rotation[1:]).as_rotvec()
         return Slerp(self.time_s, self.rotation), steps / np.diff(self.time_s)[:, None]
 
@@ -147,16 +155,20 @@ def _from_csv(text: str, where: str, axes: str) -> TurnArc:
     assert quaternion is not None
     rotation = _rotation(where, quaternion, table.lines)
     if axes == "lvlh_ccsds":
-        rotation = RTN_FROM_LVLH_CCSDS * rotation
+        rotation = rtn_from_lvlh_ccsds() * rotation
     time_s = table.time_s
     return TurnArc(where, table.start_utc, time_s[0], time_s[-1], time_s, rotation, axes != "inertial")
 
 
 def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(unit_quaternions(where, quaternion, lines))
 
 
 def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> TurnArc:
+    from scipy.spatial.transform import Rotation
+
     at = f"{message.where}: line {segment.line}"
     kind = message.need(segment, "ATTITUDE_TYPE")
     if kind.value.upper() not in _KINDS:

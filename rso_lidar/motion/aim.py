@@ -1,10 +1,13 @@
 """From the follower to the lidar: what the PTU is asked, and the axes it and the lidar end up in."""
 
+from __future__ import annotations
+
 import datetime
 from collections.abc import Callable, Sequence
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import unwarned
@@ -16,8 +19,16 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, turned
 from rso_lidar.records import Command, PtuAngles, Truth
 
-# x forward, y left, z up to the lidar's x right, y down, z ahead: [[0, -1, 0], [0, 0, -1], [1, 0, 0]].
-LIDAR_FROM_PTU = Rotation.from_quat([0.5, -0.5, 0.5, 0.5])
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+@cache
+def lidar_from_ptu() -> Rotation:
+    """Return how x forward, y left, z up become the lidar's x right, y down, z ahead."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
 
 
 def demand(
@@ -150,4 +161,10 @@ def with_lidar(
         angles = np.moveaxis(pan_tilt_rad, -1, 0)
         link = ptu_link(ptu.mount, angles[0], angles[1], *np.moveaxis(rate_rad_s, -1, 0))
         poses, carrier = poses.with_node("ptu", "follower", link), "ptu"
-    return poses.with_node("lidar", carrier, mount.link * Link.still(pose(rotation=LIDAR_FROM_PTU.inv())))
+    return poses.with_node("lidar", carrier, _lidar_link(mount))
+
+
+@lru_cache(maxsize=16)
+def _lidar_link(mount: Mount) -> Link:
+    """Return the lidar's link to what carries it."""
+    return mount.link * Link.still(pose(rotation=lidar_from_ptu().inv()))

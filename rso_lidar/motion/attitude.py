@@ -6,12 +6,11 @@ At one epoch the answer has the same bits whichever other epochs are asked for.
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -20,12 +19,20 @@ from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.part import Direction, Number, Part, Quaternion, Text, Vector
 from rso_lidar.pose import euler_zyx
 
-# Columns: x, y, z of the CCSDS axes in rtn. z to nadir is rtn -x, y along -(r x v) is rtn -z, x = y x z is rtn +y.
-RTN_FROM_LVLH_CCSDS = Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 PARALLEL_RAD = 1e-6  # a line of sight nearer than this to `up` leaves the roll open
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
+
+
+@cache
+def rtn_from_lvlh_ccsds() -> Rotation:
+    """Return how the CCSDS axes stand in rtn: z to nadir is rtn -x, y along -(r x v) is rtn -z, x = y x z is rtn +y."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class FixedAttitude(Part):
@@ -44,6 +51,8 @@ class FixedAttitude(Part):
     @property
     def rotation(self) -> Rotation:
         """Return axes_from_body; the identity where nothing is given."""
+        from scipy.spatial.transform import Rotation
+
         if self.euler_zyx_deg is not None:
             return euler_zyx(self.euler_zyx_deg)
         return Rotation.from_quat(self.quaternion_xyzw or _IDENTITY)
@@ -88,7 +97,7 @@ class LvlhCcsds(Part):
         >>> LvlhCcsds().rtn_from_body().apply([0, 0, 1]).round(12) + 0.0  # body +z to nadir
         array([-1.,  0.,  0.])
         """
-        return RTN_FROM_LVLH_CCSDS * euler_zyx(self.euler_zyx_deg)
+        return rtn_from_lvlh_ccsds() * euler_zyx(self.euler_zyx_deg)
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned: it stands still in the axes of its orbit."""
@@ -134,6 +143,8 @@ class Spin(Part):
         >>> rotation.apply([1, 0, 0]).round(12)
         array([0., 1., 0.])
         """
+        from scipy.spatial.transform import Rotation
+
         along, across, out, rate = self._rodrigues
         angle = np.asarray(time_s, dtype=float)[..., None, None] * (self.rate_deg_s * units.DEG)
         matrix = along + np.cos(angle) * across + np.sin(angle) * out
@@ -142,6 +153,8 @@ class Spin(Part):
     @cached_property
     def _rodrigues(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return what of the first matrix stays, what turns with the cosine and with the sine, and the rate [rad/s]."""
+        from scipy.spatial.transform import Rotation
+
         x, y, z = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
         start = Rotation.from_quat(self.quaternion_xyzw).as_matrix()
         along = np.matmul(start, np.outer((x, y, z), (x, y, z)))
@@ -200,6 +213,8 @@ class Tumble(Part):
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
         """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
+        from scipy.spatial.transform import Rotation
+
         time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
         rate = np.asarray(self.body_rate_deg_s, dtype=float) * units.DEG
         turned, rates = free_rotation(self.inertia_tensor_kg_m2, rate, time)
@@ -227,6 +242,8 @@ def look_at(
     >>> rates + 0.0  # the target moves to the left: the body turns about +z
     array([0. , 0. , 0.1])
     """
+    from scipy.spatial.transform import Rotation
+
     line_of_sight, up = np.asarray(line_of_sight, dtype=float), np.asarray(up, dtype=float)
     distance = np.linalg.norm(line_of_sight, axis=-1, keepdims=True)
     if not np.all(distance > 0.0):

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable, Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.arithmetic import compiled, loop
 from rso_lidar.motion.dynamics import Dynamics, Function, checked, found, in_words, stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
 Pair = tuple[float, float]
+
+_FEW_TICKS = 200  # some 30 us in Python: fewer are not worth a compiled call
 
 
 class _Travel(Part):
@@ -130,18 +134,33 @@ def advance(
     the greatest acceleration, then the rate to the greatest rate, and the angle follows: `SecondOrder` by the mean of old
     and new rate, `FirstOrder` by the new rate. A drive that swings past an end of its travel stops there.
     """
-    (pan, tilt), (pan_ends, tilt_ends) = held.T.tolist(), response.travel_rad
+    law: tuple[float, ...]
     if isinstance(response, FirstOrder):
-        return _first_order(response, dt, axes[0], pan, pan_ends), _first_order(response, dt, axes[1], tilt, tilt_ends)
-    return _second_order(response, dt, axes[0], pan, pan_ends), _second_order(response, dt, axes[1], tilt, tilt_ends)
+        answer: Callable[..., Pair] = first_order
+        law = response.time_constant_s, math.exp(-dt / response.time_constant_s)
+    else:
+        answer, law = second_order, _exponential(2.0 * math.pi * response.natural_hz, response.damping, dt)
+    many = len(held) > _FEW_TICKS and compiled()
+    answer = _compiled(answer) if many else answer
+    asked = np.ascontiguousarray(held.T) if many else held.T.tolist()
+    limits = response.max_rate_rad_s, response.max_acceleration_rad_s2 * dt
+    pan, tilt = (
+        answer(dt, law, limits, ends, axis, of_axis)
+        for ends, axis, of_axis in zip(response.travel_rad, axes, asked, strict=True)
+    )
+    return pan, tilt
 
 
-def _first_order(response: FirstOrder, dt: float, axis: Pair, asked: list[float], travel: Pair) -> Pair:
-    """Return (angle, rate) of one axis after each of `asked` [rad] was held for `dt` [s]."""
-    (x, v), (low, high) = axis, travel
-    tau, most = response.time_constant_s, response.max_rate_rad_s
-    change = response.max_acceleration_rad_s2 * dt
-    decay, step = math.exp(-dt / tau), most * dt
+_compiled = functools.cache(loop)
+
+
+def first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, asked: Sequence[float]) -> Pair:
+    """Return (angle, rate) [rad, rad/s] of an axis after each of `asked` [rad] was held for `dt` [s].
+
+    `law` holds tau [s] and exp(-dt/tau), `limits` the greatest rate [rad/s] and change of rate in a tick, `travel` the ends.
+    """
+    (x, v), (low, high), (most, change), (tau, decay) = axis, travel, limits, law
+    step = most * dt
     for d in asked:
         new = d + decay * (x - d)
         rate = (d - new) / tau
@@ -155,12 +174,19 @@ def _first_order(response: FirstOrder, dt: float, axis: Pair, asked: list[float]
     return x, v
 
 
-def _second_order(response: SecondOrder, dt: float, axis: Pair, asked: list[float], travel: Pair) -> Pair:
-    """Return (angle, rate) of one axis after each of `asked` [rad] was held for `dt` [s]."""
-    (x, v), (low, high) = axis, travel
-    natural, most = 2.0 * math.pi * response.natural_hz, response.max_rate_rad_s
-    change = response.max_acceleration_rad_s2 * dt
-    xx, xv, vx, vv = _exponential(natural, response.damping, dt)
+def second_order(
+    dt: float,
+    law: tuple[float, float, float, float],
+    limits: Pair,
+    travel: Pair,
+    axis: Pair,
+    asked: Sequence[float],
+) -> Pair:
+    """Return (angle, rate) [rad, rad/s] of an axis after each of `asked` [rad] was held for `dt` [s].
+
+    `law` is the matrix exponential over a tick, by rows; the rest as for `first_order`.
+    """
+    (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in asked:
         error = x - d
         new = vx * error + vv * v

@@ -5,15 +5,17 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.timetable import read_timetable, unit_quaternions
 from rso_lidar.part import Name, Part, Text, Vector
 from rso_lidar.shipped import find
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 PLACE = ("x_m", "y_m", "z_m")
 TURN = ("qx", "qy", "qz", "qw")
@@ -56,7 +58,7 @@ class Table(Part):
 
     def orientations(self, time_s: np.ndarray) -> tuple[Rotation, np.ndarray] | None:
         """Return parent_from_body (time) and the body's rate (time, 3) [rad/s] in body axes; None without quaternions."""
-        from scipy.spatial.transform import RotationSpline
+        from scipy.spatial.transform import Rotation, RotationSpline
 
         rows = self._rows()
         if rows.quaternion is None:

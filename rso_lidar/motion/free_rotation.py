@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 def free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tuple[Rotation, np.ndarray]:
@@ -17,6 +21,8 @@ def free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
 
     Within rounding of the separatrix the last bit of the input decides when the next flip comes, as a breath would.
     """
+    from scipy.spatial.transform import Rotation
+
     speed = float(np.linalg.norm(rate))
     moments, axes = np.linalg.eigh(inertia / np.abs(inertia).max())  # rising moments
     w = axes.T @ (rate / speed) if speed else np.zeros(3)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, Name, NotNegative, Number, Part, Text, Vector
 from rso_lidar.pose import Link, cross, dot, turned
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 class FixedAngle(Part):
@@ -75,6 +77,8 @@ class Joint(Part):
 
         `to_sun` (time, 3) is the direction to the Sun in body axes, of length 1, and `sun_rate` its rate [1/s] there.
         """
+        from scipy.spatial.transform import Rotation
+
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
         angle, rate = self._angle(np.asarray(time_s, dtype=float), axis, to_sun, sun_rate)
         rotation = Rotation.from_rotvec(angle[:, None] * axis)

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -29,6 +29,9 @@ from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.part import GREATEST, NotNegative, Number, Part, Quaternion, Vector
 from rso_lidar.pose import Link, euler_zyx, pose
 from rso_lidar.records import Command, PtuAngles
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 __all__ = [
     "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "StateSpaceDrive", "ptu_link",
@@ -56,11 +59,13 @@ class Mount(Part):
     @property
     def rotation(self) -> Rotation:
         """Return parent_from_child as a rotation; the identity where nothing is given."""
+        from scipy.spatial.transform import Rotation
+
         if self.euler_zyx_deg is not None:
             return euler_zyx(self.euler_zyx_deg)
         return Rotation.from_quat(self.quaternion_xyzw or (0.0, 0.0, 0.0, 1.0))
 
-    @property
+    @cached_property
     def link(self) -> Link:
         """Return the link of the child in its parent, which does not move."""
         return Link.still(pose(np.asarray(self.position_m, dtype=float), self.rotation))

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -22,6 +21,9 @@ from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.pose import turned
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _STEPS = 48  # of the grid on which limits are kept, in each of the three phases
 _SLACK = 1e-6  # by which rounding may pass a limit, as a share of it
@@ -48,6 +50,8 @@ class Slew(Part):
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned, in root axes: as `first` or `then` before and after the slew, to rounding."""
+        from scipy.spatial.transform import Rotation
+
         time_s = here.epochs.time_s
         begun = time_s > self.at_s
         over = begun.copy()
@@ -120,6 +124,8 @@ class _Laid:
     @staticmethod
     def of(turn: Turn, here: Situation) -> _Laid:
         """Return a turn laid out over the epochs, in root axes."""
+        from scipy.spatial.transform import Rotation
+
         rotation, rate, n = turn.rotation, turn.rate_rad_s, len(here.epochs)
         if turn.in_origin:
             rate = rate + turned(rotation.inv(), here.origin_rate_rad_s)
@@ -203,6 +209,8 @@ class Plan:
 
     def turned(self, time_s: np.ndarray, a: _Laid, b: _Laid) -> tuple[Rotation, np.ndarray]:
         """Return root_from_body and body rates (time, 3) [rad/s] between the two laws."""
+        from scipy.spatial.transform import Rotation
+
         theta = _between(a, b)
         if self.way is not None:
             grid_s = self.grid_s()

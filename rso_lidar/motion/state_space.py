@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar.motion.dynamics import Flight, StateSpaceModel
 from rso_lidar.part import UNIT_NORM_WITHIN, Name
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 PLACE, RIGID = 6, 13  # entries of a state: position and velocity; and quaternion and body rate
 
@@ -77,6 +79,8 @@ class StateSpaceAttitude(StateSpaceModel):
 
 
 def _turned(state: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(state[:, :4]), state[:, 4:7]
 
 

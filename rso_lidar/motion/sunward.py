@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitude import PARALLEL_RAD, RTN_FROM_LVLH_CCSDS, look_at
+from rso_lidar.motion.attitude import PARALLEL_RAD, look_at, rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.orbit.epochs import utc_text
 from rso_lidar.orbit.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, turned
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _STEP_S = 64.0  # of the Sun's own rate by differences: 1e-15 rad/s off, from rounding
 
@@ -74,14 +76,16 @@ class Nadir(Part):
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned, in rtn axes."""
+        from scipy.spatial.transform import Rotation
+
         if not here.orbits:
             raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
-        after = euler_zyx(self.euler_zyx_deg)
+        after, rtn_from_lvlh = euler_zyx(self.euler_zyx_deg), rtn_from_lvlh_ccsds()
         if not self.yaw_steering:
-            return Turn(RTN_FROM_LVLH_CCSDS * after, np.zeros(3), in_origin=True)
+            return Turn(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
         line, line_rate = sun_line(here, "nadir")
-        lvlh_from_root = (here.root_from_origin * RTN_FROM_LVLH_CCSDS).inv()
-        spin = turned(RTN_FROM_LVLH_CCSDS.inv(), here.origin_rate_rad_s)
+        lvlh_from_root = (here.root_from_origin * rtn_from_lvlh).inv()
+        spin = turned(rtn_from_lvlh.inv(), here.origin_rate_rad_s)
         s = turned(lvlh_from_root, line)
         s_rate = turned(lvlh_from_root, line_rate) - np.cross(spin, s)
         across = s[:, 0] ** 2 + s[:, 1] ** 2
@@ -96,7 +100,7 @@ class Nadir(Part):
         rate[:, 2] = (s[:, 0] * s_rate[:, 1] - s[:, 1] * s_rate[:, 0]) / across
         half = np.zeros((len(yaw), 4))
         half[:, 2], half[:, 3] = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
-        return Turn(RTN_FROM_LVLH_CCSDS * Rotation.from_quat(half) * after, turned(after.inv(), rate), in_origin=True)
+        return Turn(rtn_from_lvlh * Rotation.from_quat(half) * after, turned(after.inv(), rate), in_origin=True)
 
 
 def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:

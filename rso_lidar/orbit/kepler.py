@@ -12,7 +12,6 @@ from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
@@ -83,6 +82,8 @@ class OrbitElements(Part):
 
     def at_epoch(self) -> BodyState:
         """Return the state at `epoch_utc` (Vallado 4th ed. alg. 10)."""
+        from scipy.spatial.transform import Rotation
+
         e = self.eccentricity
         parameter = self.perigee_m * (1.0 + e)
         anomaly = (self.true_anomaly_deg or 0.0) * units.DEG

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import datetime
 import math
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -22,6 +21,9 @@ from rso_lidar.part import Flag, Vector
 from rso_lidar.pose import cross, dot
 from rso_lidar.rpo import curvilinear
 from rso_lidar.rpo.relative import RelativeState
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 FAR_M = 10_000.0
 ECCENTRIC = 0.005
@@ -221,6 +223,8 @@ def rtn_axes(position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[Rotation
 
     omega = r x v / |r|^2, which leaves out the slow turn of a perturbed orbit's plane.
     """
+    from scipy.spatial.transform import Rotation
+
     matrix, omega = rtn_matrix(position_m, velocity_m_s)
     return Rotation.from_matrix(matrix, assume_valid=True), omega
 

@@ -9,7 +9,6 @@ import re
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -124,6 +123,8 @@ def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, 
 
 def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     """Return the intrinsic angles z, y, x [deg] of the follower's body in its rtn axes."""
+    from scipy.spatial.transform import Rotation
+
     epochs = Epochs(table.start_utc, np.array([row.time_s]))
     fleet = Fleet([row.elements, row.follower], table.start_utc)
     position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.aim import LIDAR_FROM_PTU
+from rso_lidar.motion.aim import lidar_from_ptu
 from rso_lidar.motion.ptu import Mount
 from rso_lidar.records import Command, Observation, Reading
 
@@ -47,7 +47,7 @@ class Pointing:
             raise ScenarioError("Pointing: needs gate_m > 0, min_pixels >= 1, 0 < alpha <= 1 and coast_s >= 0")
         self.gate_m, self.min_pixels, self.alpha = gate_m, min_pixels, alpha
         self.lead_s, self.coast_s = lead_s, coast_s
-        self._ptu_from_lidar = (mount or Mount()).rotation * LIDAR_FROM_PTU.inv()
+        self._ptu_from_lidar = (mount or Mount()).rotation * lidar_from_ptu().inv()
         x, self._boresight_y, z = self._ptu_from_lidar.apply([0.0, 0.0, 1.0])
         self._reach, self._boresight_tilt = math.hypot(x, z), math.atan2(z, x)
         if self._reach < 1e-6:
