@@ -37,6 +37,9 @@ def turned(rotation: Rotation | np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """
     matrix = rotation if isinstance(rotation, np.ndarray) else rotation.as_matrix()
     vectors = np.asarray(vectors, dtype=float)
+    if matrix.ndim == 2 and vectors.ndim == 1:  # the same sums, a tenth of the time
+        x, y, z = vectors.tolist()
+        return np.array([a * x + b * y + c * z for a, b, c in matrix.tolist()])
     v0, v1, v2 = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     product = np.empty(np.broadcast_shapes(matrix.shape[:-1], vectors.shape))
     for row in range(3):

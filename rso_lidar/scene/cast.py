@@ -26,7 +26,7 @@ from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.light import from_laser, from_sun, seen
 from rso_lidar.scene.surface import Surface
 
-_BAND_RAYS = 16_384  # a millisecond or two of casting, long against the hand-over to a thread; 64 blocks of the loops
+_BAND_RAYS = 8_192  # half a millisecond of casting in packets: long against the hand-over to a thread
 
 
 def cast(

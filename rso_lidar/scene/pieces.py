@@ -4,14 +4,15 @@ Seen from the lidar they cover the target more closely than one hull of the whol
 """
 
 import heapq
+from collections import OrderedDict
 from dataclasses import dataclass
 from threading import Lock
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from rso_lidar.scene.surface import Surface
 
+_KEPT = 64  # geometries
 _MOST = 128  # pieces looked at
 _BINS = 16  # places along each axis where a piece may be split
 _WORTH = 0.004  # of the whole hull's area: what a piece must save, or it costs more to draw than the rays it spares
@@ -36,18 +37,19 @@ class _Node:
     area: float = 0.0
 
 
-_known: WeakKeyDictionary[Surface, Pieces] = WeakKeyDictionary()
+_known: OrderedDict[str, Pieces] = OrderedDict()  # by the geometry's hash
 _lock = Lock()
 
 
 def pieces(surface: Surface) -> Pieces:
-    """Return the pieces of a surface, split once: each facet lies in the hull of one of them."""
-    found = _known.get(surface)
-    if found is None:
-        with _lock:
-            found = _known.get(surface) or _split(surface)
-            _known[surface] = found
-    return found
+    """Return the pieces of a surface, split once for each geometry: each facet lies in the hull of one of them."""
+    with _lock:
+        if surface.content not in _known:
+            _known[surface.content] = _split(surface)
+            while len(_known) > _KEPT:
+                _known.popitem(last=False)
+        _known.move_to_end(surface.content)
+        return _known[surface.content]
 
 
 def _split(surface: Surface) -> Pieces:
