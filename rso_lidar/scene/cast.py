@@ -8,12 +8,13 @@ there are. The loops of `cast_loops.py` do it in packets, all targets at once; b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,11 +118,7 @@ def _relit(
     pieces = []
     for k, of_surface in _by_surface(number, len(surfaces)):
         pieces += [(k, of_surface[start : start + _BAND_RAYS]) for start in range(0, len(of_surface), _BAND_RAYS)]
-    if threads != 1 and len(pieces) > 1:
-        list(_pool(threads).map(light, *zip(*pieces, strict=True)))
-    else:
-        for k, on in pieces:
-            light(k, on)
+    _at_once(threads, lambda piece: light(*piece), pieces)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
 
 
@@ -218,11 +215,11 @@ def _in_packets(
 
     n_rays = len(rays.pixel)
     bands = [slice(start, min(start + _BAND_RAYS, n_rays)) for start in range(0, n_rays, _BAND_RAYS)]
-    if threads != 1 and len(bands) > 1:
-        pieces = list(_pool(threads).map(meet, bands))
-        first = _First(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
-    else:
+    if threads == 1 or len(bands) < 2:
         first = _First(*meet(slice(0, n_rays)))
+    else:
+        pieces = _at_once(threads, meet, bands)
+        first = _First(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
     matt = [all(isinstance(material, Lambertian) for material in surface.materials) for surface in surfaces]
     if not all(matt):
         for k, on in _by_surface(first.number, len(surfaces)):
@@ -286,7 +283,7 @@ def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alo
     bands = _bands(pixel, rays.shape[1])
     meet = partial(_meet, surface, target_from_lidar, direction)
     several = threads != 1 and len(bands) > 1
-    found = list(_pool(threads).map(meet, bands)) if several else [meet(slice(0, len(pixel)))]
+    found = _at_once(threads, meet, bands) if several else [meet(slice(0, len(pixel)))]
     met = _Met(*(np.concatenate(column) if len(found) > 1 else column[0] for column in zip(*found, strict=True)))
     return met if aimed is None else met._replace(ray=aimed[met.ray])
 
@@ -306,8 +303,24 @@ def _nearest(met: Sequence[_Met], n_rays: int) -> tuple[np.ndarray, ...]:
     return ray, number[ray], facet[ray], range_m[ray], cosine[ray]
 
 
-@lru_cache(maxsize=4)
-def _pool(threads: int | None) -> ThreadPoolExecutor:
+def _at_once(threads: int | None, work: Callable[[Any], Any], pieces: Sequence[Any]) -> list[Any]:
+    """Return what work makes of each piece, `threads` at once (None: one for each core); the one that asks is one of them.
+
+    It begins at the end, the others at the beginning: for few pieces nobody waits for a thread to wake up.
+    """
+    helpers = min(threads or os.cpu_count() or 1, len(pieces)) - 1
+    if helpers < 1:
+        return [work(piece) for piece in pieces]
+    begun = [_pool(helpers).submit(work, piece) for piece in pieces]
+    made = [
+        work(piece) if future.cancel() else future.result()
+        for future, piece in zip(begun[::-1], pieces[::-1], strict=True)
+    ]
+    return made[::-1]
+
+
+@lru_cache(maxsize=8)
+def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix="cast")
 
 
