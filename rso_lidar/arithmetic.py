@@ -72,6 +72,26 @@ def loop(function: _Function) -> _Function:
     return made  # type: ignore[no-any-return]
 
 
+def on_compiling(tell: Callable[[], None]) -> None:
+    """Have `tell` called once, when a loop is next compiled instead of read from disk."""
+    if not compiled():
+        return
+    from numba.core import event
+
+    class Told(event.Listener):
+        waiting = True
+
+        def on_start(self, event: Any) -> None:
+            if self.waiting:
+                self.waiting = False
+                tell()
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Told())  # type: ignore[no-untyped-call]
+
+
 def packed(values: np.ndarray, dtype: Any = None) -> np.ndarray:
     """Return values contiguous and read-only: a loop is compiled once for each combination of those."""
     whole = np.ascontiguousarray(values, dtype).view()

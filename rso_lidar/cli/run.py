@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export
+from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.check import ScenarioFile, Settings
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Frame
@@ -79,6 +80,7 @@ def run(
         if done:
             typer.echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
+            on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
             with progress(len(numbers), done) as bar:
                 left = numbers[done:].tolist()
                 for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):

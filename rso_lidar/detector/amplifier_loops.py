@@ -36,7 +36,8 @@ def amplified(
             normal = column + (word >= cells[column, 0]) * (np.int64(cells[column, 1]) - first[0] - column) + zero
             now[step] = per_value * np.float32(normal) + strength * more[step]
             sum_of[step] = strength * mean[step]
-        white[:before] = white[n:]
+        for step in range(before):
+            white[step] = white[n + step]
         for tap in range(len(taps)):
             share, earlier = taps[tap], white[before - tap : before - tap + n]
             for step in range(n):

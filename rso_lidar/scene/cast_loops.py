@@ -136,16 +136,18 @@ def cast_rays(
     hits = 0
     for block in range(first, last, BLOCK_RAYS):
         end = min(block + BLOCK_RAYS, last)
-        near[: end - block] = np.inf
+        for j in range(end - block):
+            near[j] = np.inf
         x, y, z, half = about(direction, block, end)
         for t in order:
             target = targets[t]
             if not alone and not touched(x, y, z, half, target):
                 continue
             start = target[_START]
-            count = end - block
-            if alone:
-                chosen[:count] = np.arange(block, end)  # the rays were made for it
+            if alone:  # the rays were made for it
+                count = end - block
+                for j in range(count):
+                    chosen[j] = block + j
             else:
                 count = passing(direction, block, end, target, near, chosen)
             for p in range(0, count, width):
