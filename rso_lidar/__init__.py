@@ -133,6 +133,7 @@ from rso_lidar.rpo import (
 from rso_lidar.scenario import Constraints, Corridor, Follower, Lidar, Scenario, Schedule, Target, Time, World
 from rso_lidar.scene import ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
+from rso_lidar.study.conops import Timeline, timeline
 
 __version__ = _version("rso-lidar")
 
@@ -247,6 +248,7 @@ __all__ = [
     "Target",
     "Teardrop",
     "Time",
+    "Timeline",
     "Timing",
     "Tle",
     "TrackPoint",
@@ -267,6 +269,7 @@ __all__ = [
     "save",
     "simulate",
     "study",
+    "timeline",
     "track",
     "units",
 ]

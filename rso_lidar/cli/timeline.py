@@ -1,0 +1,85 @@
+"""`rso-lidar timeline`: one encounter frame by frame, as one picture or one table, without rendering the frames."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.conops import Timeline
+from rso_lidar.study.conops import timeline as timeline_of
+
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+
+
+def timeline(
+    file: ScenarioFile,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Picture (.png, .pdf, .svg) or table (.csv); a picture beside the scenario."
+        ),
+    ] = None,
+    every_s: Annotated[
+        float | None,
+        typer.Option("--every", metavar="S", help="Seconds from row to row, in whole frames; and the last frame."),
+    ] = None,
+    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
+    settings: Settings = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """Draw or tabulate one encounter: range, rates, Sun, PTU, field, pixels, photons and detection, frame by frame."""
+    output = output or file.with_name(f"{file.stem}_timeline.png")
+    _check(output, overwrite)
+    made = timeline_of(Scenario.load(file, tuple(settings or ())), target, every_s=every_s)
+    made.save(output)
+    for line in _summary(made):
+        typer.echo(line)
+    typer.echo(f"{output}")
+
+
+def _check(output: Path, overwrite: bool) -> None:
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
+        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
+    if output.is_dir():
+        raise ScenarioError(f"{output}: is a folder; name a file in it")
+    if output.exists() and not overwrite:
+        raise ScenarioError(f"{output}: exists already; give --overwrite or another name")
+    if not output.parent.is_dir():
+        raise ScenarioError(f"{output}: there is no folder {output.parent}; make it first")
+
+
+def _summary(made: Timeline) -> list[str]:
+    """Return a few lines on the whole encounter."""
+    table = made.table
+    time_s, range_m = table["time_s"], table["range_m"]
+    nearest = int(np.argmin(range_m))
+    lines = [
+        f"{made.target}: {time_s.size:,} frames, {range_m[0]:,.1f} -> {range_m[-1]:,.1f} m, least {range_m[nearest]:,.1f} m "
+        f"at {time_s[nearest]:g} s",
+        f"in the field  wholly {np.mean(table['in_field_fraction'] >= 0.999):.0%} of the frames, "
+        f"in part {np.mean(table['in_field_fraction'] > 0.0):.0%}",
+    ]
+    if "sunlit_fraction" in table:
+        lines.append(f"sunlit        {np.mean(table['sunlit_fraction'] >= 0.5):.0%} of the frames")
+    if "pan_demand_rad" in table:
+        stands = {
+            word: int(np.sum(table[f"pan_{name}"] | table[f"tilt_{name}"]))
+            for word, name in (("beyond its travel", "beyond_travel"), ("at its greatest rate", "at_greatest_rate"))
+        }
+        lines.append("ptu           " + ", ".join(f"{word} at {count:,} frames" for word, count in stands.items()))
+    lines.append(
+        f"light         {_span(table['target_pixels'], '.0f')} pixels, {_span(table['brightest_photons'], ',.0f')} photons "
+        f"in the brightest, found with probability {_span(table['detection_probability'], '.2f')}"
+    )
+    return lines
+
+
+def _span(values: np.ndarray, form: str) -> str:
+    return f"{values.min():{form}} to {values.max():{form}}"

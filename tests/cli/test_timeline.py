@@ -1,0 +1,67 @@
+"""`rso-lidar timeline`: what it writes and says, and what it refuses."""
+
+import csv
+
+import pytest
+
+from rso_lidar.cli import main
+
+
+@pytest.fixture
+def bench(text, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def call(capsys):
+    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main(["timeline", *(str(argument) for argument in arguments)])
+        printed = capsys.readouterr()
+        return left.value.code or 0, printed.out, printed.err.splitlines()
+
+    return run
+
+
+def test_a_picture_and_a_table(call, bench, tmp_path):
+    status, said, errors = call(bench)
+    assert (status, errors) == (0, [])
+    assert said.startswith("plate: 10 frames, 1,000.0 -> 1,000.0 m")
+    assert (tmp_path / "bench_timeline.png").read_bytes().startswith(b"\x89PNG")
+    table = tmp_path / "t.csv"
+    assert call(bench, "-o", table, "--every", "0.4")[0] == 0
+    with table.open(encoding="utf-8", newline="") as file:
+        assert [float(row["time_s"]) for row in csv.DictReader(file)] == [0.0, 0.4, 0.8, 1.2, 1.6, 1.8]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-o", "x.jpg"], "unknown suffix '.jpg'"),
+        (["-o", "x"], "no suffix"),
+        (["-o", "no/such/x.png"], "there is no folder"),
+        (["--every", "0"], "seconds above 0"),
+        (["--every", "nan"], "seconds above 0"),
+        (["--target", "plats"], "did you mean 'plate'"),
+        (["--set", "target=[]", "--set", "ptu.point={type='fixed'}"], "has no target to look at"),
+    ],
+)
+def test_refused_in_one_line(call, bench, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    status, printed, errors = call(bench, *arguments)
+    assert (status, printed, len(errors)) == (2, "", 1)
+    assert said in errors[0]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_output_that_exists_is_kept(call, bench, tmp_path):
+    output = tmp_path / "kept.png"
+    output.write_text("mine", encoding="utf-8")
+    assert call(bench, "-o", output)[0] == 2
+    assert output.read_text(encoding="utf-8") == "mine"
+    assert call(bench, "-o", output, "--overwrite")[0] == 0
