@@ -54,7 +54,7 @@ class Timeline:
     shadow_s: tuple[tuple[float, float], ...] | None = None
 
     def figure(self) -> Any:
-        """Return the picture, a matplotlib Figure: panels over one axis of time, shaded in shadow and where the target is out of the field."""
+        """Return the picture, a matplotlib Figure: panels over one axis of time, shaded in shadow and out of the field."""
         return timeline_figure(
             self.table,
             self.target,
