@@ -134,6 +134,7 @@ from rso_lidar.scenario import Constraints, Corridor, Follower, Lidar, Scenario,
 from rso_lidar.scene import ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study.conops import Timeline, timeline
+from rso_lidar.study.tracking import Tracking, tracking
 
 __version__ = _version("rso-lidar")
 
@@ -252,6 +253,7 @@ __all__ = [
     "Timing",
     "Tle",
     "TrackPoint",
+    "Tracking",
     "Trigger",
     "Truth",
     "Tumble",
@@ -271,5 +273,6 @@ __all__ = [
     "study",
     "timeline",
     "track",
+    "tracking",
     "units",
 ]

@@ -1,0 +1,118 @@
+"""`rso-lidar track`: reference trackers on a recording, with their errors against truth: a table, and a picture or CSV."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from rso_lidar import export, units
+from rso_lidar.cli.plot import RecordingFile
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.picture.tracking import NAMES
+from rso_lidar.study.tracking import AXES, Tracking, tracking
+from rso_lidar.track import nis_bounds
+
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+
+
+def track(
+    recording: RecordingFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Picture (.png, .pdf, .svg) or table (.csv); none, the table alone."),
+    ] = None,
+    target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
+    range_noise_m: Annotated[
+        float | None, typer.Option("--range-noise", metavar="M", help="Noise of one range [m] (the detector's own).")
+    ] = None,
+    acceleration: Annotated[
+        float, typer.Option("--acceleration", metavar="Q", help="Process noise of the filters [m/s2/sqrt(Hz)].")
+    ] = 1e-4,
+    shape: Annotated[
+        bool, typer.Option("--shape/--no-shape", help="Whether the filters allow for the shape of the model.")
+    ] = True,
+    icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, some 50 ms a frame.")] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """Track a recording's target by centroid, Kalman filters and ICP, and compare with truth."""
+    if output is not None:
+        _check(output, overwrite)
+    if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
+        raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
+    if not 0.0 <= acceleration < np.inf:
+        raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
+    with export.open(recording) as frames:
+        made = tracking(
+            frames,
+            target,
+            folder=recording.parent,
+            range_noise_m=range_noise_m,
+            acceleration_m_s2_rthz=acceleration,
+            shape=shape,
+            poses=icp,
+        )
+    for line in summary(made):
+        typer.echo(line)
+    if output is not None:
+        made.save(output)
+        typer.echo(f"{output}")
+
+
+def _check(output: Path, overwrite: bool) -> None:
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
+        raise RecordingError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
+    if output.is_dir():
+        raise RecordingError(f"{output}: is a folder; name a file in it")
+    if output.exists() and not overwrite:
+        raise RecordingError(f"{output}: exists already; give --overwrite or another name")
+    if not output.parent.is_dir():
+        raise RecordingError(f"{output}: there is no folder {output.parent}; make it first")
+
+
+def summary(made: Tracking) -> list[str]:
+    """Return the table of errors as lines: rms, and bias and spread in it, along right, down and ahead; NIS; ICP."""
+    table = made.table
+    seen = int(np.sum(table["points"] > 0))
+    lines = [
+        f"{made.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {made.range_noise_m:.3g} m, "
+        f"process noise {made.acceleration_m_s2_rthz:g} m/s2/sqrt(Hz)",
+        f"{'':<20}{'rms error [m], of that bias / spread':>60}",
+        f"{'':<20}" + "".join(f"{axis:>27}" for axis in AXES),
+    ]
+    for name, word in {"centroid": "centroid", **{kind: NAMES[kind] for kind in made.tracks}}.items():
+        lines.append(f"{word:<20}" + "".join(f"{_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in AXES))
+    for kind, track in made.tracks.items():
+        count = int(np.isfinite(track.nis).sum())
+        if not count:
+            lines.append(f"{NAMES[kind]:<20}no NIS: it takes two fixes")
+            continue
+        speed = np.linalg.norm([table[f"{kind}_velocity_error_{axis}_m_s"] for axis in AXES], axis=0)
+        low, high = nis_bounds(count)
+        lines.append(
+            f"{NAMES[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
+            f"{track.nis_share:.0%} inside its bounds; velocity, median error {np.nanmedian(speed):.3g} m/s"
+        )
+    if "icp_error_rad" in table:
+        turn, axis, place = (table[name] for name in ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m"))
+        known = np.isfinite(turn)
+        lines.append(
+            f"{'icp':<20}{known.sum():,} poses; turn {_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
+            f"{_ranks(axis / units.DEG, '.2f')} deg, place {_ranks(place, '.3f')} m (median, 90 %)"
+        )
+    return lines
+
+
+def _rms(error_m: np.ndarray) -> str:
+    known = error_m[np.isfinite(error_m)]
+    if not known.size:
+        return "none"
+    return f"{np.sqrt(np.mean(known**2)):.3f}, {known.mean():+.3f} / {known.std():.3f}"
+
+
+def _ranks(values: np.ndarray, form: str) -> str:
+    middle, high = np.nanpercentile(values, [50, 90])
+    return f"{middle:{form}}, {high:{form}}"

@@ -1,0 +1,209 @@
+"""Pose from points against the target's mesh: point-to-plane ICP, from a guess or from none.
+
+Besl and McKay (1992) with the plane's distance of Chen and Medioni (1992), linearised; nearest neighbours are scipy's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.pose import pose
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+_FARTHEST = 3.0  # times the median distance: farther pairs are left out of a step
+_STEPS, _STILL = 60, 1e-6  # of a step, in radians and in shares of the model's radius
+_COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess
+_SILHOUETTE = 500  # model points whose outline is held against the points
+_FEWEST = 6  # unknowns of a pose
+_UNLIKE_RAD = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Points (point, 3) [m] spread evenly over a mesh, in body axes, with their facets' unit normals."""
+
+    points_m: np.ndarray
+    normals: np.ndarray
+
+    @cached_property
+    def tree(self) -> Any:
+        """Return the points as scipy's k-d tree."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points_m)
+
+    @cached_property
+    def middle_m(self) -> np.ndarray:
+        """Return the mean of the points (xyz) [m]."""
+        middle: np.ndarray = self.points_m.mean(axis=0)
+        return middle
+
+    @cached_property
+    def long_axis(self) -> np.ndarray:
+        """Return the unit vector (xyz) along which the points spread most."""
+        off = self.points_m - self.middle_m
+        longest: np.ndarray = np.linalg.eigh(np.einsum("ni,nj->ij", off, off))[1][:, -1]
+        return longest
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Return the distance of the farthest point from the mean [m]."""
+        return float(np.sqrt(((self.points_m - self.middle_m) ** 2).sum(axis=1).max()))
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A pose that was found: lidar_from_body, the rms distance of points from facets [m], and the steps that it took."""
+
+    pose: RigidTransform
+    rms_m: float
+    steps: int
+
+
+def sampled(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Generator | None = None) -> Model:
+    """Return a model of a mesh, from the corners (facet, 3, xyz) [m] of its facets: points even over its area."""
+    corners = np.asarray(corners_m, dtype=float)
+    if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
+        raise ScenarioError(f"icp: the corners of facets are (facet, 3, xyz), not {corners.shape}")
+    rng = rng or np.random.Generator(np.random.Philox(count))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.sqrt((normal**2).sum(axis=1))
+    facet = rng.choice(len(corners), count, p=double / double.sum())
+    a, b = np.sort(rng.random((2, count)), axis=0)  # even over a triangle
+    first, second, third = (corners[facet, k] for k in range(3))
+    points = a[:, None] * first + (b - a)[:, None] * second + (1.0 - b)[:, None] * third
+    return Model(points, normal[facet] / double[facet, None])
+
+
+def align(points_m: np.ndarray, model: Model, guess: RigidTransform, steps: int = _STEPS) -> Alignment:
+    """Return lidar_from_body from points (n, 3) [m] in lidar axes, near a guess.
+
+    Each step pairs every point with the nearest of the model, leaves out pairs more than three times the median apart, and
+    solves for the small turn and shift that bring the points into the model's planes.
+    """
+    points = np.asarray(points_m, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < _FEWEST:
+        raise ScenarioError(f"icp: a pose needs at least {_FEWEST} points (n, 3), not {points.shape}")
+    body_from_lidar = guess.inv()
+    taken, off = 0, np.zeros(1)
+    while taken < steps:
+        taken += 1
+        seen = body_from_lidar.apply(points)
+        apart, nearest = model.tree.query(seen)
+        kept = apart <= max(_FARTHEST * float(np.median(apart)), 1e-9 * model.radius_m)
+        at, normal = seen[kept], model.normals[nearest[kept]]
+        middle = at.mean(axis=0)
+        arm = np.cross(at - middle, normal) / model.radius_m
+        off = ((model.points_m[nearest[kept]] - at) * normal).sum(axis=1)
+        rows = np.concatenate([arm, normal], axis=1)
+        # A little stiffness holds still what the points do not tell, such as the turn of a disc about its axis.
+        square = np.einsum("ni,nj->ij", rows, rows) + 1e-6 * len(rows) * np.eye(6)
+        small = np.linalg.solve(square, np.einsum("ni,n->i", rows, off))
+        turn, shift = small[:3] / model.radius_m, small[3:]
+        rotation = _rotation(turn)
+        body_from_lidar = pose(middle + shift - rotation.apply(middle), rotation) * body_from_lidar
+        if np.abs(turn).max() < _STILL and np.abs(shift).max() < _STILL * model.radius_m:
+            break
+    return Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
+
+
+def acquire(points_m: np.ndarray, model: Model, starts: int = 96, count: int = 1) -> list[Alignment]:
+    """Return up to `count` poses lidar_from_body, the best first, from points (n, 3) [m] in lidar axes without a guess.
+
+    The turns of a super-Fibonacci spiral (Alexa 2022), even over all rotations, are each tried for a few steps from the
+    middle of the points. What counts is how far points are from the model and, across the line of sight, the model from the
+    points: what is hidden behind them is no misfit. The three best, or `count` that differ by 30 degrees or more, those
+    whose long axes do first, are finished. A target that looks the same from several sides is found from any of them.
+    """
+    points = np.asarray(points_m, dtype=float)
+    some = points[:: max(1, len(points) // _COARSE_POINTS)]
+    outline = outline_of(points)
+    middle = points.mean(axis=0)
+    tried = []
+    for rotation in _spiral(starts):
+        start = pose(middle - rotation.apply(model.middle_m), rotation)
+        found = align(some, model, start, _COARSE_STEPS)
+        tried.append((misfit_m(found.pose, model, some, outline), found))
+    ranked = [found for _, found in sorted(tried, key=lambda one: one[0])]
+    best = ranked[:3] if count == 1 else _unlike(ranked, model, count)
+    finished = [align(points, model, found.pose) for found in best]
+    return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline))[:count]
+
+
+def outline_of(points_m: np.ndarray) -> Any:
+    """Return the directions (n, 2) of points [m] in lidar axes, x/z and y/z, as scipy's k-d tree."""
+    from scipy.spatial import cKDTree
+
+    return cKDTree(points_m[:, :2] / points_m[:, 2:])
+
+
+def misfit_m(lidar_from_body: RigidTransform, model: Model, points_m: np.ndarray, outline: Any) -> float:
+    """Return how far points are from the model [m], rms, and added to it how far across the model is from their outline."""
+    apart, _ = model.tree.query(lidar_from_body.inv().apply(points_m))
+    shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
+    if not (shown[:, 2] > 0.0).all():
+        return np.inf
+    beside, _ = outline.query(shown[:, :2] / shown[:, 2:])
+    return float(np.sqrt(np.mean(apart**2)) + np.sqrt(np.mean((beside * shown[:, 2]) ** 2)))
+
+
+def _unlike(ranked: list[Alignment], model: Model, count: int) -> list[Alignment]:
+    """Return up to `count` poses that differ, those first whose long axes do."""
+    chosen: list[Alignment] = []
+    for by_axis in (True, False):
+        for found in ranked:
+            if len(chosen) < count and all(_apart_rad(found, other, model, by_axis) > _UNLIKE_RAD for other in chosen):
+                chosen.append(found)
+    return chosen
+
+
+def _apart_rad(one: Alignment, other: Alignment, model: Model, by_axis: bool) -> float:
+    if by_axis:
+        a, b = (found.pose.rotation.apply(model.long_axis) for found in (one, other))
+        return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+    return float((one.pose.rotation.inv() * other.pose.rotation).magnitude())
+
+
+def _rotation(turn_rad: np.ndarray) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(turn_rad)
+
+
+def _spiral(count: int) -> list[Rotation]:
+    """Return rotations that lie evenly among all (super-Fibonacci, with its constants)."""
+    from scipy.spatial.transform import Rotation
+
+    s = np.arange(count) + 0.5
+    t = s / count
+    alpha, beta = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / 1.533751168755204288118041413
+    near, far = np.sqrt(t), np.sqrt(1.0 - t)
+    quaternions = np.stack([near * np.sin(alpha), near * np.cos(alpha), far * np.sin(beta), far * np.cos(beta)], axis=1)
+    return [Rotation.from_quat(one) for one in quaternions]
+
+
+def seen_middle(model: Model, directions: int = 60, cells: int = 32) -> tuple[float, float, float]:
+    """Return how the middle of what is seen of a model lies about its origin, over all directions to look from [m].
+
+    They are the mean along the line of sight (negative: toward the lidar), the standard deviation of that, and the rms
+    across it for each axis. What is seen is what is nearest in each of `cells` x `cells` about the model.
+    """
+    along, across = [], []
+    width = 2.0 * model.radius_m / cells
+    for rotation in _spiral(directions):
+        shown = rotation.apply(model.points_m)
+        place = np.floor((shown[:, :2] - rotation.apply(model.middle_m)[:2]) / width).astype(int) + cells
+        cell = place[:, 0] * (2 * cells) + place[:, 1]
+        order = np.lexsort((shown[:, 2], cell))
+        nearest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+        middle = shown[nearest].mean(axis=0)
+        along.append(middle[2])
+        across.append(middle[:2])
+    return float(np.mean(along)), float(np.std(along)), float(np.sqrt(np.mean(np.square(across))))

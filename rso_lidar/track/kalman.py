@@ -1,0 +1,138 @@
+"""A Kalman filter on positions: constant velocity, or Clohessy and Wiltshire's relative motion, with its innovations.
+
+Both models are linear with white acceleration as process noise, made discrete exactly (Van Loan 1978). The normalised
+innovation squared (NIS) of a filter whose noises are what it believes is chi-square of three degrees of freedom
+(Bar-Shalom, Li and Kirubarajan 2001, section 5.4): its mean is 3, and 95 % of it lies between 0.22 and 9.35.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rso_lidar.errors import ScenarioError
+
+AXES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What a filter makes of positions, row by row (time); NaN before the first position.
+
+    `position_m` and `velocity_m_s` (time, 3) are its estimate with the position of that instant, `covariance` (time, 6, 6)
+    that of both; `innovation_m` (time, 3) is measured less predicted and `nis` its normalised square, NaN where nothing was
+    measured and at the first position, which nothing predicts.
+    """
+
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    covariance: np.ndarray
+    innovation_m: np.ndarray
+    nis: np.ndarray
+
+    @property
+    def nis_mean(self) -> float:
+        """Return the mean NIS, 3 for a filter that knows its noises; NaN without an innovation."""
+        known = np.isfinite(self.nis)
+        return float(self.nis[known].mean()) if known.any() else float("nan")
+
+    @property
+    def nis_share(self) -> float:
+        """Return the share of NIS inside the two-sided 95 % bounds; NaN without an innovation."""
+        known = self.nis[np.isfinite(self.nis)]
+        low, high = nis_bounds()
+        return float(np.mean((known >= low) & (known <= high))) if known.size else float("nan")
+
+
+def nis_bounds(count: int = 1, share: float = 0.95) -> tuple[float, float]:
+    """Return the two-sided bounds of the mean of `count` NIS of three degrees of freedom.
+
+    >>> [round(bound, 3) for bound in nis_bounds()]
+    [0.216, 9.348]
+    """
+    from scipy.special import chdtri
+
+    tail = 0.5 * (1.0 - share)
+    low, high = (float(chdtri(AXES * count, over)) / count for over in (1.0 - tail, tail))
+    return low, high
+
+
+def kalman(
+    time_s: np.ndarray,
+    position_m: np.ndarray,
+    covariance_m2: np.ndarray,
+    *,
+    mean_motion_rad_s: float | None = None,
+    acceleration_m_s2_rthz: float = 1e-4,
+    speed_m_s: float = 30.0,
+) -> Track:
+    """Return what a Kalman filter makes of measured positions.
+
+    Parameters
+    ----------
+    time_s : instants (time) [s], rising.
+    position_m : measured (time, 3) [m], NaN rows where nothing was seen: constant-velocity motion needs axes that do not
+        turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal).
+    covariance_m2 : of each position (time, 3, 3) [m²].
+    mean_motion_rad_s : of the orbit [rad/s], for Clohessy and Wiltshire's model (None: constant velocity).
+    acceleration_m_s2_rthz : process noise: the root of the two-sided spectral density of white acceleration, each axis
+        [m/s²/√Hz]; velocity then wanders by its product with √t.
+    speed_m_s : how fast [m/s] the target may move before anything is known, one standard deviation of each axis.
+    """
+    time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
+    n = time_s.size
+    if position_m.shape != (n, AXES) or np.shape(covariance_m2) != (n, AXES, AXES):
+        raise ScenarioError(f"kalman: {n} instants need positions ({n}, 3) and covariances ({n}, 3, 3)")
+    if np.any(np.diff(time_s) <= 0.0):
+        raise ScenarioError("kalman: instants must rise")
+    if not (acceleration_m_s2_rthz >= 0.0 and speed_m_s > 0.0):
+        raise ScenarioError("kalman: needs an acceleration from 0 and a speed above 0")
+    estimates, covariances = np.full((n, 2 * AXES), np.nan), np.full((n, 2 * AXES, 2 * AXES), np.nan)
+    innovation_m, nis = np.full((n, AXES), np.nan), np.full(n, np.nan)
+    seen = np.isfinite(position_m).all(axis=1)
+    state, covariance = np.zeros(2 * AXES), np.zeros((2 * AXES, 2 * AXES))
+    begun = False
+    for k in range(n):
+        if begun:
+            forward, noise = _discrete(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - time_s[k - 1]))
+            state, covariance = forward @ state, forward @ covariance @ forward.T + noise
+            if seen[k]:
+                innovation_m[k] = position_m[k] - state[:AXES]
+                spread = covariance[:AXES, :AXES] + covariance_m2[k]
+                nis[k] = innovation_m[k] @ np.linalg.solve(spread, innovation_m[k])
+                gain = np.linalg.solve(spread, covariance[:AXES]).T
+                state = state + gain @ innovation_m[k]
+                kept = np.eye(2 * AXES)
+                kept[:, :AXES] -= gain
+                covariance = (
+                    kept @ covariance @ kept.T + gain @ covariance_m2[k] @ gain.T
+                )  # Joseph's form stays positive
+        elif seen[k]:
+            begun = True
+            state[:AXES] = position_m[k]
+            covariance[:AXES, :AXES] = covariance_m2[k]
+            covariance[AXES:, AXES:] = np.eye(AXES) * speed_m_s**2
+        if begun:
+            estimates[k], covariances[k] = state, covariance
+    return Track(time_s, estimates[:, :AXES], estimates[:, AXES:], covariances, innovation_m, nis)
+
+
+@lru_cache(maxsize=256)
+def _discrete(mean_motion_rad_s: float | None, density: float, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the transition (6, 6) over a step [s], and the covariance that white acceleration adds (Van Loan)."""
+    from scipy.linalg import expm
+
+    rates = np.zeros((2 * AXES, 2 * AXES))
+    rates[:AXES, AXES:] = np.eye(AXES)
+    if mean_motion_rad_s is not None:  # Clohessy and Wiltshire 1960
+        n = mean_motion_rad_s
+        rates[3, 0], rates[3, 4], rates[4, 3], rates[5, 2] = 3.0 * n * n, 2.0 * n, -2.0 * n, -n * n
+    drive = np.zeros_like(rates)
+    drive[AXES:, AXES:] = np.eye(AXES) * density**2
+    whole = expm(step_s * np.block([[-rates, drive], [np.zeros_like(rates), rates.T]]))
+    forward = whole[2 * AXES :, 2 * AXES :].T
+    noise = forward @ whole[: 2 * AXES, 2 * AXES :]
+    return forward, 0.5 * (noise + noise.T)

@@ -1,0 +1,60 @@
+"""`rso-lidar track`: the table that it prints, what it writes, and what it refuses."""
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.cli import main
+
+
+@pytest.fixture
+def bench(text, tmp_path):
+    path = tmp_path / "bench.h5"
+    near = text.replace("[1000, 0, 0]", "[200, 0, 0]") + '\n[lidar.detector]\ntype = "empirical"\n'
+    rl.save(path, rl.simulate(rl.Scenario.loads(near)))
+    return path
+
+
+@pytest.fixture
+def call(capsys):
+    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main(["track", *(str(argument) for argument in arguments)])
+        printed = capsys.readouterr()
+        return left.value.code or 0, printed.out, printed.err.splitlines()
+
+    return run
+
+
+def test_a_table_and_a_picture(call, bench, tmp_path):
+    status, said, errors = call(bench, "-o", tmp_path / "t.png", "--range-noise", "0.1")
+    assert (status, errors) == (0, [])
+    lines = said.splitlines()
+    assert lines[0].startswith("plate: 10 of 10 frames with a fix; range noise 0.1 m")
+    assert [line.split()[0] for line in lines[3:7]] == ["centroid", "constant", "constant", "icp"]
+    assert lines[-1] == f"{tmp_path / 't.png'}"
+    assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
+    assert "icp" not in call(bench, "--no-icp")[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-o", "x.jpg"], "unknown suffix '.jpg'"),
+        (["-o", "x"], "no suffix"),
+        (["-o", "no/such/x.png"], "there is no folder"),
+        (["--range-noise", "0"], "metres above 0"),
+        (["--range-noise", "nan"], "metres above 0"),
+        (["--acceleration", "-1"], "from 0"),
+        (["--acceleration", "nan"], "from 0"),
+        (["--target", "plats"], "did you mean 'plate'"),
+    ],
+)
+def test_refused_in_one_line(call, bench, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    status, printed, errors = call(bench, *arguments)
+    assert (status, printed, len(errors)) == (2, "", 1)
+    assert said in errors[0]
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,112 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rso_lidar as rl
+from rso_lidar.pose import pose
+from rso_lidar.track import Model, PoseFollower, acquire, align, sampled, seen_middle
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+DEG = rl.units.DEG
+TRUE = pose(np.array([1.0, -2.0, 300.0]), Rotation.from_euler("ZYX", [40, -70, 20], degrees=True))
+
+
+@pytest.fixture(scope="module")
+def corners():
+    return rl.Scenario.load(EXAMPLES / "tdrs_approach.toml").surfaces[0].corners
+
+
+@pytest.fixture(scope="module")
+def model(corners):
+    return sampled(corners)
+
+
+def cloud(corners, seed, noise_m, true=TRUE, count=800):
+    """Return points on the facets that are not the model's own, in lidar axes, with noise along the line of sight."""
+    rng = np.random.default_rng(seed)
+    points = true.apply(sampled(corners, count, rng).points_m)
+    ahead = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return points + ahead * rng.normal(0.0, noise_m, (count, 1))
+
+
+def apart(found, true=TRUE):
+    return (found.rotation.inv() * true.rotation).magnitude() / DEG, np.linalg.norm(
+        found.translation - true.translation
+    )
+
+
+@pytest.mark.parametrize(("noise_m", "most_deg", "most_m"), [(0.0, 0.15, 0.01), (0.05, 0.3, 0.03)])
+def test_a_known_pose_is_found_within_noise(corners, model, noise_m, most_deg, most_m):
+    """Of 800 points with 5 cm: 5 cm / sqrt(800) * sqrt(6) is 4 mm, and over the 5 m of arm 0.05 degrees; times six.
+
+    Without noise what is left is the model's: 20,000 points, some 5 cm apart, on curved dishes.
+    """
+    guess = TRUE * pose(np.array([0.4, -0.3, 0.2]), Rotation.from_rotvec([0.08, -0.06, 0.1]))  # 8 degrees, half a metre
+    found = align(cloud(corners, 3, noise_m), model, guess)
+    turn_deg, off_m = apart(found.pose)
+    assert turn_deg < most_deg
+    assert off_m < most_m
+    assert found.rms_m < 1.2 * noise_m + 0.02  # the model is points 5 cm apart, on planes
+
+
+def test_a_pose_is_found_without_a_guess(corners, model):
+    points = cloud(corners, 4, 0.05)
+    found = acquire(points, model, count=4)
+    turn_deg, off_m = min(apart(one.pose) for one in found)  # the craft looks nearly the same half a turn on
+    assert turn_deg < 0.3
+    assert off_m < 0.03
+    assert len(acquire(points, model, starts=8)) == 1
+
+
+def test_what_a_round_target_does_not_tell_stays_as_guessed():
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)[:-1]
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    disc = np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
+    guess = TRUE * pose(np.array([0.0, 0.0, 0.2]), Rotation.from_rotvec([0.05, 0.0, 0.0]))
+    found = align(cloud(disc, 5, 0.0), sampled(disc), guess).pose
+    axis = [one.rotation.apply([0.0, 0.0, 1.0]) for one in (found, TRUE)]
+    assert np.linalg.norm(axis[0] - axis[1]) < 1e-3
+    assert apart(found)[0] < 3.5  # the guess is 3 degrees off, about another axis
+
+
+def test_a_spinning_target_is_followed(corners, model):
+    follow = PoseFollower(model)
+    still = Rotation.identity()
+    for k in range(15):
+        true = TRUE * pose(rotation=Rotation.from_rotvec(np.array([0.0, 0.05, 0.12]) * k))  # 7.5 degrees a cloud
+        found = follow(float(k), cloud(corners, 100 + k, 0.05, true), still)
+        if k >= 10:  # half a turn on it looks nearly the same: some clouds are needed to tell
+            assert apart(found.pose, true)[0] < 0.5
+        if k == 7:
+            assert follow(k + 0.5, cloud(corners, 1, 0.05)[:20], still) is None  # too few points, which is no harm
+
+
+def test_a_model_is_even_and_knows_its_axis():
+    square = np.array([[[0, 0, 0], [4, 0, 0], [4, 1, 0]], [[0, 0, 0], [4, 1, 0], [0, 1, 0]]], dtype=float)
+    made = sampled(square, 8000)
+    counts, _, _ = np.histogram2d(made.points_m[:, 0], made.points_m[:, 1], bins=(4, 2), range=[[0, 4], [0, 1]])
+    np.testing.assert_allclose(counts, 1000.0, atol=4.5 * np.sqrt(1000.0))  # Poisson, 8 cells
+    assert abs(made.long_axis[0]) > 0.99
+    np.testing.assert_allclose(np.abs(made.normals), np.broadcast_to([0.0, 0.0, 1.0], (8000, 3)), atol=1e-12)
+
+
+def test_the_middle_of_what_is_seen_of_a_ball():
+    """Half a ball is seen: the mean depth of a disc's points on it is 2/3 of its radius, the same from everywhere."""
+    rng = np.random.default_rng(8)
+    points = rng.normal(size=(60_000, 3))
+    points *= 3.0 / np.linalg.norm(points, axis=1, keepdims=True)
+    along, wander, across = seen_middle(Model(points, points / 3.0))
+    assert along == pytest.approx(-2.0, rel=0.05)  # cells at the rim, nearest point of each
+    assert wander < 0.05
+    assert across < 0.05
+
+
+def test_refused(model):
+    with pytest.raises(rl.ScenarioError, match="at least 6 points"):
+        align(np.zeros((5, 3)), model, TRUE)
+    with pytest.raises(rl.ScenarioError, match="corners"):
+        sampled(np.zeros((0, 3, 3)))
+    with pytest.raises(rl.ScenarioError, match="PoseFollower"):
+        PoseFollower(model, min_points=2)
