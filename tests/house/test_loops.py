@@ -37,3 +37,11 @@ def test_a_test_compares_them(path):
 @pytest.mark.parametrize("path", sorted(set(PACKAGE.rglob("*.py")) - set(LOOPS)), ids=str)
 def test_nothing_imports_loops_before_they_are_needed(path):
     assert not [name for name in imported_at_once(path) if name and name.endswith("_loops")]
+
+
+@pytest.mark.parametrize("path", LOOPS, ids=lambda path: path.stem)
+def test_loops_take_constants_only_from_where_a_change_is_noticed(path):
+    """Machine code is kept on disk until a module of the room, units or arithmetic changes; records are types alone."""
+    known = {"rso_lidar", "rso_lidar.arithmetic", "rso_lidar.units"}
+    ours = {name for name in imported_at_once(path) if name and name.startswith("rso_lidar")}
+    assert not [name for name in ours - known if not name.startswith(f"rso_lidar.{path.parent.name}.")]
