@@ -69,9 +69,27 @@ def loop(function: _Function) -> _Function:
         # numba looks at the function's own file only, not at what that imports: the stamp of what is kept is made wider.
         kept = made._cache._cache_file
         kept._source_stamp = kept._source_stamp, *_state_of(Path(inspect.getfile(function)).parent)
+        for deed in ("load_overload", "save_overload"):
+            setattr(made._cache, deed, _suffered(getattr(made._cache, deed)))
     except (RuntimeError, AttributeError):  # no folder to keep machine code in, or another numba: made in each process
         made = numba.njit(nogil=True, error_model="numpy")(function)
     return made  # type: ignore[no-any-return]
+
+
+def _suffered(deed: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a deed of numba's cache that does nothing where its files are damaged, or where there is no room for them."""
+
+    def attempted(*given: Any) -> Any:
+        try:
+            return deed(*given)
+        except Exception as error:  # numba raises whatever its unpickling and LLVM do
+            warn(
+                f"numba: machine code in {deed.__self__.cache_path} cannot be read or kept ({type(error).__name__}); "  # type: ignore[attr-defined]
+                "it is made anew: empty that folder, or name another in NUMBA_CACHE_DIR"
+            )
+            return None
+
+    return attempted
 
 
 def on_compiling(tell: Callable[[], None]) -> None:

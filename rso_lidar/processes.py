@@ -36,6 +36,8 @@ class Processes:
                 f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
                 "leave out workers"
             ) from None
+        if multiprocessing.current_process().daemon:
+            raise ScenarioError("workers: this process is a daemon itself, and may start none; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
         # By a file: a process that dies before it has read so much leaves its parent waiting at a full pipe.
         self._folder = tempfile.TemporaryDirectory(prefix="rso_lidar_")

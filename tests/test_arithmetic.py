@@ -106,6 +106,25 @@ def test_machine_code_is_made_anew_when_an_imported_module_changes(tmp_path):
     assert answer() == ["30.0", "0"]
 
 
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_damaged_machine_code_is_made_anew(tmp_path, suffix):
+    (tmp_path / "other_loops.py").write_text(
+        LOOP.format(package="constants").replace("constants.constants", "constants")
+    )
+    (tmp_path / "constants.py").write_text("LIGHT = 2.0\n")
+    asked = "import other_loops as some; print(some.doubled(1.0), len(some.doubled.stats.cache_hits))"
+
+    def answer():
+        return subprocess.run([sys.executable, "-c", asked], cwd=tmp_path, capture_output=True, text=True, check=True)
+
+    answer()
+    for file in (tmp_path / "__pycache__").glob(f"*{suffix}"):
+        file.write_bytes(file.read_bytes()[:20])
+    again = answer()
+    assert again.stdout.split() == ["2.0", "0"]
+    assert "cannot be read or kept" in again.stderr
+
+
 def test_compiling_is_told_once():
     told = []
     arithmetic.on_compiling(lambda: told.append("compiling"))

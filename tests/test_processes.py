@@ -1,6 +1,7 @@
 """Frames made in other processes: the same bits, bad calls told, and nobody left behind."""
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -71,6 +72,12 @@ def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, wo
 def test_what_cannot_be_sent_is_named():
     with pytest.raises(ScenarioError, match="workers: the scenario cannot be sent to other processes"):
         Processes(1, lambda: 0)
+
+
+def test_a_daemon_is_told_that_it_may_start_none(monkeypatch):
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
+    with pytest.raises(ScenarioError, match="workers: this process is a daemon itself"):
+        Processes(1, os.getpid)
 
 
 def fails(scenario_error):
