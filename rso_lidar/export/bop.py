@@ -29,6 +29,7 @@ SCENE = "000000"
 FOLDERS = ("depth", "gray", "mask", "mask_visib")
 TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
 FULL = 2**16 - 1
+BEYOND, BEYOND_M = 1.01, 10.0  # depth reaches so much further than what is on a target
 MOST_OFF_PINHOLE_PIXELS = 0.05  # of a pixel: what a camera matrix leaves out and nobody notices
 
 
@@ -110,14 +111,19 @@ def depth_step(greatest_mm: float) -> float:
 
 
 def _write_images(place: Path, scene: Path, frame: Frame) -> float:
-    """Write depth and intensity; return the depth_scale [mm per count]."""
+    """Write depth and intensity; return the depth_scale [mm per count].
+
+    It is as fine as the targets' true ranges let it be; what a false trigger reports further off is left out.
+    """
     depth_mm = frame.points_m[..., 2] / MM
-    valid = frame.valid
-    step = depth_step(float(depth_mm[valid].max(initial=0.0)))
-    counts = np.zeros(depth_mm.shape, np.uint16)
-    counts[valid] = np.clip(np.rint(depth_mm[valid] / step), 1, FULL)  # 0 is for none
+    valid, on_target = frame.valid, frame.labels.target >= 0
+    known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
+    step = depth_step((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
+    counts = np.zeros(depth_mm.shape)
+    counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 is for none
+    counts[counts > FULL] = 0
     name = f"{file_stem(place, frame)}.png"
-    write_new(place, scene / "depth" / name, _png(counts))
+    write_new(place, scene / "depth" / name, _png(counts.astype(np.uint16)))
     write_new(place, scene / "gray" / name, _png(frame.intensity_counts))
     return step
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -53,13 +54,21 @@ def entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Var
         variable = variables[path]
         if np.shape(value) != variable.shape:
             raise RecordingError(f"{where}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
-        found[path] = np.ascontiguousarray(value, dtype=variable.spec.dtype)
+        found[path] = np.asarray(value, dtype=variable.spec.dtype)
     return found
 
 
 def frame_bytes(variables: Mapping[str, Variable]) -> int:
     """Return how many bytes the arrays of one frame take."""
     return sum(variable.spec.dtype.itemsize * int(np.prod(variable.shape)) for variable in variables.values())
+
+
+def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes as JSON takes them."""
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        for name, value in attributes.items()
+    }
 
 
 class Sights:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.coming import Sights, begun, entries, frame_bytes
+from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, variables
 from rso_lidar.export.hdf5_layout import array_attributes, root_attributes
 from rso_lidar.export.place import free_file
@@ -69,10 +69,9 @@ def _attributes(first: Frame, found: dict[str, Variable], *, changing: bool) -> 
     """Return what each array is, and the recording as a whole, by name, ready for JSON."""
     source = first.source
     root = root_attributes(source) | {"tree": parents(first), "states": list(first.truth.states)}
-    told: dict[str, Any] = {"/": {**root, "targets": json.loads(root["targets"]), "seed": source.seed}}
+    told: dict[str, Any] = {"/": {**plain(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
     for name, variable in found.items():
-        attributes = array_attributes(variable, source) | {"dims": ["time", *variable.spec.dims]}
-        told[name] = {key: getattr(value, "tolist", lambda value=value: value)() for key, value in attributes.items()}
+        told[name] = plain(array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
     sight = specs(Observation)["line_of_sight"]
     dims = ["lens_number"] * changing + list(sight.dims)
     told["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}

@@ -16,7 +16,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
-from rso_lidar.export.coming import Sights, begun, entries, frame_bytes
+from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, sometimes, variables
 from rso_lidar.export.hdf5_layout import SCALES, array_attributes, root_attributes
 from rso_lidar.export.place import folder_beside, free_folder
@@ -66,7 +66,7 @@ class Store:
         self._written = 0
         self._sights = Sights()
         self._root = zarr.open_group(folder, mode="w", zarr_format=3)
-        self._root.attrs.update(_plain(root_attributes(first.source)))
+        self._root.attrs.update(plain(root_attributes(first.source)))
         self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
         self._scales()
         for name, parent in parents(first).items():
@@ -135,7 +135,7 @@ class Store:
             fill_value=0 if stated["fill"] is None else stated["fill"],
             compressors=self._zarr.codecs.BloscCodec(cname="zstd", clevel=5, shuffle="shuffle"),
             dimension_names=stated["dims"],
-            attributes=_plain(attributes),
+            attributes=plain(attributes),
         )
 
     def _scales(self) -> None:
@@ -182,11 +182,3 @@ class Store:
                 array[self._written : end] = np.stack(column)
                 column.clear()
         self._written += count
-
-
-def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes as JSON takes them."""
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        for name, value in attributes.items()
-    }
