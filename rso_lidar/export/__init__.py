@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.formats import format_for, writer_for
@@ -39,14 +40,24 @@ __all__ = [
 ]
 
 
-def save(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+def save(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
+) -> Path:
     """Return the path of the recording after writing frames to it, one at a time as they come.
 
     The suffix picks the format: .h5 is a recording that `open` reads and that holds all the frames have; what the others
     keep stands in docs/exports.md. .zarr, .pcd, .ply and .bop name folders. What is written appears under its name when it
     is complete.
+
+    Parameters
+    ----------
+    path : of the file or folder.
+    frames : taken one at a time as they come, from `simulate` or `open`.
+    overwrite : replace an older one.
+    format : by name, where the suffix does not say it.
+    options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
     """
-    return writer_for(Path(path))(path, frames, overwrite=overwrite)
+    return writer_for(format or Path(path))(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Sized
+from collections.abc import Callable, Iterable, Sized
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,8 @@ def write_npz(
     each = frame_bytes(found)
     total = each * len(frames) if isinstance(frames, Sized) else 0
     columns: dict[str, list[np.ndarray]] = {name: [] for name in found}
-    sights, tables = Sights(), []
+    sights = Sights()
+    tables: list[np.ndarray] = []
     for frame in coming:
         total = max(total, each * (len(columns["time"]) + 1) + sum(table.nbytes for table in tables))
         if total > most_bytes:
@@ -61,7 +62,8 @@ def write_npz(
     arrays["line_of_sight"] = np.stack(tables) if len(sights) > 1 else tables[0]
     arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(sights) > 1), ensure_ascii=False))
     with beside(place) as draft, draft.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+        squeeze: Callable[..., None] = np.savez_compressed
+        squeeze(stream, allow_pickle=False, **arrays)
     return place
 
 

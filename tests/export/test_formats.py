@@ -3,16 +3,16 @@
 import dataclasses
 import os
 import re
+import subprocess
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
-import numpy as np
 import pytest
 from frames_for_tests import make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export import place
 from rso_lidar.export.formats import FORMATS, SUFFIXES, format_for, writer_for
 
 FOLDERS = ("pcd", "ply", "bop")
@@ -64,8 +64,6 @@ def test_an_unknown_word_is_told_what_is_known(word, message):
 
 def test_import_of_the_table_brings_no_writer_along():
     code = "import rso_lidar, sys; print([n for n in sys.modules if n.startswith('rso_lidar.export.')])"
-    import subprocess
-
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert "rso_lidar.export.formats" in loaded
     assert not re.search(r"export\.(pcd|ply|npz|bop|zarr_store)'", loaded)
@@ -166,22 +164,15 @@ def test_a_negative_number_of_a_frame_is_refused(tmp_path, kind):
         write(tmp_path, kind, [dataclasses.replace(make_frame(), index=-1)])
 
 
-ARRAYS = [made for made in OURS if made in ("npz", "zarr")]
+SHAPE = ({"shape": (10, 12)}, "frame 3: has other rows or columns than the first")
+TREE = ({"ptu": False}, "frame 3: its tree of axes differs from the first frame's")
+SETTINGS = ({"settings": {"gain": 1.0}}, "frame 3: settings/energy_j, settings/focal_length_m, settings/gain: not in")
+RETURNS = ({"returns": True}, "frame 3: labels/return_photons, .*: not in every frame")
 
 
-@pytest.mark.parametrize("kind", ARRAYS)
 @pytest.mark.parametrize(
-    ("odd", "message"),
-    [
-        ({"shape": (10, 12)}, "frame 3: has other rows or columns than the first"),
-        ({"ptu": False}, "frame 3: its tree of axes differs from the first frame's"),
-        (
-            {"settings": {"gain": 1.0}},
-            "frame 3: settings/energy_j, settings/focal_length_m, settings/gain: not in every",
-        ),
-        ({"returns": True}, "frame 3: labels/return_photons, .*: not in every frame"),
-    ],
-    ids=["shape", "tree", "settings", "returns"],
+    ("kind", "odd", "message"),
+    [*(("npz", *odd) for odd in (SHAPE, TREE, SETTINGS, RETURNS)), *[("zarr", *TREE)] * ("zarr" in OURS)],
 )
 def test_frames_that_differ_do_not_share_arrays(tmp_path, kind, odd, message):
     with pytest.raises(RecordingError, match=message):
@@ -193,16 +184,9 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tmp_path, name, monk
     def full(*_, **__):
         raise OSError(28, os.strerror(28))
 
-    if name == "npz":
-        monkeypatch.setattr(np, "savez_compressed", full)
-    elif name == "zarr":
-        from rso_lidar.export.zarr_store import Store
-
-        monkeypatch.setattr(Store, "add", full)
-    else:
-        monkeypatch.setattr("pathlib.Path.open", full) if name == "bop" else monkeypatch.setattr(
-            "rso_lidar.export.per_frame.write_new", full
-        )
+    writes = {"npz": "numpy.savez_compressed", "zarr": "rso_lidar.export.zarr_store.Store.add"}
+    writes |= {"bop": "rso_lidar.export.bop.write_new"}
+    monkeypatch.setattr(writes.get(name, "rso_lidar.export.per_frame.write_new"), full)
     with pytest.raises(RunError, match=rf"out.{name}: could not be written: No space left on device"):
         write(tmp_path, name, make_frames(2))
     monkeypatch.undo()
@@ -217,4 +201,11 @@ def test_what_appears_while_frames_come_is_not_removed(tmp_path):
 
     with pytest.raises(RecordingError, match="exists already"):
         write(tmp_path, "ply", slow())
-    assert everything(tmp_path) == {place.Path("out.ply/notes"): b"mine"}
+    assert everything(tmp_path) == {Path("out.ply/notes"): b"mine"}
+
+
+def test_a_folder_of_any_name_and_options_of_the_writer(tmp_path):
+    folder = export.save(tmp_path / "clouds", make_frames(2), format="pcd", labels=False)
+    assert b"FIELDS x y z intensity\n" in (folder / "000003.pcd").read_bytes()
+    with pytest.raises(RecordingError, match="clouds: the name has no suffix"):
+        export.save(tmp_path / "clouds", make_frames(2))
