@@ -119,7 +119,7 @@ def spread(
         share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
         sent, sent_s, sent_cells = near[0][g], near[1][g], near[2][g]
         # Moments of delay about the first: by light for the width, by rays where all are dark for the mean.
-        light, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
+        light, light_s, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
         for k in range(starts[g], starts[g + 1]):
             r = order[k]
             n, apart = photons[r], delay_s[r] - delay_s[first]
@@ -137,6 +137,7 @@ def spread(
             early += weight * apart
             square += weight * (apart * apart + spread_s[r] * spread_s[r] / 12.0)
             light += n
+            light_s += n * apart
             dark_s += apart
             if n > photons[best]:
                 best = r
@@ -149,7 +150,7 @@ def spread(
                     sent[middle] += sent[j]
                     sent[j] = 0.0
                 j += 1
-        sent_s[middle] = delay_s[first] + (early / total if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
+        sent_s[middle] = delay_s[first] + (light_s / light if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
         width_s[g] = math.sqrt(max(12.0 * (square / total - (early / total) * (early / total)), 0.0))
         at[g], brightest[g], away[g] = pixel[first], hit[best], gone
     return at, brightest, width_s, away, near

@@ -21,7 +21,7 @@ from rso_lidar import pose
 from rso_lidar.arithmetic import packed
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene import packets
-from rso_lidar.scene.bands import BAND_RAYS, at_once, bands_of
+from rso_lidar.scene.bands import BAND_RAYS, NEAREST_M, at_once, bands_of
 from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.light import from_laser, from_sun, seen
 from rso_lidar.scene.surface import Surface
@@ -314,7 +314,9 @@ def _meet(
     # is good to some 1e-6 of the target's size; a thousand times that apart, the ray is within 1e-3 rad of the plane.
     grazing = ~(np.abs(exact - rough) <= 1e-3 * (1.0 + 2.0 * radius))
     range_m = np.where(grazing, rough, exact)
-    return ray + (band.start or 0), facet, range_m, np.minimum(np.abs(cosine), 1.0)
+    apart = range_m > NEAREST_M
+    found = ray + (band.start or 0), facet, range_m, np.minimum(np.abs(cosine), 1.0)
+    return found if apart.all() else tuple(column[apart] for column in found)
 
 
 def _surface_of(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar.arithmetic import loop
+from rso_lidar.scene.bands import NEAREST_M
 from rso_lidar.scene.packets_loops import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
 
 BLOCK_RAYS = 256
@@ -192,6 +193,8 @@ def cast_rays(
                     # Seen edge-on, a facet's plane says nothing about range: `cast._meet` tells.
                     distance = exact if abs(exact - rough) <= target[_SLACK] else rough
                     j = chosen[p + k] - block
+                    if not distance > NEAREST_M:
+                        continue
                     if distance < near[j] or (distance == near[j] and t < number[j]):
                         near[j], cosine[j], facet[j], number[j] = distance, min(abs(c), 1.0), f, t
         for i in range(block, end):
