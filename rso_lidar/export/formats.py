@@ -39,7 +39,9 @@ FORMATS = {
     for made in (
         Format("hdf5", (".h5", ".hdf5"), "hdf5:write_hdf5", False, "nothing"),
         Format("zarr", (".zarr",), "zarr_store:write_zarr", True, "nothing", "zarr"),
-        Format("npz", (".npz",), "npz:write_npz", False, "units and meanings of the arrays, and reading frame by frame"),
+        Format(
+            "npz", (".npz",), "npz:write_npz", False, "units and meanings of the arrays, and reading frame by frame"
+        ),
         Format("pcd", (".pcd",), "pcd:write_pcd", True, f"{_CLOUD}; points are rounded to float32"),
         Format(
             "ply",
@@ -56,7 +58,9 @@ FORMATS = {
             "range finer than one step of 16 bits (depth_scale of each frame, in mm), silhouettes behind other targets, "
             "further returns, photons and most labels",
         ),
-        Format("mcap", (".mcap",), "mcap:write_mcap", False, "labels, photons, further returns and kept records", "mcap"),
+        Format(
+            "mcap", (".mcap",), "mcap:write_mcap", False, "labels, photons, further returns and kept records", "mcap"
+        ),
         Format("tum", (".tum",), "trajectory:write_tum", False, _POSES),
         Format("kitti", (".kitti",), "trajectory:write_kitti", False, f"{_POSES}, without times"),
         Format("csv", (".csv",), "trajectory:write_csv", False, _POSES),
@@ -84,7 +88,9 @@ def format_for(word: str | os.PathLike[str]) -> Format:
     if suffix.lower() in _INSTEAD:
         raise RecordingError(f"{text}: '{suffix}' cannot be written; {_INSTEAD[suffix.lower()]}")
     if isinstance(word, str) and not suffix and os.sep not in text:
-        raise RecordingError(f"{text}: unknown format{did_you_mean(text, FORMATS) or ';'} (known: {', '.join(FORMATS)})")
+        raise RecordingError(
+            f"{text}: unknown format{did_you_mean(text, FORMATS) or ';'} (known: {', '.join(FORMATS)})"
+        )
     what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
     raise RecordingError(f"{text}: {what}{did_you_mean(suffix, SUFFIXES) or ';'} (known: {', '.join(SUFFIXES)})")
 
