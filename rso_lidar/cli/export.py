@@ -137,7 +137,7 @@ def _known(name: str | None, known: list[str]) -> str:
     if wanted not in known:
         guess = did_you_mean(wanted, known)
         raise RecordingError(
-            f"--target {wanted}: nothing of that name can be written{guess or ';'} (known: {', '.join(known)})"
+            f"--target {wanted}: nothing of that name can be written{guess} (known: {', '.join(known)})"
         )
     return wanted
 

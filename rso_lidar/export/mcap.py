@@ -1,7 +1,8 @@
 """MCAP with ROS 2 messages: a recording played back by ROS 2 and by viewers of such files, without us and without ROS here.
 
-Chunks of some four frames, each flushed: a kill loses no more, but leaves a file for readers of streams only. Stamps are start_utc + time_s in whole
-nanoseconds since 1970. Axes are frame ids of the same names; the lidar's are REP 103's optical axes.
+Chunks of some four frames, each flushed: a kill loses no more, and leaves a file for readers of streams. Stamps are
+start_utc + time_s in whole nanoseconds since 1970. Axes are frame ids of the same names; the lidar's are REP 103's
+optical axes.
 """
 
 from __future__ import annotations

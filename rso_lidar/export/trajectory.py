@@ -153,7 +153,7 @@ def _poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndar
     """Return a_from_b as translations (time, 3) [m], quaternions (time, 4) and matrices (time, 3, 3)."""
     known = list(truth.poses)
     if name not in known:
-        guess = did_you_mean(name, known) or ";"
+        guess = did_you_mean(name, known)
         raise RecordingError(
             f"--target {name}: nothing in the recording has that name{guess} (known: {', '.join(known)})"
         )

@@ -1,17 +1,18 @@
 """`rso-lidar info --follow`: lines while a run goes on, and how it ends."""
 
-import os
-import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
 
+from rso_lidar import export
 from rso_lidar.cli import main
+from rso_lidar.cli.info_follow import follow
+from rso_lidar.errors import RunError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks and SIGKILL are POSIX")
-COMMAND = [sys.executable, "-m", "rso_lidar"]
 
 
 @pytest.fixture
@@ -34,81 +35,63 @@ def call(capsys):
     return run
 
 
-def appears(folder, start):
-    """Wait until a file of that name is there."""
-    until = time.monotonic() + 60
-    while not any(name.startswith(start) for name in os.listdir(folder)):
-        assert time.monotonic() < until
-        time.sleep(0.01)
+@pytest.fixture
+def fly(bench, tmp_path):
+    """Return a function that starts a run in another process, and gives it back when its first frames are there."""
+    flying = []
+
+    def start(seconds):
+        settings = ["--set", f"time.duration_s={seconds}", "--set", "lidar.receiver.n_rows=8", "--threads", "1"]
+        command = [sys.executable, "-m", "rso_lidar", "run", str(bench), "-o", str(tmp_path / "run.h5"), *settings]
+        flying.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        until = time.monotonic() + 60
+        while not any(entry.name.startswith("run.h5.tmp-") for entry in tmp_path.iterdir()):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return flying[-1]
+
+    yield start
+    for process in flying:
+        process.kill()
+        process.wait()
 
 
-def test_a_run_followed_to_its_end(bench, tmp_path):
+def test_a_run_followed_to_its_end(call, fly, tmp_path):
     output = tmp_path / "run.h5"
-    many = ["--set", "time.duration_s=60", "--set", "lidar.receiver.n_rows=16", "--set", "lidar.receiver.n_cols=16"]
-    flying = subprocess.Popen([*COMMAND, "run", str(bench), "-o", str(output), *many], stderr=subprocess.DEVNULL)
-    try:
-        appears(tmp_path, "run.h5.tmp-")
-        follow = [*COMMAND, "info", str(output), "--follow", "--every", "0.1", "--timeout", "100"]
-        done = subprocess.run(follow, capture_output=True, text=True, timeout=120)
-        assert flying.wait(60) == 0
-    finally:
-        flying.kill()
-        flying.wait()
-    assert (done.returncode, done.stderr) == (0, "")
-    first, *lines, last = done.stdout.splitlines()
-    assert first.startswith(("following ", "waiting "))
-    assert last == f"complete    {output} holds 300 frames"
+    flying = fly(100)
+    status, said, errors = call("info", output, "--follow", "--every", "0.05", "--timeout", "100")
+    assert flying.wait(60) == 0
+    assert (status, errors) == (0, [])
+    first, *lines, last = said.splitlines()
+    assert first.startswith(("following   run.h5.tmp-", "waiting     run.h5.tmp-"))
+    assert last == f"complete    {output} holds 500 frames"
     counts = [int(line.split()[1].rstrip(",")) for line in lines]
-    assert counts == sorted(counts) and counts[-1] <= 300
-    assert all("frames/s, at " in line and line.endswith(" of 60 s") for line in lines)
+    assert counts
+    assert counts == sorted(counts) and counts[-1] <= 500
+    assert all("frames/s, at " in line and line.endswith(" of 100 s") for line in lines)
 
 
-def test_a_run_that_is_killed(bench, tmp_path):
+def test_a_run_that_is_killed(fly, tmp_path, capsys):
     output = tmp_path / "run.h5"
-    flying = subprocess.Popen(
-        [*COMMAND, "run", str(bench), "-o", str(output), "--set", "time.duration_s=6000"],
-        stderr=subprocess.DEVNULL,
+    flying = fly(100_000)
+    killer = threading.Timer(0.5, flying.kill)
+    killer.start()
+    with pytest.raises(RunError) as ended:
+        follow(output, 0.05, 100.0)
+    killer.join()
+    assert "complete" not in capsys.readouterr().out
+    frames = len(export.open(next(tmp_path.glob("run.h5.tmp-*"))))
+    assert str(ended.value) == (
+        f"{output}: the run that wrote it has ended after {frames} frames, which are in "
+        f"{next(tmp_path.glob('run.h5.tmp-*')).name}; go on with: rso-lidar run SCENARIO -o {output} --resume"
     )
-    follow = None
-    try:
-        appears(tmp_path, "run.h5.tmp-")
-        follow = subprocess.Popen(
-            [*COMMAND, "info", str(output), "--follow", "--every", "0.05", "--timeout", "100"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        follow.stdout.readline()
-        assert follow.stdout.readline().startswith("frames ")
-        flying.send_signal(signal.SIGKILL)
-        flying.wait()
-        said, error = follow.communicate(timeout=60)
-    finally:
-        for process in (flying, follow):
-            if process is not None:
-                process.kill()
-                process.wait()
-    assert follow.returncode == 1
-    assert "complete" not in said
-    assert error.startswith(f"error: {output}: the run that wrote it has ended after ") and error.count("\n") == 1
-    assert f"go on with: rso-lidar run SCENARIO -o {output} --resume" in error
 
 
-def test_time_is_up(bench, tmp_path):
-    output = tmp_path / "run.h5"
-    flying = subprocess.Popen(
-        [*COMMAND, "run", str(bench), "-o", str(output), "--set", "time.duration_s=6000"],
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        appears(tmp_path, "run.h5.tmp-")
-        follow = [*COMMAND, "info", str(output), "--follow", "--timeout", "0.3"]
-        done = subprocess.run(follow, capture_output=True, text=True, timeout=120)
-    finally:
-        flying.kill()
-        flying.wait()
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines()[-1].startswith("unfinished ")
+def test_time_is_up(call, fly, tmp_path):
+    fly(100_000)
+    status, said, errors = call("info", tmp_path / "run.h5", "--follow", "--timeout", "0.3")
+    assert (status, errors) == (0, [])
+    assert said.splitlines()[-1].startswith("unfinished ")
 
 
 def test_what_is_complete_is_said_at_once(call, bench, tmp_path):
@@ -127,7 +110,7 @@ def test_what_is_complete_is_said_at_once(call, bench, tmp_path):
         (["--follow", "--every", "nan"], "--every nan: needs seconds above 0"),
         (["--follow", "--timeout", "-1"], "--timeout -1: needs seconds above 0"),
         (["--timeout", "3"], "--every and --timeout: are for --follow"),
-        (["--follow", "--every", "soon"], "is not a valid float"),
+        (["--follow", "--every", "soon"], "unable to parse"),
     ],
 )
 def test_bad_input(call, tmp_path, options, message):
