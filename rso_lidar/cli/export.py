@@ -18,7 +18,7 @@ from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarn
 from rso_lidar.export.course import courses, whole
 from rso_lidar.export.czml import thinned, write_czml
 from rso_lidar.export.formats import FORMATS, Format, format_for, writer_for
-from rso_lidar.export.trajectory import output
+from rso_lidar.export.place import free_file
 from rso_lidar.motion.aem import write_aem
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.pose import ROOT
@@ -127,7 +127,7 @@ def _texts(start_utc: datetime.datetime, time_s: np.ndarray) -> np.ndarray:
 
 def _about_the_earth(to: Path, source: Source, overwrite: bool) -> None:
     """Raise an error where an ephemeris cannot be written."""
-    output(to, overwrite)
+    free_file(to, overwrite=overwrite)
     if tomllib.loads(source.scenario).get("world", {}).get("axes") == "local":
         raise RecordingError(f"{to.name}: a local world has no Earth to give positions about; write a .csv")
 

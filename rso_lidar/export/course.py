@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.export.coming import begun
 from rso_lidar.export.datasets import INERTIAL, POINTING
 from rso_lidar.export.recording import Recording
 from rso_lidar.export.stored import Frames
@@ -22,12 +22,8 @@ _JOINED = 128  # frames kept, where they come one by one
 
 def source_of(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
     """Return where frames come from, and the frames, none of them lost; having none is an error."""
-    stored = isinstance(frames, Recording | Frames)
-    coming = iter(frames)
-    first = next(coming, None)
-    if first is None:
-        raise RecordingError(f"{path}: there are no frames to write; check the choice of frames")
-    return first.source, frames if stored else itertools.chain([first], coming)
+    first, coming = begun(path, frames)
+    return first.source, frames if isinstance(frames, Recording | Frames) else coming
 
 
 def courses(frames: Iterable[Frame]) -> Iterator[Course]:

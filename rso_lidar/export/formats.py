@@ -55,8 +55,8 @@ FORMATS = {
             (".bop",),
             "bop:write_bop",
             True,
-            "range finer than one step of 16 bits (depth_scale of each frame, in mm), silhouettes behind other targets, "
-            "further returns, photons and most labels",
+            "range finer than one step of 16 bits (depth_scale of each frame, in mm), what false triggers report far "
+            "behind the targets, silhouettes behind other targets, further returns, photons and most labels",
         ),
         Format(
             "mcap", (".mcap",), "mcap:write_mcap", False, "labels, photons, further returns and kept records", "mcap"

@@ -18,9 +18,10 @@ import numpy as np
 from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.camera import Camera, camera_of
-from rso_lidar.export.course import source_of
+from rso_lidar.export.coming import begun
+from rso_lidar.export.place import free_file
 from rso_lidar.export.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
-from rso_lidar.export.trajectory import output, stamp_ns
+from rso_lidar.export.trajectory import stamp_ns
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
 
@@ -45,26 +46,24 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     and intensity [counts] as float32; `/lidar/range` is 32FC1, slant range [m] with NaN, `/lidar/intensity` mono16; `/tf`
     holds the whole tree of axes, parent_from_child of each.
     """
-    place = output(path, overwrite)
+    place = free_file(path, overwrite=overwrite)
     try:
         from mcap_ros2.writer import Writer
     except ImportError as error:
         raise RecordingError(
             f"{place}: MCAP needs an extra: pip install rso-lidar[mcap], or choose another format ({error.name} is missing)"
         ) from None
-    source, frames = source_of(place, frames)
+    first, frames = begun(place, frames)
+    sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
     with beside(place) as draft, draft.open("wb") as file:
-        writer: Any = None
-        lens: tuple[np.ndarray, Camera] | None = None
+        writer = Writer(file, chunk_size=_CHUNK_BYTES * first.range_m.size)
+        schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
+        writer.add_metadata("rso_lidar", _provenance(first.source, camera))
         for number, frame in enumerate(frames):
-            if lens is None or not (frame.line_of_sight is lens[0] or np.array_equal(frame.line_of_sight, lens[0])):
-                lens = frame.line_of_sight, camera_of(frame.line_of_sight)
-            if writer is None:
-                writer = Writer(file, chunk_size=_CHUNK_BYTES * frame.range_m.size)
-                schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
-                writer.add_metadata("rso_lidar", _provenance(source, lens[1]))
-            at_ns = _stamp(place, source, frame)
-            messages = _messages(frame, at_ns, lens[1])
+            if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
+                sight, camera = frame.line_of_sight, camera_of(frame.line_of_sight)
+            at_ns = _stamp(place, first.source, frame)
+            messages = _messages(frame, at_ns, camera)
             for topic, kind in TOPICS.items():
                 writer.write_message(topic, schemas[kind], messages[topic], at_ns, at_ns, number)
             file.flush()

@@ -19,6 +19,7 @@ import numpy as np
 from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.course import Course, courses, source_of
+from rso_lidar.export.place import free_file
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
 from rso_lidar.sight import truth_columns
@@ -115,24 +116,12 @@ def stamp_ns(start_utc: str, time_s: float) -> int:
     return (start - _EPOCH) // datetime.timedelta(microseconds=1) * 1000 + int(whole) * _NS + round(fraction * _NS)
 
 
-def output(path: str | os.PathLike[str], overwrite: bool) -> Path:
-    """Return the path of a file once it is sure that it may be written there."""
-    place = Path(path)
-    if place.is_dir():
-        raise RecordingError(f"{place}: is a folder; name a file in it")
-    if place.exists() and not overwrite:
-        raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
-    if not place.parent.is_dir():
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
-    return place
-
-
 @contextmanager
 def _beginning(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[Course]]]:
     """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
-    place = output(path, overwrite)
+    place = free_file(path, overwrite=overwrite)
     source, frames = source_of(place, frames)
     with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         yield file, source, courses(frames)
