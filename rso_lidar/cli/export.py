@@ -41,7 +41,9 @@ def export(
     frames: Annotated[
         str | None,
         typer.Option(
-            "--frames", metavar="A:B", help="Frames A to B-1 only, by their number in the scenario; or A:B:STEP."
+            "--frames",
+            metavar="A:B",
+            help="Frames A to B-1 only, by number in the scenario; a third number after another colon is the step.",
         ),
     ] = None,
     target: Annotated[

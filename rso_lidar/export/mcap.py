@@ -37,6 +37,7 @@ _FLOAT32 = 7  # PointField
 _FIELDS = ("x", "y", "z", "intensity")
 _LAST_S = 2**31 - 1  # of a stamp
 _CHUNK_BYTES = 80  # a pixel: four frames of 22 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
+_LEAST_BYTES = 2**16
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
@@ -56,7 +57,7 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     first, frames = begun(place, frames)
     sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
     with beside(place) as draft, draft.open("wb") as file:
-        writer = Writer(file, chunk_size=_CHUNK_BYTES * first.range_m.size)
+        writer = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
         schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
         writer.add_metadata("rso_lidar", _provenance(first.source, camera))
         for number, frame in enumerate(frames):
