@@ -40,7 +40,7 @@ FORMATS = {
         Format("hdf5", (".h5", ".hdf5"), "hdf5:write_hdf5", False, "nothing"),
         Format("zarr", (".zarr",), "zarr_store:write_zarr", True, "nothing", "zarr"),
         Format(
-            "npz", (".npz",), "npz:write_npz", False, "units and meanings of the arrays, and reading frame by frame"
+            "npz", (".npz",), "npz:write_npz", False, "reading frame by frame: arrays are read as a whole, 2 GB at most"
         ),
         Format("pcd", (".pcd",), "pcd:write_pcd", True, f"{_CLOUD}; points are rounded to float32"),
         Format(

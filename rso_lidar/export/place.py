@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,19 +14,30 @@ from rso_lidar.errors import RecordingError, RunError
 
 MARKS = ("source.json", "zarr.json")  # a folder that we wrote has one of these,
 MARK = "rso_lidar_version"  # with this in it
+_OURS = re.compile(r"source\.json|frames\.jsonl|camera\.json|zarr\.json|000000|\d{6,}\.(pcd|ply)")
+
+
+@contextmanager
+def _looked_at(place: Path) -> Iterator[None]:
+    """Say in one line why a path cannot even be looked at."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{place}: cannot be written here ({error.strerror}); choose another place") from None
 
 
 def free_file(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Return the path once it is sure that it names a file that may be written."""
     place = Path(path)
-    if place.is_dir():
-        raise RecordingError(f"{place}: is a folder; name a file in it")
-    if place.exists() and not place.is_file():
-        raise RecordingError(f"{place}: is not a regular file; give another name")
-    if place.exists() and not overwrite:
-        raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
-    if not place.parent.is_dir():
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+    with _looked_at(place):
+        if place.is_dir():
+            raise RecordingError(f"{place}: is a folder; name a file in it")
+        if place.exists() and not place.is_file():
+            raise RecordingError(f"{place}: is not a regular file; give another name")
+        if place.exists() and not overwrite:
+            raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
+        if not place.parent.is_dir():
+            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
     return place
 
 
@@ -34,17 +46,17 @@ def free_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pat
     place = Path(path)
     if not place.name or place.name == "..":
         raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
-    if place.exists() and not place.is_dir():
-        raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
-    if not place.parent.is_dir():
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
-    if place.is_dir() and any(place.iterdir()):
-        if not overwrite:
-            raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
-        if not _is_ours(place):
-            raise RecordingError(
-                f"{place}: is a folder that holds no export of ours; it is not overwritten: name another"
-            )
+    with _looked_at(place):
+        if place.exists() and not place.is_dir():
+            raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
+        if not place.parent.is_dir():
+            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+        if place.is_dir() and any(place.iterdir()):
+            if not overwrite:
+                raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
+            strange = _strange(place)
+            if strange:
+                raise RecordingError(f"{place}: holds {strange}, which is no export of ours; name another folder")
     return place
 
 
@@ -89,6 +101,9 @@ def _new(place: Path, what: str) -> Path:
     raise AssertionError("counting has no end")
 
 
-def _is_ours(place: Path) -> bool:
-    """Return whether a folder holds what we wrote."""
-    return any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS)
+def _strange(place: Path) -> str:
+    """Return what in a folder we did not write, such as a file's name; nothing where all of it is an export."""
+    if not any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS):
+        return next(entry.name for entry in sorted(place.iterdir()))
+    others = (entry for entry in sorted(place.iterdir()) if not _OURS.fullmatch(entry.name))
+    return next((entry.name for entry in others if not (entry / "zarr.json").is_file()), "")

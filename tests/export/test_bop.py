@@ -1,5 +1,7 @@
 import dataclasses
 import json
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from PIL import Image
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RsoLidarWarning
 from rso_lidar.export.bop import depth_step, pinhole
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def read(path):
@@ -131,3 +135,37 @@ def test_a_lens_that_looks_back_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="a pixel looks sideways or back"):
         export.save(tmp_path / "scene.bop", [dataclasses.replace(frame, observation=back)])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_model_lies_on_the_mask_by_the_files_alone(tmp_path):
+    """A real frame: the catalogue's mesh, shifted to its centre of mass, put through pose and camera as BOP tools do."""
+    import trimesh
+    from scipy import ndimage
+
+    import rso_lidar as rl
+
+    scenario = rl.Scenario.load(ROOT / "examples/tdrs_approach.toml")
+    folder = rl.save(tmp_path / "scene.bop", rl.simulate(scenario, frames=[500]))
+    scene = folder / "000000"
+    camera, [pose] = read(scene / "scene_camera.json")["500"], read(scene / "scene_gt.json")["500"]
+    mesh = trimesh.load(ROOT / "models/tdrs.glb", force="mesh")
+    index = tomllib.loads((ROOT / "models/index.toml").read_text(encoding="utf-8"))["model"]
+    [about] = [entry for entry in index if entry["name"] == "tdrs"]
+    points, _ = trimesh.sample.sample_surface(mesh, 100_000, seed=1)
+    model_mm = 1000 * (points - about["center_of_mass_m"])
+    rotation, matrix = (np.array(flat).reshape(3, 3) for flat in (pose["cam_R_m2c"], camera["cam_K"]))
+    seen_mm = np.einsum("ij,nj->ni", rotation, model_mm) + pose["cam_t_m2c"]
+    col, row = np.rint(np.einsum("ij,nj->in", matrix, seen_mm)[:2] / seen_mm[:, 2]).astype(int)
+    silhouette = np.zeros((128, 128), bool)
+    inside = (row >= 0) & (row < 128) & (col >= 0) & (col < 128)
+    silhouette[row[inside], col[inside]] = True
+    mask = image(scene / "mask_visib/000500_000000.png") > 0
+    assert mask.sum() > 2000
+    # A pixel at an edge may be on either side of it; beside that, a few are crossed by rods that no ray need meet.
+    assert not (mask & ~ndimage.binary_dilation(silhouette)).any()
+    assert (ndimage.binary_erosion(silhouette) & ~mask).sum() <= 5
+    depth_mm = image(scene / "depth/000500.png")[mask] * camera["depth_scale"]
+    depth_mm = depth_mm[depth_mm > 0]
+    noise_mm = 1000  # ranging is good to about 0.1 m, a pixel in thousands is off by more
+    low, high = np.percentile(depth_mm, [1, 99])
+    assert seen_mm[:, 2].min() - noise_mm < low < high < seen_mm[:, 2].max() + noise_mm

@@ -117,6 +117,14 @@ def test_a_folder_that_is_not_there_is_named(tmp_path, name):
         write(tmp_path / "nowhere", name, make_frames(1))
 
 
+def test_a_name_that_no_disk_takes_is_one_line(tmp_path, name):
+    with pytest.raises(RecordingError, match=r"cannot be written here \(File name too long\)"):
+        export.save(tmp_path / f"{'x' * 254}.{name}", make_frames(1))
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(RecordingError, match=r"there is no folder .*file; make it first|Not a directory"):
+        write(tmp_path / "file", name, make_frames(1))
+
+
 @pytest.mark.parametrize("kind", FOLDERS)
 def test_a_file_where_a_folder_should_be_is_kept(tmp_path, kind):
     (tmp_path / f"out.{kind}").write_text("mine")
@@ -135,9 +143,22 @@ def test_a_folder_where_a_file_should_be_is_kept(tmp_path):
 def test_a_folder_of_somebody_else_is_never_removed(tmp_path, kind):
     (tmp_path / f"out.{kind}").mkdir()
     (tmp_path / f"out.{kind}" / "thesis.tex").write_text("years of work")
-    with pytest.raises(RecordingError, match="is a folder that holds no export of ours; it is not overwritten"):
+    with pytest.raises(RecordingError, match=r"holds thesis\.tex, which is no export of ours; name another folder"):
         write(tmp_path, kind, make_frames(1), overwrite=True)
     assert (tmp_path / f"out.{kind}" / "thesis.tex").read_text() == "years of work"
+
+
+def test_what_somebody_put_into_our_folder_is_never_removed(tmp_path, name):
+    if name == "npz":
+        pytest.skip("one file")
+    notes = write(tmp_path, name, make_frames(1)) / "notes"
+    notes.mkdir()
+    before = everything(tmp_path)
+    with pytest.raises(RecordingError, match="holds notes, which is no export of ours"):
+        write(tmp_path, name, make_frames(2), overwrite=True)
+    assert everything(tmp_path) == before
+    notes.rmdir()
+    write(tmp_path, name, make_frames(2), overwrite=True)
 
 
 @pytest.mark.parametrize("path", [".", "..", "/"])
