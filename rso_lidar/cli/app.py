@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli import animate, catalog, check, encounters, info, models, plot, run, schema, truth
+from rso_lidar.cli import animate, catalog, check, encounters, export, info, models, plot, run, schema, truth
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -24,6 +24,7 @@ app.command("truth")(truth.truth)
 app.command("catalog")(catalog.catalog)
 app.command("encounters")(encounters.encounters)
 app.command("run")(run.run)
+app.command("export")(export.export)
 app.command("info")(info.info)
 app.command("plot")(plot.plot)
 app.command("animate")(animate.animate)

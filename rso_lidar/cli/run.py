@@ -53,7 +53,7 @@ def run(
     """Fly a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
-    numbers = frame_numbers(scenario, _choice(frames))
+    numbers = frame_numbers(scenario, choice(frames))
     kept = _kept(keep)
     if threads is not None and workers is not None:
         raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
@@ -104,7 +104,7 @@ def _tell_of_others(output: Path, identity: str) -> None:
         )
 
 
-def _choice(text: str | None) -> slice | None:
+def choice(text: str | None) -> slice | None:
     """Return the slice that ``A:B`` or ``A:B:C`` means."""
     if text is None:
         return None
@@ -148,7 +148,7 @@ class Bar(Protocol):
 
 
 @contextmanager
-def progress(total: int, done: int) -> Iterator[Bar]:
+def progress(total: int, done: int, doing: str = "flying") -> Iterator[Bar]:
     """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done)
@@ -156,7 +156,7 @@ def progress(total: int, done: int) -> Iterator[Bar]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns: list[Any] = [TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
+    columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
         task = shown.add_task("frames", total=total, completed=done, rate="")
         pace = _Pace()
