@@ -57,7 +57,7 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     first, frames = begun(place, frames)
     sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
     with beside(place) as draft, draft.open("wb") as file:
-        writer = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
+        writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
         schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
         writer.add_metadata("rso_lidar", _provenance(first.source, camera))
         for number, frame in enumerate(frames):
