@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, peers, report, stages, startup
+from benchmarks import dataset, growth, peers, report, stages, startup, workers
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "peers", "dataset", "startup", "growth")
+PARTS = ("stages", "peers", "dataset", "workers", "startup", "growth")
 
 
 def main() -> None:
@@ -32,6 +32,7 @@ def main() -> None:
         "stages": lambda: stages.run(quick=chosen.quick),
         "peers": lambda: peers.run(quick=chosen.quick),
         "dataset": lambda: dataset.run(quick=chosen.quick),
+        "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
     }
@@ -46,7 +47,7 @@ def main() -> None:
             print(f"\n{block}")
         print(f"({part}: {time.monotonic() - start:.0f} s)", file=sys.stderr)
         if chosen.write:
-            report.write(chosen.write, Findings({"machine": report.machine(), **made.blocks}, made.targets))
+            report.write(chosen.write, part, Findings({"machine": report.machine(), **made.blocks}, made.targets))
     if found.targets:
         print(f"\n{table(HEADER, [target.row for target in found.targets], left=2)}")
 

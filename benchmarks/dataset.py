@@ -1,6 +1,5 @@
 """The seed's dataset: seven craft, each at 400 ranges from 3 km down to filling the field, in all attitudes, on disk."""
 
-import inspect
 import math
 import sys
 import tempfile
@@ -33,19 +32,14 @@ def approach(name: str, frames: int, folder: Path) -> tuple[rl.Scenario, float]:
     return scenes.scenario(name, [moving], frames), nearest_m
 
 
-def ways() -> dict[str, dict[str, Any]]:
-    """Return the ways to make frames at once, by what `simulate` takes."""
-    known = {"2 threads": {"threads": 2}}
-    if "workers" in inspect.signature(rl.simulate).parameters:
-        known["2 workers"] = {"workers": 2}
-    return known
+WAYS: dict[str, dict[str, Any]] = {"2 threads": {"threads": 2}, "2 workers": {"workers": 2}}
 
 
 def run(*, quick: bool) -> Findings:
     """Return how fast the dataset is made and written, craft by craft and in all."""
     names = scenes.craft()
     frames = FRAMES // len(names) // (10 if quick else 1)
-    took: dict[str, list[float]] = {way: [] for way in ways()}
+    took: dict[str, list[float]] = {way: [] for way in WAYS}
     sizes, rows = [], []
     with tempfile.TemporaryDirectory() as kept:
         folder = Path(kept)
@@ -53,7 +47,7 @@ def run(*, quick: bool) -> Findings:
             print(f"dataset: {name}", file=sys.stderr)
             scenario, nearest_m = approach(name, frames, folder)
             file = folder / f"{name}.h5"
-            for way, how in ways().items():
+            for way, how in WAYS.items():
                 took[way].append(seconds(lambda: rl.save(file, rl.simulate(scenario, **how), overwrite=True)))
             sizes.append(file.stat().st_size / 1e6)
             file.unlink()

@@ -66,15 +66,13 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def write(page: Path, findings: Findings) -> None:
-    """Put the blocks between their markers; of the targets, only those measured now are replaced."""
+def write(page: Path, part: str, findings: Findings) -> None:
+    """Put what a part found between its markers, and its targets where that part's stand."""
     text = page.read_text(encoding="utf-8")
     for name, block in findings.blocks.items():
         text = _filled(text, page, name, block)
     if findings.targets:
-        rows = {line[0]: line for line in _rows(_block(text, page, "targets"))}
-        rows |= {target.what: target.row for target in findings.targets}
-        text = _filled(text, page, "targets", table(HEADER, rows.values(), left=2))
+        text = _filled(text, page, f"targets, {part}", table(HEADER, [one.row for one in findings.targets], left=2))
     page.write_text(text, encoding="utf-8")
 
 
@@ -94,9 +92,3 @@ def _block(text: str, page: Path, name: str) -> str:
     if text.count(begin) != 1 or end not in text.partition(begin)[2]:
         raise SystemExit(f"{page}: needs exactly one '{begin}' and '{end}' after it")
     return text.partition(begin)[2].partition(end)[0]
-
-
-def _rows(block: str) -> list[tuple[str, ...]]:
-    """Return the rows of a Markdown table."""
-    lines = [line for line in block.splitlines() if line.startswith("|")]
-    return [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines[2:]]

@@ -65,7 +65,8 @@ class Flight:
         laser, late_s = lidar.laser.fire(rng)
         extent = clock("extent", scene.extent, surfaces, truth)
         rays = clock("rays", optics.pixel_rays, lidar.receiver, laser, extent)
-        hits = clock("cast", scene.cast, rays, surfaces, truth, threads)
+        lit = {"laser_from_m": laser.offset, "sun": lidar.receiver.filter_width_nm is not None}
+        hits = clock("cast", scene.cast, rays, surfaces, truth, threads, **lit, aperture_m=lidar.receiver.aperture_m)
         photons = clock("collect", optics.collect, hits, laser, lidar.receiver, late_s)
         if lidar.detector.type == "gsfl":
             waveforms = clock("waveform", lidar.detector.waveforms, photons, rng)

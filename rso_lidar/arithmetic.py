@@ -1,14 +1,15 @@
 """Which arithmetic the busiest stages run on: NumPy, or the same written as loops and compiled by numba.
 
 Beside a module ``x.py`` whose work is worth compiling stands ``x_loops.py``: functions made of plain loops, marked `loop`,
-that do what the NumPy in ``x.py`` does. NumPy is the reference: tests compare the two, and it runs where numba cannot.
-Where both give the same numbers to rounding, and noise of the same statistics, a recording's versions name the path.
+that do what the NumPy in ``x.py`` does (the drive of a PTU needs none: its very functions are compiled). NumPy is the
+reference: tests compare the two, and it runs where numba cannot. Both give the same numbers to rounding, and noise of the
+same statistics; a recording's versions name the path.
 """
 
 import inspect
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -65,11 +66,30 @@ def loop(function: _Function) -> _Function:
     made: Any
     try:
         made = numba.njit(nogil=True, cache=True, error_model="numpy")(function)
-    except RuntimeError:  # no folder where the machine code could be kept: it is made anew in each process
+        # numba looks at the function's own file only, not at what that imports: the stamp of what is kept is made wider.
+        kept = made._cache._cache_file
+        kept._source_stamp = kept._source_stamp, *_state_of(Path(inspect.getfile(function)).parent)
+        for deed in ("load_overload", "save_overload"):
+            setattr(made._cache, deed, _suffered(getattr(made._cache, deed)))
+    except (RuntimeError, AttributeError):  # no folder to keep machine code in, or another numba: made in each process
         made = numba.njit(nogil=True, error_model="numpy")(function)
-    with suppress(AttributeError):  # numba itself looks at the function's own file only, not at what that imports
-        made._cache._cache_file._source_stamp = _state_of(Path(inspect.getfile(function)).parent)
     return made  # type: ignore[no-any-return]
+
+
+def _suffered(deed: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a deed of numba's cache that does nothing where its files are damaged, or where there is no room for them."""
+
+    def attempted(*given: Any) -> Any:
+        try:
+            return deed(*given)
+        except Exception as error:  # numba raises whatever its unpickling and LLVM do
+            warn(
+                f"numba: machine code in {deed.__self__.cache_path} cannot be read or kept ({type(error).__name__}); "  # type: ignore[attr-defined]
+                "it is made anew: empty that folder, or name another in NUMBA_CACHE_DIR"
+            )
+            return None
+
+    return attempted
 
 
 def on_compiling(tell: Callable[[], None]) -> None:
@@ -100,10 +120,11 @@ def packed(values: np.ndarray, dtype: Any = None) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _state_of(room: Path) -> list[tuple[str, int, int]]:
-    """Return what changes when a module of a room does: machine code kept from before is then of no use."""
-    modules = [(path.name, path.stat()) for path in sorted(room.glob("*.py"))]
-    return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in modules]
+def _state_of(room: Path) -> tuple[tuple[str, int, int], ...]:
+    """Return what changes when a module does that a room's loops may import: one of the room, units, or this."""
+    below = [Path(__file__), Path(__file__).with_name("units.py")]
+    stats = [(path.name, path.stat()) for path in sorted(room.glob("*.py")) + below]
+    return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 
 
 @lru_cache(maxsize=1)

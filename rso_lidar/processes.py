@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import tempfile
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -34,8 +36,14 @@ class Processes:
                 f"workers: the scenario cannot be sent to other processes ({error}); define what it names in a module, or "
                 "leave out workers"
             ) from None
+        if multiprocessing.current_process().daemon:
+            raise ScenarioError("workers: this process is a daemon itself, and may start none; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
-        self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(sent,))
+        # By a file: a process that dies before it has read so much leaves its parent waiting at a full pipe.
+        self._folder = tempfile.TemporaryDirectory(prefix="rso_lidar_")
+        file = Path(self._folder.name, "function")
+        file.write_bytes(sent)
+        self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(str(file),))
 
     def __enter__(self) -> Self:
         return self
@@ -44,6 +52,7 @@ class Processes:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
+        self._folder.cleanup()
 
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Return the future result of the function, called with what is given."""
@@ -68,8 +77,8 @@ def _lost() -> RunError:
     )
 
 
-def _begin(sent: bytes) -> None:
-    """Make a process ready for calls."""
+def _begin(file: str) -> None:
+    """Make a process ready for calls of the function that a file holds."""
     import multiprocessing
 
     global _work  # noqa: PLW0603  # a process is there for one function
@@ -77,7 +86,7 @@ def _begin(sent: bytes) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    _work = pickle.loads(sent)
+    _work = pickle.loads(Path(file).read_bytes())
 
 
 def _end_with(parent: Any) -> None:

@@ -69,6 +69,13 @@ class Record:
                     raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
             object.__setattr__(self, name, values)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what another process sent: arrays arrive writable, and are locked again."""
+        self.__dict__.update(state)
+        for name in specs(type(self)):
+            if (value := getattr(self, name)) is not None:
+                value.setflags(write=False)
+
     def __repr__(self) -> str:
         """Return the class with the sizes of its arrays, not their contents."""
         sizes = ", ".join(

@@ -78,8 +78,9 @@ def _fly(
         )
     # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
     threads = threads or os.cpu_count() or 1
-    at_once, bands = (1, threads) if controller else (workers or threads, 1)
-    ahead = 0 if controller else 2 * workers if workers else threads
+    at_once, ahead, bands = workers or threads, 2 * workers if workers else threads, 1
+    if controller:
+        at_once, ahead, bands = 1, 0, threads
     made: deque[Callable[[], Frame]] = deque()
     command: Command | None = None
     with _side_by_side(scenario, at_once, in_processes=workers is not None) as begin:
@@ -105,7 +106,7 @@ def _side_by_side(
         with ThreadPoolExecutor(count, thread_name_prefix="flash") as threads:
             yield lambda *given, **chosen: threads.submit(flash, scenario, *given, **chosen).result
         return
-    with Processes(count, partial(_exposed, scenario)) as processes:
+    with Processes(count, partial(_own_part, scenario)) as processes:
 
         def begin(truth: Truth, *given: Any, lidar: Lidar, index: int, **chosen: Any) -> Callable[[], Frame]:
             future = processes.submit(truth, *given, lidar=lidar, index=index, **chosen)
@@ -114,7 +115,7 @@ def _side_by_side(
         yield begin
 
 
-def _exposed(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
+def _own_part(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
     """Return what a frame alone holds: the rest need not travel from process to process."""
     frame = flash(*given, **chosen)
     return frame.observation.reading, frame.labels, dict(frame.kept)

@@ -1,6 +1,7 @@
 """Frames made in other processes: the same bits, bad calls told, and nobody left behind."""
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -34,6 +35,7 @@ def test_workers_make_the_same_frames_as_threads(scenario):
         assert one.truth.pointing.measured_rad.tobytes() == other.truth.pointing.measured_rad.tobytes()
         assert np.shares_memory(other.line_of_sight, found[0].line_of_sight)  # not a copy for each frame
         assert other.source is scenario.source
+        assert not any(image.flags.writeable for image in (other.range_m, other.labels.range_m, other.labels.photons))
         np.testing.assert_array_equal(one.kept["photons"].photons, other.kept["photons"].photons)
         np.testing.assert_array_equal(one.kept["waveforms"].samples_counts, other.kept["waveforms"].samples_counts)
 
@@ -70,6 +72,12 @@ def test_what_cannot_be_asked_is_told_before_anything_starts(scenario, asked, wo
 def test_what_cannot_be_sent_is_named():
     with pytest.raises(ScenarioError, match="workers: the scenario cannot be sent to other processes"):
         Processes(1, lambda: 0)
+
+
+def test_a_daemon_is_told_that_it_may_start_none(monkeypatch):
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)
+    with pytest.raises(ScenarioError, match="workers: this process is a daemon itself"):
+        Processes(1, os.getpid)
 
 
 def fails(scenario_error):
@@ -127,6 +135,25 @@ def test_a_parent_that_is_killed_leaves_no_worker_behind(tmp_path):
     while any(Path(f"/proc/{child}").exists() for child in children) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
+
+
+UNGUARDED = """
+import time
+from functools import partial
+from rso_lidar.processes import Processes
+
+with Processes(2, partial(time.sleep, bytes(1_000_000))) as processes:
+    processes.result(processes.submit())
+"""
+
+
+def test_a_script_without_a_guard_is_told_and_does_not_hang(tmp_path):
+    """What is sent is more than a pipe holds, and the process that should read it dies before."""
+    script = tmp_path / "unguarded.py"
+    script.write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode != 0
+    assert 'needs `if __name__ == "__main__":`' in done.stderr.replace("\n", " ")
 
 
 def _children(pid):

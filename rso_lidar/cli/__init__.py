@@ -16,7 +16,7 @@ _GO_ON = "interrupted: a run that had begun goes on with --resume"
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 130 interrupted."""
-    _keep_out_of_the_way()
+    _collect_seldom()
     from rso_lidar.cli.app import app, usage_error
 
     warnings.showwarning = _show_warning
@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         sys.exit(1)
 
 
-def _keep_out_of_the_way() -> None:
+def _collect_seldom() -> None:
     """Let the search for circles among objects run seldom: a quarter of a short command went there, to find none."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)

@@ -5,7 +5,21 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli import animate, catalog, check, encounters, info, models, plot, run, schema, timeline, track, truth
+from rso_lidar.cli import (
+    animate,
+    catalog,
+    check,
+    encounters,
+    export,
+    info,
+    models,
+    plot,
+    run,
+    schema,
+    timeline,
+    track,
+    truth,
+)
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -25,6 +39,7 @@ app.command("timeline")(timeline.timeline)
 app.command("catalog")(catalog.catalog)
 app.command("encounters")(encounters.encounters)
 app.command("run")(run.run)
+app.command("export")(export.export)
 app.command("info")(info.info)
 app.command("plot")(plot.plot)
 app.command("track")(track.track)

@@ -1,16 +1,37 @@
 """`rso-lidar info`: what is in a recording."""
 
+from typing import Annotated
+
 import numpy as np
 import typer
 
 from rso_lidar import export
+from rso_lidar.cli.info_follow import follow
 from rso_lidar.cli.plot import RecordingFile
 from rso_lidar.errors import RecordingError
 from rso_lidar.records import Frame
 
+_EVERY_S = 2.0
 
-def info(recording: RecordingFile) -> None:
+
+def info(
+    recording: RecordingFile,
+    following: Annotated[
+        bool, typer.Option("--follow", help="Print frames and rate while another process writes, until it is complete.")
+    ] = False,
+    every_s: Annotated[
+        float | None, typer.Option("--every", metavar="S", help="Seconds between lines of --follow.")
+    ] = None,
+    timeout_s: Annotated[
+        float | None, typer.Option("--timeout", metavar="S", help="Seconds after which --follow leaves.")
+    ] = None,
+) -> None:
     """Print what a recording holds: scenario, frames, returns, ranges, targets, versions."""
+    if following:
+        follow(recording, _EVERY_S if every_s is None else every_s, timeout_s)
+        return
+    if every_s is not None or timeout_s is not None:
+        raise RecordingError("--every and --timeout: are for --follow; add it, or leave them out")
     with export.open(recording) as frames:
         source, count = frames.source, len(frames)
         size_mb = recording.stat().st_size / 1e6

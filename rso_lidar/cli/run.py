@@ -1,5 +1,6 @@
 """`rso-lidar run`: a scenario becomes a recording."""
 
+import glob
 import importlib.metadata
 import sys
 import time
@@ -37,7 +38,7 @@ def run(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option("--workers", min=1, max=256, help="Processes in place of threads; changes no result."),
+        typer.Option("--workers", min=1, max=256, help="Processes in place of threads, for long runs on many cores."),
     ] = None,
     settings: Settings = None,
     keep: Annotated[
@@ -52,7 +53,7 @@ def run(
     """Fly a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
-    numbers = frame_numbers(scenario, _choice(frames))
+    numbers = frame_numbers(scenario, choice(frames))
     kept = _kept(keep)
     if threads is not None and workers is not None:
         raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
@@ -66,6 +67,8 @@ def run(
         chosen += " keep " + ",".join(sorted(kept))
     made_by = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
     identity = export.run_id(scenario.source, chosen, " ".join(made_by))
+    if resume:
+        _tell_of_others(output, identity)
     tally = Tally()
     done = 0
     with export.Recorder(
@@ -90,7 +93,18 @@ def run(
     typer.echo(tally.table(output, done))
 
 
-def _choice(text: str | None) -> slice | None:
+def _tell_of_others(output: Path, identity: str) -> None:
+    """Say what stands beside an output that this run cannot go on with."""
+    own = output.with_name(f"{output.name}.tmp-{identity}")
+    others = [file.name for file in sorted(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")) if file != own]
+    if others and not own.exists():
+        typer.echo(
+            f"starting afresh: {', '.join(others)} is of another scenario, choice of frames, version or arithmetic",
+            err=True,
+        )
+
+
+def choice(text: str | None) -> slice | None:
     """Return the slice that ``A:B`` or ``A:B:C`` means."""
     if text is None:
         return None
@@ -134,7 +148,7 @@ class Bar(Protocol):
 
 
 @contextmanager
-def progress(total: int, done: int) -> Iterator[Bar]:
+def progress(total: int, done: int, doing: str = "flying") -> Iterator[Bar]:
     """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done)
@@ -142,32 +156,54 @@ def progress(total: int, done: int) -> Iterator[Bar]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns: list[Any] = [TextColumn("flying"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
+    columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
         task = shown.add_task("frames", total=total, completed=done, rate="")
-        began, count = time.monotonic(), 0
+        pace = _Pace()
 
         class _Rich:
             def advance(self) -> None:
-                nonlocal count
-                count += 1
-                shown.update(task, advance=1, rate=f"{count / max(time.monotonic() - began, 1e-9):.1f} frames/s")
+                shown.update(task, advance=1, rate=f"{pace.count():.1f} frames/s")
 
         yield _Rich()
 
 
+class _Pace:
+    """How fast frames come, once the first has: what is worked out once, and compiled, says nothing of the rest."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._count = 0
+
+    @property
+    def first(self) -> bool:
+        """Return whether no more than one frame has come."""
+        return self._count < 2
+
+    def count(self) -> float:
+        """Count one frame, and return the frames per second."""
+        now = time.monotonic()
+        self._count += 1
+        if self._count == 1:
+            waited, self._began = now - self._began, now
+            return 1.0 / max(waited, 1e-9)
+        return (self._count - 1) / max(now - self._began, 1e-9)
+
+
 class _Lines:
     def __init__(self, total: int, done: int) -> None:
-        self._total, self._done, self._first = total, done, done
-        self._began = self._said = time.monotonic()
+        self._total, self._done = total, done
+        self._said = time.monotonic()
+        self._pace = _Pace()
 
     def advance(self) -> None:
         self._done += 1
-        now = time.monotonic()
+        rate, now = self._pace.count(), time.monotonic()
         if now - self._said < _LOG_EVERY_S and self._done < self._total:
             return
+        if self._pace.first and self._done < self._total:
+            return  # one frame tells no pace
         self._said = now
-        rate = (self._done - self._first) / max(now - self._began, 1e-9)
         left = (self._total - self._done) / rate
         with suppress(OSError, AttributeError):  # nobody may be listening
             typer.echo(f"frame {self._done}/{self._total}, {rate:.1f} frames/s, {left:.0f} s left", err=True)

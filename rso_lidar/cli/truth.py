@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,7 +24,7 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras, utc
+from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras
 
 FIGURES = ("relative", "orbit", "angles", "ptu")
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
@@ -71,8 +72,9 @@ def truth(
         if scenario.local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
-            document = _czml(scenario, course(scenario, frames[thinned(frames.size)])[0])
-            write_czml(output, document)
+            place, _ = course(scenario, frames[thinned(frames.size)])
+            targets = [target.name for target in scenario.target]
+            write_czml(output, globe(scenario.name, scenario.time.start_utc, targets, place))
         else:
             _ephemeris(scenario, output, suffix, body, frames)
     typer.echo(f"{output}")
@@ -171,25 +173,25 @@ def _csv(path: Path, table: dict[str, np.ndarray]) -> None:
         writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
 
 
-def _czml(scenario: Scenario, place: Truth) -> list[dict[str, Any]]:
-    """Return the document: bodies with their orientation, lines of sight, and the lidar's boresight."""
+def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
+    """Return a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight."""
     time_s = place.time_s
-    fixed = itrs_from_gcrs(orbit.Epochs(scenario.time.start_utc, time_s))
+    fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
     bodies = []
     for name, state in place.states.items():
         turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
         itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
         bodies.append(Moving(name, state.position_m, _quaternion(itrs_from_body)))
-    targets = [target.name for target in scenario.target]
     beams = []
     if targets:
         nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
         ahead = np.zeros((time_s.size, 3))
         ahead[:, 2] = nearest
         beams.append(Beam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
-    start, end = utc(scenario, np.array([0.0, time_s[-1]]))
+    ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
+    start, end = ends.skyfield_time().utc_iso(places=6)
     lines = [("follower", name) for name in targets]
-    return packets(scenario.name, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+    return packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
 
 
 def _quaternion(matrix: np.ndarray) -> np.ndarray:

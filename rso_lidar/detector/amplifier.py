@@ -60,6 +60,8 @@ class Filters:
     (steps after it), of which `shot` is the transform. Second moments are exact on the grid whatever the step: sampled,
     (1 + |t|/τ) exp(−|t|/τ) is the autocorrelation of y[k] = 2a y[k−1] − a² y[k−2] + early x[k] + late x[k−1] with
     a = exp(−Δ/τ). White noise of `noise_electrons` a step, through the same taps as the shot noise, is the amplifier's own.
+    First moments of the taps are not: they are as late as `mean`, 2τ, to a quarter of a step for steps up to 2.4 τ, and of
+    longer steps, in which a pulse has no shape, less than a step later.
     """
 
     def __init__(self, amplifier: Amplifier, n: int, step_s: float) -> None:
@@ -73,7 +75,7 @@ class Filters:
         variance, covariance = 1.0 - a**4 - 4.0 * a**2 * x, a * (x * (1.0 + a**2) - (1.0 - a**2))
         total, apart = math.sqrt(variance + 2.0 * covariance), math.sqrt(variance - 2.0 * covariance)
         early, late = 0.5 * (total - apart), 0.5 * (total + apart)  # the other way around, it would run ahead of `mean`
-        lag = np.arange(min(n, math.ceil(_MEMORY_POLES / x)))
+        lag = np.arange(min(n, max(math.ceil(_MEMORY_POLES / x), 2)))  # `late` comes a step later, however long that is
         taps = a**lag * (lag + 1.0) * early + a ** np.maximum(lag - 1.0, 0.0) * lag * late
         taps *= charge * math.sqrt(0.25 * x)  # the integral of h² is 1/(4τ)
         self.taps: np.ndarray = taps.astype(np.float32)

@@ -20,8 +20,8 @@ from rso_lidar.part import NotNegative, Number, Part
 
 _EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
 _SMALL_SKEWNESS = 0.25  # less than it is told by a parabola
-_COARSE = 8  # means are made of a multiple of this, a whole number below it, and a remainder below one
-_PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
+COARSE = 8  # means are made of a multiple of this, and of parts of a primary below it
+PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
 _NEXT_TO_NONE = 1.0 / 64.0  # primaries
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 _LONGEST_TAIL_ELECTRONS = 1e4  # beyond this 1/e tail of a single avalanche the tables would fill memory
@@ -146,11 +146,11 @@ def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: fl
         electrons[below] = 0.0
     many = lam > np.float32(_EXACT_PRIMARIES)
     coarse, fine, single = _level_tables(apd.gain, apd.ionisation_ratio)
-    some = np.flatnonzero((excess >= np.float32(1.0 / _PARTS)) & ~many)
-    parts = (excess[some] * np.float32(_PARTS)).astype(np.intp)
-    rest = parts % (_PARTS * _COARSE)
-    electrons[some] += draw(coarse, rng, some.size, parts // (_PARTS * _COARSE)) + draw(fine, rng, some.size, rest)
-    excess[some] -= parts.astype(np.float32) * np.float32(1.0 / _PARTS)
+    some = np.flatnonzero((excess >= np.float32(1.0 / PARTS)) & ~many)
+    parts = (excess[some] * np.float32(PARTS)).astype(np.intp)
+    rest = parts % (PARTS * COARSE)
+    electrons[some] += draw(coarse, rng, some.size, parts // (PARTS * COARSE)) + draw(fine, rng, some.size, rest)
+    excess[some] -= parts.astype(np.float32) * np.float32(1.0 / PARTS)
     excess[many] = 0.0
     _scatter(excess, single, electrons, rng)
     very = lam > np.float32(_parabolic_from(apd))
@@ -166,7 +166,7 @@ def _multiplied_by_loops(lam: np.ndarray, floor: np.float32, apd: Apd, rng: np.r
     tables = base, *_level_tables(apd.gain, apd.ionisation_ratio), normal_table()
     electrons = np.empty(lam.size, np.float32)
     apart = int(np.count_nonzero((lam != floor) & (lam <= np.float32(_EXACT_PRIMARIES))))  # these take three words
-    multiplied(
+    done = multiplied(
         lam,
         floor,
         tables,
@@ -176,6 +176,7 @@ def _multiplied_by_loops(lam: np.ndarray, floor: np.float32, apd: Apd, rng: np.r
         rng,
         electrons,
     )
+    assert done == lam.size, "words: too few for these steps"
     return electrons
 
 
@@ -231,8 +232,8 @@ def _base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table
 @lru_cache(maxsize=4)
 def _level_tables(gain: float, ionisation_ratio: float) -> tuple[Table, Table, Table]:
     """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
-    coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(_EXACT_PRIMARIES) + 1, _COARSE)]
-    fine = [compound_pmf(m / _PARTS, gain, ionisation_ratio) for m in range(_PARTS * _COARSE)]
+    coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(_EXACT_PRIMARIES) + 1, COARSE)]
+    fine = [compound_pmf(m / PARTS, gain, ionisation_ratio) for m in range(PARTS * COARSE)]
     first, single = mcintyre_pmf(1, gain, ionisation_ratio)
     return table(coarse), table(fine), table([np.concatenate([np.zeros(first), single])])
 

@@ -6,6 +6,10 @@ import numpy as np
 
 from rso_lidar.arithmetic import loop
 from rso_lidar.detector.alias import NORMAL_PER_SIGMA, NORMAL_ZERO, Table
+from rso_lidar.detector.apd import COARSE, PARTS
+
+PART = 1.0 / PARTS  # of a primary
+FINE = PARTS * COARSE  # parts in which the coarser table goes up
 
 
 @loop
@@ -28,8 +32,8 @@ def multiplied(
     words: np.ndarray,
     rng: np.random.Generator,
     electrons: np.ndarray,
-) -> None:
-    """Write the electrons of steps that expect `lam` primaries.
+) -> int:
+    """Write the electrons of steps that expect `lam` primaries; return how many steps the words sufficed for.
 
     Parameters
     ----------
@@ -46,24 +50,26 @@ def multiplied(
     used = 0
     for step in range(len(lam)):
         mean = lam[step]
-        word = words[used]
-        used += 1
+        needed = 1 if mean == floor or mean > exact else 3
+        if used + needed > len(words):
+            return step
+        word, more = words[used], used + 1
+        used += needed
         if mean == floor:
             electrons[step] = drawn(word, base, 0)
         elif mean <= exact:
             rest = mean
-            if mean > floor and mean - floor < 0.125:
+            if mean > floor and mean - floor < PART:
                 total = drawn(word, base, 0)
                 rest = mean - floor
             else:
-                parts = int(mean * 8.0)
-                total = drawn(words[used], fine, parts & 63)
-                if parts >= 64:
-                    total += drawn(word, coarse, parts >> 6)
-                rest = mean - parts * 0.125
-            # A Poisson number of avalanches of the rest, an eighth of a primary at most: hardly ever one.
-            chance = (words[used + 1] + 0.5) * (1.0 / 4294967296.0)
-            used += 2
+                parts = int(mean * float(PARTS))
+                total = drawn(words[more], fine, parts % FINE)
+                if parts >= FINE:
+                    total += drawn(word, coarse, parts // FINE)
+                rest = mean - parts * PART
+            # A Poisson number of avalanches of the rest, less than a part: hardly ever one.
+            chance = (words[more + 1] + 0.5) * (1.0 / 4294967296.0)
             if chance < rest:
                 share = math.exp(-rest)
                 none = 1.0 - share
@@ -89,3 +95,4 @@ def multiplied(
                 w = math.sqrt(math.log1p(t * t))
                 shape = math.expm1(w * (z - 0.5 * w)) / t
             electrons[step] = gain * mean + spread * root * shape
+    return len(lam)

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled
 from rso_lidar.detector.amplifier import Filters, amplified, filters
 from rso_lidar.detector.apd import multiply
 from rso_lidar.detector.false_triggers import false_traces, first_false_s
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.noise import noise_rms
-from rso_lidar.detector.trigger import NEAR, crossed_between, first_crossing, first_or_near, watched_steps
+from rso_lidar.detector.trigger import NEAR, crossed_between, first_or_near, watched_steps
 from rso_lidar.detector.waveform import Laying, Plan, Rows, expected, laid, pulse_transfer, rows_about
 from rso_lidar.records import Photons, Waveforms
 
@@ -183,28 +182,22 @@ def latched(
 
     `base_per_s` (row) are the primaries that no pulse makes; `arming` says which rows begin as the pixel is armed.
     """
-    rows, amplitude, bridge = made.rows, made.amplitude, gsfl.bridge(step_s)
-    hysteresis = gsfl.trigger.hysteresis_electrons
-    if compiled():
-        amplifier = gsfl.amplifier
-        latch = first_or_near(
-            amplitude,
-            made.primaries,
-            threshold,
-            base_per_s,
-            rows.first,
-            rows.last,
-            arming,
-            hysteresis=hysteresis,
-            step_s=step_s,
-            quiet_electrons=amplifier.noise_electrons,
-            shot_electrons_rs=float(noise_rms(gsfl.apd, 1.0, 0.0, amplifier.pole_s, amplifier.integration_s)),
-            reach=bridge.reach * bridge.sigma,
-        )
-        missed = np.flatnonzero(latch == NEAR)
-    else:
-        latch = first_crossing(amplitude, threshold, rows.first, rows.last, hysteresis=hysteresis, arming=arming)
-        missed = np.flatnonzero((latch < 0) & ~arming)
+    rows, amplitude, bridge, amplifier = made.rows, made.amplitude, gsfl.bridge(step_s), gsfl.amplifier
+    latch = first_or_near(
+        amplitude,
+        made.primaries,
+        threshold,
+        base_per_s,
+        rows.first,
+        rows.last,
+        arming,
+        hysteresis=gsfl.trigger.hysteresis_electrons,
+        step_s=step_s,
+        quiet_electrons=amplifier.noise_electrons,
+        shot_electrons_rs=float(noise_rms(gsfl.apd, 1.0, 0.0, amplifier.pole_s, amplifier.integration_s)),
+        reach=bridge.reach * bridge.sigma,
+    )
+    missed = np.flatnonzero(latch == NEAR)
     if not len(missed):
         return latch
     watched = watched_steps(rows.length, rows.first[missed], rows.last[missed])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,18 @@ _IN_PULSE = 1e-3
 _TOLD_APART = 1e-6
 # Share of white noise that is always reckoned with: without it, finely sampled noise could be foretold for ever.
 _WHITE_SHARE = 3e-3
+# So many patterns of samples are kept, 13 kB of weights each for a window of 13; one more, and the others are forgotten.
+_MOST_KEPT = 1024
+
+
+class Known(NamedTuple):
+    """Patterns of samples whose weights are known: `masks`, a bit for each sample used, rising.
+
+    `weights` (pattern, phase, 2, sample) give height and height times shift, as float64.
+    """
+
+    masks: np.ndarray
+    weights: np.ndarray
 
 
 class Matched:
@@ -43,7 +57,8 @@ class Matched:
         self._slope: np.ndarray = -pulse.slope(time_s) * (sample_s / pulse.peak)
         self._in_pulse = self._shape[PHASES // 2] >= _IN_PULSE
         self._weights: dict[bytes, np.ndarray] = {}
-        self._known: tuple[np.ndarray, np.ndarray] | None = None
+        self._learning = Lock()
+        self._known: Known | None = None
 
     @staticmethod
     def of(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
@@ -59,21 +74,27 @@ class Matched:
     def weights(self, used: np.ndarray) -> np.ndarray:
         """Return the weights (phase, 2, width) that give height and height times shift [samples] from `used` samples."""
         key = used.tobytes()
-        if key not in self._weights:
-            weights = np.zeros((PHASES, 2, self.width))
-            if np.count_nonzero(used & self._in_pulse) >= 2:
-                jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
-                whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
-                information = np.einsum("pik,pkj->pij", jacobian, whitened)
-                # Where height and place cannot be told apart, as in a tail, there is nothing to fit.
-                scale = information[:, 0, 0] * information[:, 1, 1]
-                told = np.flatnonzero(scale - information[:, 0, 1] ** 2 > _TOLD_APART * scale)
-                inverse = np.linalg.inv(information[told])
-                weights[np.ix_(told, np.arange(2), np.flatnonzero(used))] = np.einsum(
-                    "pij,pkj->pik", inverse, whitened[told]
-                )
-            self._weights[key] = weights.astype(np.float32)
-        return self._weights[key]
+        known = self._weights.get(key)
+        if known is None:
+            if len(self._weights) >= _MOST_KEPT:
+                self._weights.clear()
+            known = self._weights[key] = self._solved(used)
+        return known
+
+    def _solved(self, used: np.ndarray) -> np.ndarray:
+        weights = np.zeros((PHASES, 2, self.width))
+        if np.count_nonzero(used & self._in_pulse) >= 2:
+            jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
+            whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
+            information = np.einsum("pik,pkj->pij", jacobian, whitened)
+            # Where height and place cannot be told apart, as in a tail, there is nothing to fit.
+            scale = information[:, 0, 0] * information[:, 1, 1]
+            told = np.flatnonzero(scale - information[:, 0, 1] ** 2 > _TOLD_APART * scale)
+            inverse = np.linalg.inv(information[told])
+            weights[np.ix_(told, np.arange(2), np.flatnonzero(used))] = np.einsum(
+                "pij,pkj->pik", inverse, whitened[told]
+            )
+        return weights.astype(np.float32)
 
     @property
     def fits_in_a_word(self) -> bool:
@@ -85,16 +106,28 @@ class Matched:
         """Return the samples of the window in which a pulse has to show, one bit each."""
         return int((self._in_pulse * (1 << np.arange(self.width))).sum())
 
-    def known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the patterns whose weights were asked for, rising, a bit for each sample used, and their weights."""
+    def known(self) -> Known:
+        """Return the patterns whose weights were asked for, or that of all samples."""
         return self._known or self.learn(np.array([(1 << self.width) - 1]))
 
-    def learn(self, masks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the patterns known and their weights, with these patterns among them."""
-        masks = np.union1d(masks, self._known[0]) if self._known else np.unique(masks)
-        used = (masks[:, None] >> np.arange(self.width)) & 1 > 0
-        self._known = masks, np.stack([self.weights(pattern) for pattern in used]).astype(float)
-        return self._known
+    def learn(self, masks: np.ndarray) -> Known:
+        """Return the patterns known, these among them; where that makes too many, the others are forgotten.
+
+        What was handed out before stays as it is.
+        """
+        with self._learning:
+            known = self._known
+            if known is None or len(np.union1d(known.masks, masks)) > _MOST_KEPT:
+                known = Known(np.zeros(0, np.int64), np.empty((0, PHASES, 2, self.width)))
+            masks = np.setdiff1d(masks, known.masks)
+            place = np.searchsorted(known.masks, masks)
+            new = [self._solved((mask >> np.arange(self.width)) & 1 > 0) for mask in masks.tolist()]
+            if new:
+                known = Known(
+                    np.insert(known.masks, place, masks), np.insert(known.weights, place, np.stack(new), axis=0)
+                )
+            self._known = known
+            return known
 
     def height_weights(self) -> np.ndarray:
         """Return the weights (width) that give the height of a pulse whose place is known: the middle of the window."""

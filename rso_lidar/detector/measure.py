@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.gate_threshold import gate_thresholds
 from rso_lidar.detector.matched import Matched
@@ -21,6 +21,8 @@ from rso_lidar.records import Reading, Waveforms
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
+FIRST, STRONGEST, LAST = range(3)  # of the returns, is reported as range and intensity
+_CHOICES = {"first": FIRST, "strongest": STRONGEST, "last": LAST}
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
 
 
@@ -185,15 +187,16 @@ def _lay_out(
     several_counts: np.ndarray,
 ) -> None:
     """Fill what each pixel reports: of the returns (trace, return) the one chosen, and of all as many as are asked for."""
+    choice = _CHOICES[gsfl.returns]
     if compiled():
         from rso_lidar.detector.measure_loops import lay_out
 
         lay_out(
-            np.ascontiguousarray(pixel, np.int64),
-            np.ascontiguousarray(range_m, np.float64),
-            np.ascontiguousarray(amplitude, np.float64),
-            np.ascontiguousarray(clipped, np.bool_),
-            ("first", "strongest", "last").index(gsfl.returns),
+            packed(pixel, np.int64),
+            packed(range_m, np.float64),
+            packed(amplitude, np.float64),
+            packed(clipped, np.bool_),
+            choice,
             float(gsfl.full_scale_counts),
             one_m,
             one_counts,
@@ -207,9 +210,9 @@ def _lay_out(
     range_m, amplitude, seen, pixel = range_m[reported], amplitude[reported], seen[reported], pixel[reported]
     counts = np.clip(np.rint(np.where(seen, amplitude, 1.0)), 1, gsfl.full_scale_counts)
     row = np.arange(len(reported))
-    if gsfl.returns == "strongest":
+    if choice == STRONGEST:
         chosen = np.where(seen, amplitude, -math.inf).argmax(axis=1)
-    elif gsfl.returns == "last":
+    elif choice == LAST:
         chosen = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
     else:
         chosen = seen.argmax(axis=1)

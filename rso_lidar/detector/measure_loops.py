@@ -3,8 +3,7 @@
 import numpy as np
 
 from rso_lidar.arithmetic import loop
-
-FIRST, STRONGEST, LAST = 0, 1, 2
+from rso_lidar.detector.measure import LAST, STRONGEST
 
 
 @loop

@@ -6,20 +6,24 @@ known and taken off. Amplitudes are those of the pulse's peak, fitted, whatever 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field, Strict
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.detector.matched import ROUNDS, ROUNDS_CLIPPED, Matched
+from rso_lidar.detector.peaks import first_peak, highest_near, middle_of_plateau, peaks_of, vertex
 from rso_lidar.detector.pulse import Pulse
 from rso_lidar.part import Flag, Part
 
-Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola", "leading_edge"]
+if TYPE_CHECKING:
+    from rso_lidar.detector.ranging_loops import Filter
 
+Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola", "leading_edge"]
 
 _ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])
 
@@ -66,10 +70,10 @@ def locate(
     if compiled() and matched.fits_in_a_word:
         peak, place, height = _first_pulses(samples, np.asarray(start), 0.5 * threshold_counts, matched, clipped)
     else:
-        peak = _first_peak(samples, np.asarray(start), 0.5 * threshold_counts)
-        guess = peak + _vertex(samples, peak)
+        peak = first_peak(samples, np.asarray(start), 0.5 * threshold_counts)
+        guess = peak + vertex(samples, peak)
         if clipped is not None:
-            peak, guess = _middle_of_plateau(clipped, peak, guess)
+            peak, guess = middle_of_plateau(clipped, peak, guess)
         place, height = matched.fit(samples, guess, clipped)
     if ranging.algorithm != "matched_filter":
         place = _place(samples, peak, matched, ranging, threshold_counts) + matched.lead
@@ -83,88 +87,30 @@ def _first_pulses(
     from rso_lidar.detector.ranging_loops import first_pulses
 
     peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
-    masks, weights = matched.known()
-    while True:
-        first_pulses(
-            samples,
-            np.ascontiguousarray(start, np.int64),
-            np.float32(least),
-            _mask(clipped),
-            _ROUNDS,
-            matched.half,
-            float(matched.fwhm),
-            matched.wanted,
-            masks,
-            weights,
-            peak,
-            place,
-            height,
-            unknown,
-        )
-        if not unknown.any():
-            return peak, place, height
-        masks, weights = matched.learn(unknown[unknown > 0])
+    start, mask = packed(start, np.int64), _mask(clipped)
+
+    def fill(fitter: Filter) -> None:
+        first_pulses(samples, start, np.float32(least), mask, fitter, peak, place, height, unknown)
+
+    _knowing(matched, fill, unknown)
+    return peak, place, height
+
+
+def _knowing(matched: Matched, fill: Callable[[Filter], None], unknown: np.ndarray) -> None:
+    """Run loops that fill pulses, again with the weights of patterns that turn out to be `unknown` (trace) to the filter."""
+    from rso_lidar.detector.ranging_loops import Filter
+
+    asked = np.zeros(0, np.int64)
+    fitter = Filter(_ROUNDS, matched.half, float(matched.fwhm), matched.wanted, matched.known())
+    fill(fitter)
+    while unknown.any():
+        asked = np.union1d(asked, unknown[unknown > 0])  # all of this call, in case that they are forgotten meanwhile
+        fitter = fitter._replace(known=matched.learn(asked))
+        fill(fitter)
 
 
 def _mask(clipped: np.ndarray | None) -> np.ndarray:
     return np.zeros((0, 0), bool) if clipped is None else np.ascontiguousarray(clipped, bool)
-
-
-def _first_peak(samples: np.ndarray, start: np.ndarray, least: float) -> np.ndarray:
-    """Return the sample of the first peak not more than one sample before `start`, after smoothing by 1, 2, 1."""
-    smooth = _smoothed(samples)
-    top = (samples >= least) & (np.arange(samples.shape[1]) >= start[:, None] - 1)
-    top[:, 1:] &= smooth[:, 1:] >= smooth[:, :-1]
-    top[:, :-1] &= smooth[:, :-1] > smooth[:, 1:]
-    peak = top.argmax(axis=1)
-    row = np.arange(len(samples))
-    none = np.flatnonzero(~top[row, peak])
-    peak[none] = samples[none].argmax(axis=1)
-    return _highest_near(samples, peak)
-
-
-def _smoothed(samples: np.ndarray) -> np.ndarray:
-    """Return the samples smoothed by 1, 2, 1, the first and last as if repeated."""
-    smooth: np.ndarray = 0.5 * samples
-    smooth[:, 1:] += 0.25 * samples[:, :-1]
-    smooth[:, :-1] += 0.25 * samples[:, 1:]
-    smooth[:, 0] += 0.25 * samples[:, 0]
-    smooth[:, -1] += 0.25 * samples[:, -1]
-    return smooth
-
-
-def _highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return the highest of each peak and its two neighbours."""
-    row, last = np.arange(len(samples)), samples.shape[1] - 1
-    near = np.stack([peak, np.maximum(peak - 1, 0), np.minimum(peak + 1, last)])
-    highest: np.ndarray = near[samples[row, near].argmax(axis=0), row]
-    return highest
-
-
-def _middle_of_plateau(clipped: np.ndarray, peak: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return peak and guess moved to the middle of the run of clipped samples that the peak is in."""
-    low, high, last = peak.copy(), peak.copy(), clipped.shape[1] - 1
-    rows = np.flatnonzero(clipped[np.arange(len(peak)), peak])
-    moving = rows
-    while len(moving):
-        moving = moving[(low[moving] > 0) & clipped[moving, np.maximum(low[moving] - 1, 0)]]
-        low[moving] -= 1
-    moving = rows
-    while len(moving):
-        moving = moving[(high[moving] < last) & clipped[moving, np.minimum(high[moving] + 1, last)]]
-        high[moving] += 1
-    wide = high > low
-    return np.where(wide, (low + high) // 2, peak), np.where(wide, 0.5 * (low + high), guess)
-
-
-def _vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return how far the vertex of the parabola through the peak and its neighbours lies behind the peak [samples]."""
-    row = np.arange(len(samples))
-    middle = np.clip(peak, 1, samples.shape[1] - 2)
-    left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))
-    bend = left - 2.0 * top + right
-    shift = np.divide(0.5 * (left - right), bend, out=np.zeros_like(bend), where=bend < 0.0)
-    return np.where(middle == peak, np.clip(shift, -1.0, 1.0), 0.0)
 
 
 def _place(
@@ -180,7 +126,7 @@ def _place(
         return _crossing(samples, peak, level) - matched.pulse.rise_s(0.5) / matched.sample_s
     known = _known_lead(matched, ranging.algorithm)
     return (
-        peak + _vertex(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
+        peak + vertex(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
     ) - known
 
 
@@ -216,7 +162,7 @@ def _known_lead(matched: Matched, algorithm: Algorithm) -> float:
     place = matched.half + 2 + phase
     samples = matched.curve(2 * matched.half + 6, place)
     peak = samples.argmax(axis=1)
-    measured = peak + _vertex(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
+    measured = peak + vertex(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
     return float((measured - place).mean()) + matched.lead
 
 
@@ -251,7 +197,7 @@ def locate_all(
             alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
             peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
             if clipped is None:
-                peak = _highest_near(alone, peak)
+                peak = highest_near(alone, peak)
             found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
     alive &= np.isfinite(found)
     found = np.where(alive, found, np.nan)
@@ -269,7 +215,7 @@ def _all_fitted(
     clipped: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each."""
-    peaks = _peaks(samples, matched, threshold_counts, sigma_counts, most)
+    peaks = peaks_of(samples, matched, threshold_counts, sigma_counts, most)
     place = np.full(peaks.shape, np.nan)
     height = np.zeros(peaks.shape)
     alive = peaks >= 0
@@ -282,10 +228,10 @@ def _all_fitted(
             mask = None if clipped is None else clipped[rows]
             guess = place[rows, slot]
             if sweep == 0:
-                peak = _highest_near(alone, peaks[rows, slot])
-                guess = peak + _vertex(alone, peak)
+                peak = highest_near(alone, peaks[rows, slot])
+                guess = peak + vertex(alone, peak)
                 if mask is not None:
-                    guess = _middle_of_plateau(mask, peak, guess)[1]
+                    guess = middle_of_plateau(mask, peak, guess)[1]
             place[rows, slot], height[rows, slot] = matched.fit(alone, guess, mask)
         if sweep == 1:
             alive &= height >= threshold_counts
@@ -303,80 +249,21 @@ def _all_pulses(
     clipped: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what `_all_fitted` does, by the loops."""
-    from rso_lidar.detector.ranging_loops import all_pulses
+    from rso_lidar.detector.ranging_loops import Curve, Pulses, all_pulses
 
     shape, pulse = (len(samples), most), matched.pulse
-    alive, place, height = np.empty(shape, bool), np.empty(shape), np.empty(shape)
-    unknown = np.empty(len(samples), np.int64)
-    masks, weights = matched.known()
-    while True:
-        all_pulses(
-            samples,
-            _mask(clipped),
-            np.float32(threshold_counts),
-            np.float32(3.0 * sigma_counts),
-            matched.height_weights().astype(np.float32),
-            pulse.table / pulse.peak,
-            (pulse.from_s - pulse.peak_s) / pulse.step_s,
-            matched.sample_s / pulse.step_s,
-            _ROUNDS,
-            matched.half,
-            float(matched.fwhm),
-            matched.wanted,
-            masks,
-            weights,
-            alive,
-            place,
-            height,
-            unknown,
-        )
-        if not unknown.any():
-            return alive, place, height
-        masks, weights = matched.learn(unknown[unknown > 0])
+    pulses = Pulses(np.empty(shape, bool), np.empty(shape), np.empty(shape))
+    unknown, mask = np.empty(len(samples), np.int64), _mask(clipped)
+    least, three_sigma = np.float32(threshold_counts), np.float32(3.0 * sigma_counts)
+    height_weights = matched.height_weights().astype(np.float32)
+    from_step = (pulse.from_s - pulse.peak_s) / pulse.step_s
+    curve = Curve(pulse.table / pulse.peak, from_step, matched.sample_s / pulse.step_s)
 
+    def fill(fitter: Filter) -> None:
+        all_pulses(samples, mask, least, three_sigma, height_weights, curve, fitter, pulses, unknown)
 
-def _peaks(
-    samples: np.ndarray, matched: Matched, threshold_counts: float, sigma_counts: float, most: int
-) -> np.ndarray:
-    """Return the samples (trace, most) of peaks whose matched statistic is high, highest first, −1 where there are fewer.
-
-    Peaks are looked for in the samples, smoothed by 1, 2, 1, which part two pulses better than the statistic does; the
-    bumps of one long pulse, from a tilted surface, have no valley between them. The statistic at a sample may be
-    somewhat below that at the peak: the threshold itself is for the fit.
-    """
-    n, row = samples.shape[1], np.arange(len(samples))
-    smooth = _smoothed(samples)
-    top = np.ones(samples.shape, bool)
-    top[:, 1:] &= smooth[:, 1:] >= smooth[:, :-1]
-    top[:, :-1] &= smooth[:, :-1] > smooth[:, 1:]
-    statistic = np.where(top, matched.statistic(samples), -np.inf)
-    statistic[statistic < 0.8 * threshold_counts] = -np.inf
-    peaks = np.full((len(samples), most), -1)
-    found = np.zeros(len(samples), np.intp)
-    apart = max(1.0, matched.fwhm - 1.0)  # a place on the grid is good to half a sample
-    while len(row):
-        highest = statistic[row].argmax(axis=1)
-        seen = np.isfinite(statistic[row, highest]) & (found[row] < most)
-        row, highest = row[seen], highest[seen]
-        statistic[row] = np.where(np.abs(np.arange(n) - highest[:, None]) < apart, -np.inf, statistic[row])
-        parted = np.ones(len(row), bool)
-        for slot in range(int(found[row].max(initial=0))):
-            others = np.flatnonzero(peaks[row, slot] >= 0)
-            parted[others] &= _parted(smooth[row[others]], highest[others], peaks[row[others], slot], sigma_counts)
-        new = row[parted]
-        peaks[new, found[new]] = highest[parted]
-        found[new] += 1
-    return peaks
-
-
-def _parted(smooth: np.ndarray, one: np.ndarray, other: np.ndarray, sigma_counts: float) -> np.ndarray:
-    """Return whether a valley parts two peaks: a tenth of the lower one, and three sigma of the noise."""
-    row, sample = np.arange(len(smooth)), np.arange(smooth.shape[1])
-    between = (sample > np.minimum(one, other)[:, None]) & (sample < np.maximum(one, other)[:, None])
-    valley = np.where(between, smooth, np.inf).min(axis=1)
-    lower = np.minimum(smooth[row, one], smooth[row, other])
-    parted: np.ndarray = lower - valley > np.maximum(0.1 * lower, 3.0 * sigma_counts)
-    return parted
+    _knowing(matched, fill, unknown)
+    return pulses
 
 
 def _without_others(

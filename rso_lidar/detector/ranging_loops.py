@@ -1,14 +1,44 @@
 """Range algorithms as loops over traces: the first pulse of a trace, or all of them, fitted by the matched filter.
 
-What a filter needs comes as three arrays. `masks` are the patterns of samples about a peak that its weights are known for,
-bit k for the k-th sample of the window, rising; `weights` (pattern, phase, 2, sample) give height and height times shift;
-`wanted` is the mask of the samples in which a pulse has to show. A trace that needs another pattern says so in `unknown`.
+A trace that needs a pattern of samples whose weights the filter does not know says so in `unknown`. Tuples of arrays are
+taken apart where traces are gone through: a function called for each would count references to them, for a third more time.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from rso_lidar.arithmetic import loop
-from rso_lidar.detector.matched import PHASES
+from rso_lidar.detector.matched import PHASES, Known
+
+
+class Filter(NamedTuple):
+    """What fits pulses: rounds of a trace without clipped samples and with, half its window and the pulse's FWHM [samples].
+
+    `wanted` is the mask of the samples in which a pulse has to show, bit k for the k-th sample of the window.
+    """
+
+    rounds: np.ndarray
+    half: int
+    fwhm: float
+    wanted: int
+    known: Known
+
+
+class Curve(NamedTuple):
+    """A pulse of unit peak by its `table`, which begins `from_step` steps of its own after the peak."""
+
+    table: np.ndarray
+    from_step: float
+    steps_per_sample: float
+
+
+class Pulses(NamedTuple):
+    """What is filled (trace, slot): whether there is a pulse, its place [samples] and its height."""
+
+    alive: np.ndarray
+    place: np.ndarray
+    height: np.ndarray
 
 
 @loop
@@ -51,7 +81,7 @@ def climb(
         mask = (np.int64(1) << (high - window)) - (np.int64(1) << (low - window))
         if clipped.shape[0]:
             mask = unclipped(clipped, trace, middle, low, high, half, wanted, mask)
-        pattern = last if masks[last] == mask else np.searchsorted(masks, mask)
+        pattern = last if masks[last] <= mask else np.searchsorted(masks, mask)
         if masks[pattern] != mask:
             return place, height, mask
         height, moment = 0.0, 0.0
@@ -100,7 +130,7 @@ def first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
     """Return the first top of the smoothed samples from `start` on that is not below `least`, or the highest sample."""
     n, sample = samples.shape[0], max(start, 0)
     before = smoothed(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
-    here = smoothed(samples, sample)
+    here = smoothed(samples, min(sample, n - 1))
     while sample < n:
         after = smoothed(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
         if samples[sample] >= least and here >= before and here > after:
@@ -161,21 +191,14 @@ def first_pulses(
     start: np.ndarray,
     least: np.float32,
     clipped: np.ndarray,
-    rounds: np.ndarray,
-    half: int,
-    fwhm: float,
-    wanted: int,
-    masks: np.ndarray,
-    weights: np.ndarray,
+    matched: Filter,
     peaks: np.ndarray,
     place: np.ndarray,
     height: np.ndarray,
     unknown: np.ndarray,
 ) -> None:
-    """Fill peak, place and height (trace) of the first pulse from `start` (trace) on whose top is not below `least`.
-
-    `rounds` are those of a trace without clipped samples, and with.
-    """
+    """Fill peak, place and height (trace) of the first pulse from `start` (trace) on whose top is not below `least`."""
+    rounds, half, fwhm, wanted, (masks, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     for trace in range(samples.shape[0]):
         one = samples[trace]
@@ -249,7 +272,7 @@ def parted(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -
 def take_away(
     alone: np.ndarray, table: np.ndarray, from_step: float, steps_per_sample: float, place: float, height: float
 ) -> None:
-    """Take a pulse of this place [samples] and height off a trace; `from_step` is where its table begins after its peak."""
+    """Take the `Curve` of a pulse of this place [samples] and height off a trace."""
     for sample in range(alone.shape[0]):
         at = (sample - place) * steps_per_sample - from_step
         if 0.0 <= at < table.shape[0] - 2.0:
@@ -264,21 +287,15 @@ def all_pulses(
     threshold: np.float32,
     three_sigma: np.float32,
     height_weights: np.ndarray,
-    table: np.ndarray,
-    from_step: float,
-    steps_per_sample: float,
-    rounds: np.ndarray,
-    half: int,
-    fwhm: float,
-    wanted: int,
-    masks: np.ndarray,
-    weights: np.ndarray,
-    alive: np.ndarray,
-    place: np.ndarray,
-    height: np.ndarray,
+    curve: Curve,
+    matched: Filter,
+    pulses: Pulses,
     unknown: np.ndarray,
 ) -> None:
-    """Fill alive, place and height (trace, slot) of pulses above `threshold`, each fitted with the others taken away."""
+    """Fill `pulses` with those above `threshold`, each fitted with the others taken away."""
+    alive, place, height = pulses
+    table, from_step, steps_per_sample = curve
+    rounds, half, fwhm, wanted, (masks, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     n, most = samples.shape[1], alive.shape[1]
     statistic, alone, peaks = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(most, np.int64)
@@ -314,7 +331,16 @@ def all_pulses(
                     low, high = plateau(rail, trace, peak)
                     guess = 0.5 * (low + high) if high > low else peak + vertex(alone, peak)
                 place[trace, slot], height[trace, slot], missing = fit(
-                    alone, rail, trace, guess, rounds[int(rail.shape[0] > 0)], half, fwhm, wanted, masks, weights
+                    alone,
+                    rail,
+                    trace,
+                    guess,
+                    rounds[int(rail.shape[0] > 0)],
+                    half,
+                    fwhm,
+                    wanted,
+                    masks,
+                    weights,
                 )
                 unknown[trace] = max(unknown[trace], missing)
             if sweep == 1:

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
 
 
@@ -74,10 +74,10 @@ class Readout(Part):
         from rso_lidar.detector.readout_loops import store
 
         counts = np.empty((len(row), n), np.float32)
-        store(
-            np.ascontiguousarray(amplitude, np.float32),
-            np.ascontiguousarray(row, np.int64),
-            np.ascontiguousarray(first, np.int64),
+        stored = store(
+            packed(amplitude, np.float32),
+            packed(row, np.int64),
+            packed(first, np.int64),
             int(per_sample),
             np.float32(1.0 / self.electrons_per_count),
             (offset_counts + self.baseline_counts).astype(np.float32),
@@ -85,6 +85,7 @@ class Readout(Part):
             bool(self.quantised),
             counts,
         )
+        assert stored == len(row), "samples: some lie outside their rows"
         return counts
 
     def convert(self, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:

@@ -16,15 +16,20 @@ def store(
     full_scale: np.float32,
     quantised: bool,
     counts: np.ndarray,
-) -> None:
+) -> int:
     """Fill `counts` (trace, sample) with the converter's output of every `per_sample`th step from `first` of each `row`.
 
-    `offset_counts` (trace) holds the baseline and what a pixel adds to it.
+    `offset_counts` (trace) holds the baseline and what a pixel adds to it. Return how many traces were filled before one
+    that reaches beyond its row.
     """
     for trace in range(counts.shape[0]):
+        last = first[trace] + (counts.shape[1] - 1) * per_sample
+        if first[trace] < 0 or last >= amplitude.shape[1]:
+            return trace
         for sample in range(counts.shape[1]):
             electrons = amplitude[row[trace], first[trace] + sample * per_sample]
             count = electrons * counts_per_electron + offset_counts[trace]
             if quantised:
                 count = np.rint(count)
             counts[trace, sample] = min(max(count, np.float32(0.0)), full_scale)
+    return len(counts)

@@ -5,6 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.detector.presets import DEFAULT
 from rso_lidar.part import NotNegative, Part, Positive
 
@@ -123,20 +124,28 @@ def first_or_near(
 ) -> np.ndarray:
     """Return what `first_crossing` does, with NEAR for the rows in which `crossed_between` has anything to look at.
 
-    Compiled only. `primaries` (row, step) and `base_per_s` (row) make the noise: an rms of `quiet_electrons`, and of
-    `shot_electrons_rs` times the root of the rate [1/s]. `reach` is in units of that rms.
+    `primaries` (row, step) and `base_per_s` (row) make the noise: an rms of `quiet_electrons`, and of `shot_electrons_rs`
+    times the root of the rate [1/s]. `reach` is in units of that rms. Rows that were being armed are never near.
     """
+    if not compiled():
+        latch = first_crossing(amplitude, threshold, first, last, hysteresis=hysteresis, arming=arming)
+        some = np.flatnonzero((latch == NEVER) & ~arming)
+        rate_per_s = primaries[some] / step_s + base_per_s[some, None]
+        sigma = np.sqrt(quiet_electrons**2 + shot_electrons_rs**2 * rate_per_s)
+        watched = watched_steps(amplitude.shape[1], first[some], last[some])
+        latch[some[_near(amplitude[some], threshold[some], watched, reach * sigma).any(axis=1)]] = NEAR
+        return latch
     from rso_lidar.detector.trigger_loops import first_crossings
 
     latch = np.empty(len(amplitude), np.int64)
     first_crossings(
-        np.ascontiguousarray(amplitude, np.float32),
-        np.ascontiguousarray(primaries, np.float32),
-        np.ascontiguousarray(threshold, np.float32),
-        np.ascontiguousarray(base_per_s, np.float64),
-        np.ascontiguousarray(first, np.int64),
-        np.ascontiguousarray(last, np.int64),
-        np.ascontiguousarray(arming, np.bool_),
+        packed(amplitude, np.float32),
+        packed(primaries, np.float32),
+        packed(threshold, np.float32),
+        packed(base_per_s, np.float64),
+        packed(first, np.int64),
+        packed(last, np.int64),
+        packed(arming, np.bool_),
         np.float32(hysteresis),
         1.0 / float(step_s),
         float(quiet_electrons) ** 2,
@@ -167,10 +176,15 @@ def crossed_between(
 
     `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
     """
-    pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
-    near = pair > threshold[:, None] - bridge.reach * bridge.sigma * sigma[:, :-1]
-    row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
+    row, step = np.nonzero(_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
     crossed = bridge.heights(amplitude, mean, row, step, sigma[row, step], rng) >= threshold[row]
     result = np.full(len(amplitude), NEVER)
     result[row[crossed][::-1]] = step[crossed][::-1]  # the first of a row is written last
     return result
+
+
+def _near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Return whether each step or the next, both watched, comes within `reach` (row, step) of the threshold [electrons]."""
+    pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
+    near: np.ndarray = (pair > threshold[:, None] - reach[:, :-1]) & watched[:, :-1] & watched[:, 1:]
+    return near

@@ -5,9 +5,7 @@ import math
 import numpy as np
 
 from rso_lidar.arithmetic import loop
-
-NEVER = -1
-NEAR = -2
+from rso_lidar.detector.trigger import NEAR, NEVER
 
 
 @loop

@@ -16,7 +16,8 @@ from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Photons
 
 _AT_ONCE = 32_768  # returns, so that what is worked on stays in the cache
-_WIDEST = 1.5  # steps: a return of a deeper facet is cut into several
+_WIDEST = 1.5  # steps: a return of a deeper facet is cut into several ...
+MOST_PIECES = 4096  # ... and at most so many
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,7 @@ def _rows_by_loops(photons: Photons, plan: Plan, least_photons: float, sure_phot
         (float(least_photons), float(sure_photons)),
         made,
     )
+    assert n_rows >= 0, "rows: more than there is room for"
     pixel, start, first = made[:, :n_rows].copy()
     return Rows(pixel, start, first, np.full(n_rows, plan.before + plan.watched), plan.length, plan.room)
 
@@ -178,7 +180,7 @@ def _cut(
     weight: np.ndarray, centre: np.ndarray, spread: np.ndarray, pixel: np.ndarray, deep: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Return the returns with those that are deeper than a few steps cut into equal pieces, put at the end."""
-    pieces = np.minimum(np.ceil(spread[deep] / _WIDEST), 4096).astype(np.int64)
+    pieces = np.minimum(np.ceil(spread[deep] / _WIDEST), MOST_PIECES).astype(np.int64)
     of = np.repeat(deep, pieces)
     number = np.arange(len(of)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     pieces = np.repeat(pieces, pieces)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from rso_lidar.arithmetic import loop
+from rso_lidar.detector.waveform import MOST_PIECES
 
 
 @loop
@@ -18,7 +19,7 @@ def rows_of(
     enough: tuple[float, float],
     made: np.ndarray,
 ) -> int:
-    """Return how many rows there are, written to the columns pixel, start and first of `made` (3, row).
+    """Return how many rows there are, written to pixel, start and first of `made` (3, row); -1 where they do not fit.
 
     Parameters
     ----------
@@ -46,6 +47,8 @@ def rows_of(
                     begin_s = min(begin_s, at_s - half_s - rise_s)
             if begin_s == math.inf:
                 break
+            if n_rows == made.shape[1]:
+                return -1
             begin = math.floor(max(begin_s, covered_s) / step_s + 1e-9)
             watched = begin // per_sample * per_sample  # rows begin on a sample, so that samples fall on steps
             made[0, n_rows], made[1, n_rows], made[2, n_rows] = pixel[first], watched - before, begin - watched + before
@@ -79,7 +82,7 @@ def shared(
     grid: np.ndarray,
 ) -> None:
     """Add each return to the steps of its pixel's rows in `grid`, by cubic interpolation; none begins after step `last`."""
-    n_rows, row, steps_per_s = len(row_pixel), 0, 1.0 / step_s
+    n_rows, row, steps_per_s, last = len(row_pixel), 0, 1.0 / step_s, min(last, grid.shape[1] - 3)
     for k in range(len(pixel)):
         while row < n_rows and row_pixel[row] < pixel[k]:
             row += 1
@@ -87,7 +90,7 @@ def shared(
             break
         depth, sixth, pieces = depth_spread_s[k] * steps_per_s, photons[k] * (1.0 / 6.0), 1
         if depth > widest:
-            pieces = min(math.ceil(depth / widest), 4096)
+            pieces = min(math.ceil(depth / widest), MOST_PIECES)
             depth /= pieces
             sixth /= pieces
         variance = depth * depth * (1.0 / 12.0)

@@ -4,7 +4,7 @@
 >>> folder = tempfile.TemporaryDirectory()
 >>> save(pathlib.Path(folder.name) / "approach.h6", [])
 Traceback (most recent call last):
-rso_lidar.errors.RecordingError: ...approach.h6: unknown suffix '.h6'; did you mean '.h5'? (known: .h5, .hdf5)
+rso_lidar.errors.RecordingError: ...approach.h6: unknown suffix '.h6'; did you mean '.h5'? (known: .h5, .hdf5, ...)
 >>> folder.cleanup()
 """
 
@@ -13,8 +13,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.formats import format_for, writer_for
 from rso_lidar.export.hdf5_file import TEMPORARY
 from rso_lidar.export.kept import PhotonImage, check_kept
 from rso_lidar.export.recorder import SUFFIXES, Recorder, check_output, run_id
@@ -30,31 +32,32 @@ __all__ = [
     "Stored",
     "check_kept",
     "check_output",
+    "format_for",
     "open",
     "run_id",
     "save",
+    "writer_for",
 ]
 
 
-def save(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+def save(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
+) -> Path:
     """Return the path of the recording after writing frames to it, one at a time as they come.
 
-    The suffix picks the writer (.h5 or .hdf5). The file appears under its name when it is complete. What the frames have
-    is recorded: all returns of a pixel, kept waveforms, photons and oversampled images, a lens that changes.
+    The suffix picks the format: .h5 is a recording that `open` reads and that holds all the frames have; what the others
+    keep stands in docs/exports.md. .zarr, .pcd, .ply and .bop name folders. What is written appears under its name when it
+    is complete.
+
+    Parameters
+    ----------
+    path : of the file or folder.
+    frames : taken one at a time as they come, from `simulate` or `open`.
+    overwrite : replace an older one.
+    format : by name, where the suffix does not say it.
+    options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
     """
-    output = check_output(path, overwrite=overwrite)
-    coming = iter(frames)
-    first = next(coming, None)
-    if first is None:
-        raise RecordingError(f"{output}: there were no frames to record; check the choice of frames")
-    source = first.source
-    named = run_id(source, "", source.versions.get("rso_lidar", ""))
-    with Recorder(output, source, run_id=named, overwrite=overwrite, changing_lens=None) as recorder:
-        recorder.write(first)
-        del first
-        for frame in coming:
-            recorder.write(frame)
-    return output
+    return writer_for(format or Path(path))(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:

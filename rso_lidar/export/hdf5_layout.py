@@ -23,7 +23,7 @@ AXES = (
     "inertial: GCRS, or the root of a local world. lidar: +z boresight, +x right (columns grow with it), +y down (rows "
     "grow with it). A point is range * line_of_sight, in lidar axes."
 )
-_SCALES = {  # what the coordinate of a dimension means
+SCALES = {  # what the coordinate of a dimension means
     "row": "row of the focal plane, 0 at the top",
     "col": "column of the focal plane, 0 at the left",
     "return": "number of the return in its pixel, 0 the nearest",
@@ -43,9 +43,9 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     if changing_lens:
         found["lens"] = Variable("lens", LENS, ())
         more.append("lens")
-    _root_attributes(file, source)
+    _attributes(file, root_attributes(source))
     _attributes(file, {"optional_datasets": json.dumps(more)})
-    scales = {"time": _dataset(file, found["time"], _time_attributes(source.start_utc))}
+    scales = {"time": _dataset(file, found["time"], time_attributes(source.start_utc))}
     scales["time"].make_scale("time")
     scales |= {dim: _scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
     for dim, size, meaning in (("xyz", 3, "x, y, z"), ("quaternion", 4, "x, y, z, w")):
@@ -55,11 +55,7 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     _lay_out_line_of_sight(file, frame, scales, changing_lens)
     for path, variable in found.items():
         if path != "time":
-            extra: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
-            if path == "labels/target" and source.targets:
-                extra["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
-                extra["flag_meanings"] = " ".join(target.name for target in source.targets)
-            made = _dataset(file, variable, extra)
+            made = _dataset(file, variable, array_attributes(variable, source))
             _attach(made, ("time", *variable.spec.dims), scales | _own_scales(made, variable, scales))
     for name, parent in parents(frame).items():
         _attributes(file[f"truth/{name}"], {"parent": parent})
@@ -96,7 +92,7 @@ def _own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> 
 
 def _scale(group: Any, dim: str, size: int) -> Any:
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4")
-    _attributes(made, {"units": "1", "long_name": _SCALES[dim]})
+    _attributes(made, {"units": "1", "long_name": SCALES[dim]})
     made.make_scale(dim)
     return made
 
@@ -133,9 +129,21 @@ def _attributes(place: Any, attributes: Mapping[str, Any]) -> None:
             place.attrs.create(name, value, dtype=np.asarray(value).dtype)
 
 
-def _root_attributes(file: Any, source: Source) -> None:
+def array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
+    """Return the CF attributes of an array that grows by one entry a frame."""
+    if variable.path == "time":
+        return dict(time_attributes(source.start_utc))
+    found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
+    if variable.path == "labels/target" and source.targets:
+        found["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
+        found["flag_meanings"] = " ".join(target.name for target in source.targets)
+    return found
+
+
+def root_attributes(source: Source) -> dict[str, Any]:
+    """Return the attributes of a recording as a whole."""
     seed: Any = np.int64(source.seed) if abs(source.seed) < 2**63 else str(source.seed)
-    attributes = {
+    return {
         "Conventions": "CF-1.11",
         "title": source.title,
         "schema_version": np.int64(SCHEMA_VERSION),
@@ -148,10 +156,9 @@ def _root_attributes(file: Any, source: Source) -> None:
         "quaternion_order": "xyzw",
         "axes": AXES,
     }
-    _attributes(file, attributes)
 
 
-def _time_attributes(start_utc: str) -> dict[str, str]:
+def time_attributes(start_utc: str) -> dict[str, str]:
     """Return the CF attributes of /time; its units name the start without an offset, as netCDF tools like it."""
     try:
         start = datetime.datetime.fromisoformat(start_utc)

@@ -8,6 +8,25 @@ from pathlib import Path
 from rso_lidar.errors import RecordingError, RunError
 
 
+def held(path: Path) -> bool | None:
+    """Return whether a running process holds a lock; None where the system cannot tell."""
+    try:
+        import fcntl
+    except ImportError:  # pragma: no cover - not POSIX
+        return None
+    try:
+        descriptor = os.open(path, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
 class Lock:
     """Keeps a second run of the same recording away while this one writes; a killed run's lock falls with it."""
 

@@ -64,11 +64,11 @@ class Stored:
 class Frames(Sequence[Frame]):
     """Some frames of a recording, read when asked for."""
 
-    def __init__(self, recording: Recording, places: range) -> None:
-        self._recording, self._places = recording, places
+    def __init__(self, recording: Recording, places: Sequence[int]) -> None:
+        self.recording, self.places = recording, places
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self.places)
 
     @overload
     def __getitem__(self, k: int) -> Frame: ...
@@ -76,5 +76,5 @@ class Frames(Sequence[Frame]):
     def __getitem__(self, k: slice) -> Frames: ...
     def __getitem__(self, k: int | slice) -> Frame | Frames:
         if isinstance(k, slice):
-            return Frames(self._recording, self._places[k])
-        return self._recording[self._places[k]]
+            return Frames(self.recording, self.places[k])
+        return self.recording[self.places[k]]

@@ -84,7 +84,7 @@ def _blurred_by_loops(
     cores, fars = _cores_and_fars(receiver, wavelength_m, sub, tuple(numbers.tolist()))
     number = np.zeros(zones * zones, np.int64)
     number[numbers] = np.arange(len(numbers))
-    pixel, delay_s, light_photons, spread_s, modes, hit = (
+    pixel, delay_s, light_photons, spread_s, coherence_cells, hit = (
         packed(getattr(light, name)) for name in Light.__dataclass_fields__
     )
     order, starts = grouped(pixel, delay_s, _BIN_FWHM * pulse_fwhm_s)
@@ -93,7 +93,7 @@ def _blurred_by_loops(
         delay_s,
         light_photons,
         spread_s,
-        modes,
+        coherence_cells,
         hit,
         order,
         starts,
@@ -203,9 +203,9 @@ def _spread(
             home += np.where(little & on, sent, 0.0)
             kept = np.flatnonzero(on & ~little)
             mean_s = np.add.reduceat(photons * share * delay_s, starts)[kept] / sent[kept]
-            modes = np.add.reduceat(cells * share, starts)[kept]
+            coherence_cells = np.add.reduceat(cells * share, starts)[kept]
             to = (pixel + down * receiver.n_cols + across)[kept]
-            made.append(Light(to, mean_s, sent[kept], spread_s[kept], modes, hit[kept]))
+            made.append(Light(to, mean_s, sent[kept], spread_s[kept], coherence_cells, hit[kept]))
     weight = np.where(np.add.reduceat(photons, starts)[np.cumsum(_marks(starts, len(order))) - 1] > 0.0, photons, 1.0)
     mean_s = np.add.reduceat(weight * delay_s, starts) / np.add.reduceat(weight, starts)
     if far is not None:
@@ -214,8 +214,8 @@ def _spread(
         cast, stays = _far_light(sources, far, receiver, _SLAB_FWHM * pulse_fwhm_s)
         home += stays
         made += cast
-    modes = np.add.reduceat(cells * near[:, reach, reach], starts)
-    return [Light(pixel, mean_s, home, spread_s, modes, hit), *made]
+    coherence_cells = np.add.reduceat(cells * near[:, reach, reach], starts)
+    return [Light(pixel, mean_s, home, spread_s, coherence_cells, hit), *made]
 
 
 def _marks(starts: np.ndarray, n: int) -> np.ndarray:
@@ -251,9 +251,16 @@ def _far_light(sources: Light, kernel: np.ndarray, receiver: Receiver, slab_s: f
         delay_s = float((sources.photons[of] * sources.delay_s[of]).sum()) / total
         same = np.ones(len(pixel))
         brightest = of[int(sources.photons[of].argmax())]
-        modes = np.full(len(pixel), 1e3)  # light from many pixels: its speckle averages out
+        coherence_cells = np.full(len(pixel), 1e3)  # light from many pixels: its speckle averages out
         cast.append(
-            Light(pixel, delay_s * same, photons, slab_s * same, modes, np.full(len(pixel), sources.hit[brightest]))
+            Light(
+                pixel,
+                delay_s * same,
+                photons,
+                slab_s * same,
+                coherence_cells,
+                np.full(len(pixel), sources.hit[brightest]),
+            )
         )
     return cast, stays
 

@@ -7,10 +7,6 @@ import numpy as np
 from rso_lidar.arithmetic import loop
 
 RUN = 16  # so many are sorted by insertion
-# Where the light of a return comes from is one number: a group and one of its offsets, or what comes from far and the last.
-SLOTS_LOG2 = 5
-SLOTS = 1 << SLOTS_LOG2
-FROM_FAR = SLOTS - 1
 
 
 @loop
@@ -93,7 +89,7 @@ def spread(
     delay_s: np.ndarray,
     photons: np.ndarray,
     spread_s: np.ndarray,
-    modes: np.ndarray,
+    coherence_cells: np.ndarray,
     hit: np.ndarray,
     order: np.ndarray,
     starts: np.ndarray,
@@ -108,8 +104,8 @@ def spread(
     """Return of each group the pixel, brightest hit, depth spread and light that goes far; and where the rest goes.
 
     `shares` (zone, sub-cell, offset) tells where the light of a ray lands, `zone` which of its zones holds at a place of
-    the field cut `zones` x `zones`. Where it goes (group, offset): photons, mean delay, modes. A return of fewer photons
-    than `least` is not made: its light stays in the group's own pixel, the middle offset.
+    the field cut `zones` x `zones`. Where it goes (group, offset): photons, mean delay, cells of coherence. A return of
+    fewer photons than `least` is not made: its light stays in the group's own pixel, the middle offset.
     """
     n_groups, n_offsets = len(starts) - 1, shares.shape[2]
     side = int(math.sqrt(n_offsets) + 0.5)
@@ -121,9 +117,9 @@ def spread(
         first = order[starts[g]]
         row, col = pixel[first] // n_cols, pixel[first] % n_cols
         share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
-        sent, sent_s, sent_modes = near[0][g], near[1][g], near[2][g]
+        sent, sent_s, sent_cells = near[0][g], near[1][g], near[2][g]
         # Moments of delay about the first: by light for the width, by rays where all are dark for the mean.
-        light, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
+        light, light_s, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
         for k in range(starts[g], starts[g + 1]):
             r = order[k]
             n, apart = photons[r], delay_s[r] - delay_s[first]
@@ -132,7 +128,7 @@ def spread(
             for j in range(n_offsets):
                 sent[j] += n * cell[j]
                 sent_s[j] += n * cell[j] * apart
-                sent_modes[j] += modes[r] * cell[j]
+                sent_cells[j] += coherence_cells[r] * cell[j]
             for j in range(n_offsets):
                 caught += cell[j]
             gone += n * max(1.0 - caught, 0.0)
@@ -141,6 +137,7 @@ def spread(
             early += weight * apart
             square += weight * (apart * apart + spread_s[r] * spread_s[r] / 12.0)
             light += n
+            light_s += n * apart
             dark_s += apart
             if n > photons[best]:
                 best = r
@@ -153,7 +150,7 @@ def spread(
                     sent[middle] += sent[j]
                     sent[j] = 0.0
                 j += 1
-        sent_s[middle] = delay_s[first] + (early / total if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
+        sent_s[middle] = delay_s[first] + (light_s / light if light > 0.0 else dark_s / (starts[g + 1] - starts[g]))
         width_s[g] = math.sqrt(max(12.0 * (square / total - (early / total) * (early / total)), 0.0))
         at[g], brightest[g], away[g] = pixel[first], hit[best], gone
     return at, brightest, width_s, away, near
@@ -186,12 +183,17 @@ def gathered(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return light ordered by pixel and delay: in each pixel what stays there, what comes from near, and what from far.
 
-    Groups of light are as `spread` returns them; `far` is pixel, delay, photons, depth spread, modes and hit.
+    Groups of light are as `spread` returns them; `far` is pixel, delay, photons, depth spread, cells of coherence and hit.
     """
-    sent, sent_s, sent_modes = near
+    sent, sent_s, sent_cells = near
     n_groups, n_offsets = sent.shape
     side = int(math.sqrt(n_offsets) + 0.5)
     reach, middle = side // 2, n_offsets // 2
+    # Where the light of a return comes from is one number: a group and one of its offsets, or what comes from far and a slot
+    # behind those.
+    slots_log2, from_far = 0, n_offsets
+    while 1 << slots_log2 <= from_far:
+        slots_log2 += 1
     begins = by_pixel(at, n_rows * n_cols)[1]
     far_order, far_begins = by_pixel(far[0], n_rows * n_cols)
     n = n_groups + len(far_order)
@@ -205,13 +207,13 @@ def gathered(
         top, bottom, left, right = 0, n_rows, 0, n_cols
     source, delay_s, spare = np.empty(n, np.int64), np.empty(n), (np.empty(n, np.int64), np.empty(n))
     pixel, hit = np.empty(n, np.int32), np.empty(n, np.int32)
-    photons, spread_s, modes = np.empty(n), np.empty(n), np.empty(n)
+    photons, spread_s, coherence_cells = np.empty(n), np.empty(n), np.empty(n)
     made = 0
     for row in range(max(top, 0), min(bottom + 1, n_rows)):
         for col in range(max(left, 0), min(right + 1, n_cols)):
             p, start = row * n_cols + col, made
             for g in range(begins[p], begins[p + 1]):
-                source[made], delay_s[made] = g * SLOTS + middle, sent_s[g, middle]
+                source[made], delay_s[made] = (g << slots_log2) + middle, sent_s[g, middle]
                 made += 1
             j = 0
             for down in range(row + reach, row - reach - 1, -1):
@@ -220,18 +222,23 @@ def gathered(
                         q = down * n_cols + across
                         for g in range(begins[q], begins[q + 1]):
                             if sent[g, j] > 0.0:
-                                source[made], delay_s[made] = g * SLOTS + j, sent_s[g, j]
+                                source[made], delay_s[made] = (g << slots_log2) + j, sent_s[g, j]
                                 made += 1
                     j += 1
             for k in range(far_begins[p], far_begins[p + 1]):
-                source[made], delay_s[made] = far_order[k] * SLOTS + FROM_FAR, far[1][far_order[k]]
+                source[made], delay_s[made] = (far_order[k] << slots_log2) + from_far, far[1][far_order[k]]
                 made += 1
             if made - start > 1:
                 sort_by(delay_s, source, spare, start, made)
             for k in range(start, made):
-                g, j, pixel[k] = source[k] >> SLOTS_LOG2, source[k] & (SLOTS - 1), p
-                if j == FROM_FAR:
-                    photons[k], spread_s[k], modes[k], hit[k] = far[2][g], far[3][g], far[4][g], far[5][g]
+                g, j, pixel[k] = source[k] >> slots_log2, source[k] & ((1 << slots_log2) - 1), p
+                if j == from_far:
+                    photons[k], spread_s[k], coherence_cells[k], hit[k] = far[2][g], far[3][g], far[4][g], far[5][g]
                 else:
-                    photons[k], spread_s[k], modes[k], hit[k] = sent[g, j], width_s[g], sent_modes[g, j], brightest[g]
-    return pixel[:made], delay_s[:made], photons[:made], spread_s[:made], modes[:made], hit[:made]
+                    photons[k], spread_s[k], coherence_cells[k], hit[k] = (
+                        sent[g, j],
+                        width_s[g],
+                        sent_cells[g, j],
+                        brightest[g],
+                    )
+    return pixel[:made], delay_s[:made], photons[:made], spread_s[:made], coherence_cells[:made], hit[:made]

@@ -10,7 +10,8 @@ from rso_lidar.optics.lens import Light, blurred
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits, Photons
 
-FOOTPRINTS = {"square": 0, "as_printed": 0, "circle": 1, "gaussian": 2}  # that a loop knows, by its numbers for them
+SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints that a loop knows
+FOOTPRINTS = {"square": SQUARE, "as_printed": SQUARE, "circle": CIRCLE, "gaussian": GAUSSIAN}
 
 
 def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:

@@ -7,6 +7,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.arithmetic import loop
 from rso_lidar.optics.lens_loops import sort_by
+from rso_lidar.optics.radiometry import CIRCLE, SQUARE
 
 LIGHT = units.SPEED_OF_LIGHT_M_S
 RANGE_PER_DELAY = units.RANGE_PER_DELAY_M_S
@@ -32,18 +33,18 @@ def returned(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return delay [s], photons, depth spread [s], coherence cells and whether it is lit, for each hit.
 
-    `footprint` is 0 for a square, 1 for a circle, 2 for a Gaussian; `density` its photons per unit area on the axis.
+    `footprint` is SQUARE, CIRCLE or GAUSSIAN; `density` its photons per unit area on the axis.
     """
     n = len(ray)
-    delay_s, photons, spread_s, modes = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    delay_s, photons, spread_s, coherence_cells = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     lit = np.empty(n, np.bool_)
     for k in range(n):
         r, distance, cosine = ray[k], range_m[k], cos_incidence[k]
         across, down, cos_axis = x[r], y[r], z[r]
         edge = half_width * cos_axis
-        if footprint == 0:
+        if footprint == SQUARE:
             b = density if abs(across) <= edge and abs(down) <= edge else 0.0
-        elif footprint == 1:
+        elif footprint == CIRCLE:
             b = density if across * across + down * down <= edge * edge else 0.0
         else:
             b = density * math.exp(-2.0 * (across * across + down * down) / (edge * edge))
@@ -52,9 +53,9 @@ def returned(
         steep = max(cosine, 1e-3)
         tangent_share = math.sqrt(weight[k] * max(1.0 - steep * steep, 0.0)) / steep
         spread_s[k] = distance * (ifov / RANGE_PER_DELAY) * tangent_share if cosine > 0.0 else 0.0
-        modes[k] = seen[k] * (cells * cos_axis * cos_axis * cos_axis)
+        coherence_cells[k] = seen[k] * (cells * cos_axis * cos_axis * cos_axis)
         lit[k] = b > 0.0 and cosine > 0.0
-    return delay_s, photons, spread_s, modes, lit
+    return delay_s, photons, spread_s, coherence_cells, lit
 
 
 @loop

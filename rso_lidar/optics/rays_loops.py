@@ -72,28 +72,25 @@ def parts(
 
     Parts in the hole (first row, one past the last, first col, one past the last) are left out.
     """
-    fine, found = k * grid, 0
-    for i in range(block.shape[0]):
-        r = i + origin[0]
-        for j in range(block.shape[1]):
-            if block[i, j] != 0:
-                c = j + origin[1]
-                if owner[r // grid - window[0], c // grid - window[1]] != mine or (
-                    hole[0] <= r < hole[1] and hole[2] <= c < hole[3]
-                ):
-                    block[i, j] = 0
-                else:
-                    found += 1
-    col, row, pixel = np.empty(found), np.empty(found), np.empty(found, dtype=np.int32)
-    n = 0
-    for i in range(block.shape[0]):
-        r = i + origin[0]
-        for j in range(block.shape[1]):
-            if block[i, j] != 0:
-                c = j + origin[1]
-                col[n], row[n], pixel[n] = (c + 0.5) / fine, (r + 0.5) / fine, r // fine * n_cols + c // fine
-                n += 1
-    return col, row, pixel
+    fine, most, found = k * grid, 0, 0
+    for down in range(block.shape[0]):
+        for across in range(block.shape[1]):
+            most += block[down, across] != 0
+    at_col, at_row, pixel = np.empty(most), np.empty(most), np.empty(most, dtype=np.int32)
+    for down in range(block.shape[0]):
+        row = down + origin[0]
+        for across in range(block.shape[1]):
+            col = across + origin[1]
+            if (
+                block[down, across] == 0
+                or owner[row // grid - window[0], col // grid - window[1]] != mine
+                or (hole[0] <= row < hole[1] and hole[2] <= col < hole[3])
+            ):
+                continue
+            at_col[found], at_row[found] = (col + 0.5) / fine, (row + 0.5) / fine
+            pixel[found] = row // fine * n_cols + col // fine
+            found += 1
+    return at_col[:found], at_row[:found], pixel[:found]
 
 
 @loop
@@ -113,9 +110,9 @@ def laid(
     rows, cols = owner.shape[0] // k, owner.shape[1] // k
     first_row, first_col = window[0] // k, window[1] // k
     made = len(pixel_fine)
-    for i in range(owner.shape[0]):
-        for j in range(owner.shape[1]):
-            made += owner[i, j] == 0
+    for cell_row in range(owner.shape[0]):
+        for cell_col in range(owner.shape[1]):
+            made += owner[cell_row, cell_col] == 0
     begins, order = sorted_by(pixel_fine, n_cols, first_row, first_col, rows, cols)
     direction, pixels, weight = np.empty((3, made)), np.empty(made, dtype=np.int32), np.empty(made)
     x, y, z = direction[0], direction[1], direction[2]
@@ -125,11 +122,11 @@ def laid(
         begin = n
         for col in range(cols):
             pixel, before = (first_row + row) * n_cols + first_col + col, n
-            for i in range(row * k, row * k + k):
-                x_at, y_at = x_of[many_x * (window[0] + i)], y_of[window[0] + i]
-                for j in range(col * k, col * k + k):
-                    if owner[i, j] == 0:
-                        x[n], y[n], pixels[n] = x_at[window[1] + j], y_at[many_y * (window[1] + j)], pixel
+            for cell_row in range(row * k, row * k + k):
+                x_at, y_at = x_of[many_x * (window[0] + cell_row)], y_of[window[0] + cell_row]
+                for cell_col in range(col * k, col * k + k):
+                    if owner[cell_row, cell_col] == 0:
+                        x[n], y[n], pixels[n] = x_at[window[1] + cell_col], y_at[many_y * (window[1] + cell_col)], pixel
                         n += 1
             for m in range(before, n):
                 weight[m] = share

@@ -11,8 +11,8 @@ from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.picture.sequence import pick, started
-from rso_lidar.picture.sight import Sight, dark_spans_s, sight, sights
 from rso_lidar.records import Frame, PtuAngles, Truth
+from rso_lidar.sight import Sight, dark_spans_s, sight, sights
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from rso_lidar.errors import RecordingError
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, MARK, PARTS, QUIET, hexed
 from rso_lidar.picture.sequence import evenly
-from rso_lidar.picture.sight import dark_spans_s
 from rso_lidar.records import BodyState, Truth
+from rso_lidar.sight import dark_spans_s
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
 
 if TYPE_CHECKING:

@@ -153,12 +153,19 @@ class Scenario(Part):
             found.check()
         return found
 
-    @cached_property
+    @property
     def source(self) -> Source:
-        """Return what every frame carries of where it comes from."""
-        from rso_lidar.scenario.source import source_of
+        """Return what every frame carries of where it comes from, the arithmetic in force included."""
+        from rso_lidar.scenario.source import arithmetic_in_words, source_of
 
-        return source_of(self)
+        made_by = arithmetic_in_words()
+        if made_by not in self._sources:
+            self._sources[made_by] = source_of(self)
+        return self._sources[made_by]
+
+    @cached_property
+    def _sources(self) -> dict[str, Source]:
+        return {}
 
     @property
     def span(self) -> tuple[datetime.datetime, float]:

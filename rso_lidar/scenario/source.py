@@ -16,6 +16,7 @@ from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.files import files_of
+from rso_lidar.scene.packets import engine
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target
@@ -34,7 +35,7 @@ def source_of(scenario: Scenario) -> Source:
         seed=scenario.seed,
         versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in _LIBRARIES}
-        | {"arithmetic": arithmetic.name()},
+        | {"arithmetic": arithmetic_in_words()},
         targets=tuple(
             TargetEntry(
                 name=target.name,
@@ -47,6 +48,12 @@ def source_of(scenario: Scenario) -> Source:
             for target, surface in _meshes(scenario)
         ),
     )
+
+
+def arithmetic_in_words() -> str:
+    """Return how the busiest stages are worked out, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
+    found = engine()
+    return arithmetic.name() + (f" with packets of {found.width} rays" if found else "")
 
 
 def resolved(scenario: Scenario) -> str:

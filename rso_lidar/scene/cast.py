@@ -8,13 +8,11 @@ there are. The loops of `cast_loops.py` do it in packets, all targets at once; b
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +21,13 @@ from rso_lidar import pose
 from rso_lidar.arithmetic import packed
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene import packets
+from rso_lidar.scene.bands import BAND_RAYS, NEAREST_M, at_once, bands_of
 from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.light import from_laser, from_sun, seen
 from rso_lidar.scene.surface import Surface
 
-_BAND_RAYS = 8_192  # half a millisecond of casting in packets: long against the hand-over to a thread
+if TYPE_CHECKING:
+    from rso_lidar.scene.cast_loops import Targets
 
 
 def cast(
@@ -117,8 +117,8 @@ def _relit(
 
     pieces = []
     for k, of_surface in _by_surface(number, len(surfaces)):
-        pieces += [(k, of_surface[start : start + _BAND_RAYS]) for start in range(0, len(of_surface), _BAND_RAYS)]
-    _at_once(threads, lambda piece: light(*piece), pieces)
+        pieces += [(k, of_surface[start : start + BAND_RAYS]) for start in range(0, len(of_surface), BAND_RAYS)]
+    at_once(threads, lambda piece: light(*piece), pieces)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)
 
 
@@ -138,31 +138,18 @@ class _First(NamedTuple):
     brdf_per_sr: np.ndarray
 
 
-class _Targets(NamedTuple):
-    """All surfaces as the loops want them: scenes by address, spheres (target, centre and radius), facets in one row."""
-
-    scenes: tuple[packets.PacketScene, ...]
-    address: np.ndarray
-    sphere: np.ndarray
-    number: np.ndarray
-    first_facet: np.ndarray
-    planes: np.ndarray
-    part: np.ndarray
-    source_facet: np.ndarray
-    matt_per_sr: np.ndarray
-
-
 @lru_cache(maxsize=4)
-def _targets(surfaces: tuple[Surface, ...], engine: packets.Engine) -> _Targets:
-    """Return the surfaces of a scenario as the loops want them, once for all its frames."""
+def _targets(surfaces: tuple[Surface, ...], engine: packets.Engine) -> tuple[tuple[packets.PacketScene, ...], Targets]:
+    """Return the surfaces of a scenario as the loops want them, once for all its frames, and the scenes that these name."""
+    from rso_lidar.scene.cast_loops import Targets
+
     scenes = tuple(surface.packets(engine) for surface in surfaces)
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
 
     def row(columns: list[np.ndarray], dtype: type, shape: tuple[int, ...] = (0,)) -> np.ndarray:
         return np.concatenate([np.empty(shape), *columns]).astype(dtype)
 
-    return _Targets(
-        scenes,
+    return scenes, Targets(
         np.array([scene.address for scene in scenes], dtype=np.int64),
         np.array([[*surface.sphere[0], surface.sphere[1]] for surface in surfaces]).reshape(-1, 4),
         _numbers(surfaces),
@@ -184,41 +171,23 @@ def _in_packets(
     rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: packets.Engine
 ) -> _First:
     """Return the first hits on all surfaces, by the loops."""
-    from rso_lidar.scene.cast_loops import cast_rays
+    from rso_lidar.scene.cast_loops import Columns, cast_rays
 
-    targets = _targets(tuple(surfaces), engine)
+    _held, targets = _targets(tuple(surfaces), engine)  # scenes are good while they are held
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
     for k, surface in enumerate(surfaces):
         origin[k], turn[k] = truth.poses.place(surface.name, "lidar")
-    direction, pixel, weight = packed(rays.direction.T), packed(rays.pixel), packed(rays.weight)
+    columns = Columns(packed(rays.direction.T), packed(rays.pixel), packed(rays.weight))
 
     def meet(band: slice) -> tuple[np.ndarray, ...]:
-        return cast_rays(
-            direction,
-            pixel,
-            weight,
-            band.start,
-            band.stop,
-            origin,
-            turn,
-            targets.address,
-            targets.sphere,
-            targets.number,
-            targets.first_facet,
-            targets.planes,
-            targets.part,
-            targets.source_facet,
-            targets.matt_per_sr,
-            engine.intersect,
-            engine.width,
-        )
+        return cast_rays(columns, band.start, band.stop, targets, origin, turn, engine.intersect, engine.width)
 
     n_rays = len(rays.pixel)
-    bands = [slice(start, min(start + _BAND_RAYS, n_rays)) for start in range(0, n_rays, _BAND_RAYS)]
+    bands = [slice(start, min(start + BAND_RAYS, n_rays)) for start in range(0, n_rays, BAND_RAYS)]
     if threads == 1 or len(bands) < 2:
         first = _First(*meet(slice(0, n_rays)))
     else:
-        pieces = _at_once(threads, meet, bands)
+        pieces = at_once(threads, meet, bands)
         first = _First(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
     matt = [all(isinstance(material, Lambertian) for material in surface.materials) for surface in surfaces]
     if not all(matt):
@@ -280,10 +249,10 @@ def _met(rays: Rays, surface: Surface, truth: Truth, threads: int | None, *, alo
     if not alone:
         aimed = _aimed(rays, surface, target_from_lidar)
         direction, pixel = direction[aimed], pixel[aimed]
-    bands = _bands(pixel, rays.shape[1])
+    bands = bands_of(pixel, rays.shape[1])
     meet = partial(_meet, surface, target_from_lidar, direction)
     several = threads != 1 and len(bands) > 1
-    found = _at_once(threads, meet, bands) if several else [meet(slice(0, len(pixel)))]
+    found = at_once(threads, meet, bands) if several else [meet(slice(0, len(pixel)))]
     met = _Met(*(np.concatenate(column) if len(found) > 1 else column[0] for column in zip(*found, strict=True)))
     return met if aimed is None else met._replace(ray=aimed[met.ray])
 
@@ -303,27 +272,6 @@ def _nearest(met: Sequence[_Met], n_rays: int) -> tuple[np.ndarray, ...]:
     return ray, number[ray], facet[ray], range_m[ray], cosine[ray]
 
 
-def _at_once(threads: int | None, work: Callable[[Any], Any], pieces: Sequence[Any]) -> list[Any]:
-    """Return what work makes of each piece, `threads` at once (None: one for each core); the one that asks is one of them.
-
-    It begins at the end, the others at the beginning: for few pieces nobody waits for a thread to wake up.
-    """
-    helpers = min(threads or os.cpu_count() or 1, len(pieces)) - 1
-    if helpers < 1:
-        return [work(piece) for piece in pieces]
-    begun = [_pool(helpers).submit(work, piece) for piece in pieces]
-    made = [
-        work(piece) if future.cancel() else future.result()
-        for future, piece in zip(begun[::-1], pieces[::-1], strict=True)
-    ]
-    return made[::-1]
-
-
-@lru_cache(maxsize=8)
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=threads, thread_name_prefix="cast")
-
-
 def _aimed(rays: Rays, surface: Surface, target_from_lidar: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the rays that pass the sphere about a target."""
     (centre, radius), (origin, rotation) = surface.sphere, target_from_lidar
@@ -336,16 +284,6 @@ def _aimed(rays: Rays, surface: Surface, target_from_lidar: tuple[np.ndarray, np
     reach = sine * math.sqrt(2.0 / (1.0 + math.sqrt(1.0 - sine**2)))
     apart2 = ((rays.direction - toward / distance_m) ** 2).sum(axis=1)
     return np.flatnonzero(apart2 <= (1.0 + 1e-6) * reach**2 + 1e-24)
-
-
-def _bands(pixel: np.ndarray, n_cols: int) -> list[slice]:
-    """Return slices of rays that each hold whole rows of pixels, of some `_BAND_RAYS` rays."""
-    edges = [0]
-    while edges[-1] < len(pixel):
-        last = min(edges[-1] + _BAND_RAYS, len(pixel)) - 1
-        next_row = (pixel[last] // n_cols + 1) * n_cols
-        edges.append(int(np.searchsorted(pixel, next_row)))
-    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def _meet(
@@ -376,7 +314,9 @@ def _meet(
     # is good to some 1e-6 of the target's size; a thousand times that apart, the ray is within 1e-3 rad of the plane.
     grazing = ~(np.abs(exact - rough) <= 1e-3 * (1.0 + 2.0 * radius))
     range_m = np.where(grazing, rough, exact)
-    return ray + (band.start or 0), facet, range_m, np.minimum(np.abs(cosine), 1.0)
+    apart = range_m > NEAREST_M
+    found = ray + (band.start or 0), facet, range_m, np.minimum(np.abs(cosine), 1.0)
+    return found if apart.all() else tuple(column[apart] for column in found)
 
 
 def _surface_of(

@@ -4,14 +4,38 @@ A block of rays that follow one another is asked of every target whose sphere it
 touch it; the nearest hit of each ray stands. Blocks begin at set places, so that threads do not change them.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rso_lidar.arithmetic import loop
+from rso_lidar.scene.bands import NEAREST_M
 from rso_lidar.scene.packets_loops import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
 
 BLOCK_RAYS = 256
 # Words of a placed target: the turn row by row, the lidar's place, the sphere as the lidar sees it, where rays start.
 _ORIGIN, _CENTRE, _REACH, _START, _SLACK, _WORDS = 9, 12, 15, 16, 17, 18
+
+
+class Columns(NamedTuple):
+    """Rays: `direction` (xyz, ray), `pixel` and `weight` (ray)."""
+
+    direction: np.ndarray
+    pixel: np.ndarray
+    weight: np.ndarray
+
+
+class Targets(NamedTuple):
+    """All surfaces: scenes by address, spheres (target, centre and radius), numbers of targets; facets in one row."""
+
+    scenes: np.ndarray
+    sphere: np.ndarray
+    number: np.ndarray
+    first_facet: np.ndarray
+    planes: np.ndarray
+    part: np.ndarray
+    source_facet: np.ndarray
+    matt_per_sr: np.ndarray
 
 
 @loop
@@ -96,29 +120,22 @@ def passing(
 
 @loop
 def cast_rays(
-    direction: np.ndarray,
-    pixel: np.ndarray,
-    weight: np.ndarray,
+    rays: Columns,
     first: int,
     last: int,
+    targets: Targets,
     origin: np.ndarray,
     turn: np.ndarray,
-    scenes: np.ndarray,
-    sphere: np.ndarray,
-    target_number: np.ndarray,
-    first_facet: np.ndarray,
-    planes: np.ndarray,
-    part: np.ndarray,
-    source_facet: np.ndarray,
-    matt_per_sr: np.ndarray,
     question: int,
     width: int,
 ) -> tuple[np.ndarray, ...]:
     """Return the columns of `cast._First` for rays first to last; the BRDF is NaN where the material is not matt.
 
-    Rays are `direction` (xyz, ray), `pixel`, `weight`; targets stand at `origin` (target, xyz) [m] and `turn`
-    (target, xyz, xyz), which is target_from_lidar, and are what `cast._Targets` holds; `question` is rtcIntersect.
+    Targets stand at `origin` (target, xyz) [m] and `turn` (target, xyz, xyz), which is target_from_lidar; `question` is
+    rtcIntersect.
     """
+    direction, pixel, weight = rays
+    scenes, sphere, target_number, first_facet, planes, part, source_facet, matt_per_sr = targets
     n = last - first
     hit_ray, hit_pixel, hit_weight = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n)
     hit_target, hit_number, hit_facet = np.empty(n, np.int16), np.empty(n, np.int16), np.empty(n, np.int32)
@@ -130,9 +147,9 @@ def cast_rays(
     chosen = np.empty(BLOCK_RAYS, np.int64)
     near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
     facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
-    targets = placed(origin, turn, sphere)
-    order = nearest_first(targets)
-    alone = len(targets) == 1
+    places = placed(origin, turn, sphere)
+    order = nearest_first(places)
+    alone = len(places) == 1
     hits = 0
     for block in range(first, last, BLOCK_RAYS):
         end = min(block + BLOCK_RAYS, last)
@@ -140,7 +157,7 @@ def cast_rays(
             near[j] = np.inf
         x, y, z, half = about(direction, block, end)
         for t in order:
-            target = targets[t]
+            target = places[t]
             if not alone and not touched(x, y, z, half, target):
                 continue
             start = target[_START]
@@ -176,6 +193,8 @@ def cast_rays(
                     # Seen edge-on, a facet's plane says nothing about range: `cast._meet` tells.
                     distance = exact if abs(exact - rough) <= target[_SLACK] else rough
                     j = chosen[p + k] - block
+                    if not distance > NEAREST_M:
+                        continue
                     if distance < near[j] or (distance == near[j] and t < number[j]):
                         near[j], cosine[j], facet[j], number[j] = distance, min(abs(c), 1.0), f, t
         for i in range(block, end):

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Extent, Truth
 from rso_lidar.scene.pieces import pieces
 from rso_lidar.scene.surface import Surface
@@ -28,7 +28,7 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
         whole = pieces(surface)
         translation, matrix = truth.poses.place("lidar", surface.name)
         some, every, bounds[number], corners, ends = outlined(
-            whole.points, whole.starts, np.ascontiguousarray(translation), np.ascontiguousarray(matrix)
+            whole.points, whole.starts, packed(translation), packed(matrix)
         )
         if every:
             outlines[number] = tuple(corners[a:b] for a, b in pairwise(ends.tolist()))

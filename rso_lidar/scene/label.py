@@ -42,33 +42,15 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 
 def _spoken_by_loops(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
     """Do what `_spoken` does."""
-    from rso_lidar.scene.label_loops import filled, spoken
+    from rso_lidar.scene.label_loops import Returns, Said, Struck, filled, spoken
 
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
         filled(packed(hits.pixel), packed(hits.weight), labels["filled_fraction"])
-    return spoken(
-        packed(photons.pixel),
-        packed(photons.photons),
-        packed(photons.delay_s),
-        packed(photons.hit),
-        packed(photons.cluster),
-        len(photons.cluster_pixel),
-        packed(hits.weight),
-        packed(hits.target),
-        packed(hits.part),
-        packed(hits.facet),
-        packed(hits.cos_incidence),
-        labels["photons"],
-        labels["range_m"],
-        labels["first_range_m"],
-        labels["cluster_count"],
-        labels["target"],
-        labels["part"],
-        labels["facet"],
-        labels["cos_incidence"],
-    )
+    returns = Returns(*(packed(getattr(photons, name)) for name in Returns._fields))
+    struck = Struck(*(packed(getattr(hits, name)) for name in Struck._fields))
+    return spoken(returns, len(photons.cluster_pixel), struck, Said(*(labels[name] for name in Said._fields)))
 
 
 def _spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:

@@ -1,9 +1,44 @@
 """What `label` does to each pixel's returns, as a loop."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rso_lidar.arithmetic import loop
 from rso_lidar.units import RANGE_PER_DELAY_M_S
+
+
+class Returns(NamedTuple):
+    """Columns of `Photons` (return)."""
+
+    pixel: np.ndarray
+    photons: np.ndarray
+    delay_s: np.ndarray
+    hit: np.ndarray
+    cluster: np.ndarray
+
+
+class Struck(NamedTuple):
+    """Columns of `Hits` (hit)."""
+
+    weight: np.ndarray
+    target: np.ndarray
+    part: np.ndarray
+    facet: np.ndarray
+    cos_incidence: np.ndarray
+
+
+class Said(NamedTuple):
+    """The labels (pixel), which are written."""
+
+    photons: np.ndarray
+    range_m: np.ndarray
+    first_range_m: np.ndarray
+    cluster_count: np.ndarray
+    target: np.ndarray
+    part: np.ndarray
+    facet: np.ndarray
+    cos_incidence: np.ndarray
 
 
 @loop
@@ -18,31 +53,10 @@ def filled(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
 
 
 @loop
-def spoken(
-    pixel: np.ndarray,
-    photons: np.ndarray,
-    delay_s: np.ndarray,
-    hit: np.ndarray,
-    cluster: np.ndarray,
-    n_clusters: int,
-    weight: np.ndarray,
-    target: np.ndarray,
-    part: np.ndarray,
-    facet: np.ndarray,
-    cos_incidence: np.ndarray,
-    out_photons: np.ndarray,
-    out_range_m: np.ndarray,
-    out_first_range_m: np.ndarray,
-    out_count: np.ndarray,
-    out_target: np.ndarray,
-    out_part: np.ndarray,
-    out_facet: np.ndarray,
-    out_cos_incidence: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster.
-
-    First come arrays of returns, then of hits, then the labels, of pixels, which are written.
-    """
+def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tuple[np.ndarray, np.ndarray]:
+    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
+    pixel, photons, delay_s, hit, cluster = returns
+    weight, target, part, facet, cos_incidence = struck
     bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
     # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and their brightest return.
     kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
@@ -88,10 +102,10 @@ def spoken(
             if more > 0.0 or (more == 0.0 and earlier < 0):
                 speaks = kind
         chosen = kind_hit[speaks]
-        out_photons[at] = total
-        out_range_m[at], out_first_range_m[at] = mean_range_m[best], mean_range_m[first]
-        out_count[at] = min(last + 1 - first, 255)
-        out_target[at], out_part[at] = kind_target[speaks], kind_part[speaks]
-        out_facet[at], out_cos_incidence[at] = facet[chosen], cos_incidence[chosen]
+        said.photons[at] = total
+        said.range_m[at], said.first_range_m[at] = mean_range_m[best], mean_range_m[first]
+        said.cluster_count[at] = min(last + 1 - first, 255)
+        said.target[at], said.part[at] = kind_target[speaks], kind_part[speaks]
+        said.facet[at], said.cos_incidence[at] = facet[chosen], cos_incidence[chosen]
         start, first = stop, last + 1
     return mean_range_m, bright

@@ -16,7 +16,7 @@ from weakref import finalize
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled
+from rso_lidar.arithmetic import VARIABLE, compiled
 from rso_lidar.errors import MeshError
 
 _VERSION_MAJOR = 4
@@ -90,7 +90,9 @@ def _failed(engine: Engine, code: int | None = None) -> int:
     code = engine.library.rtcGetDeviceError(engine.device) if code is None else code
     if code == _OUT_OF_MEMORY:
         raise MemoryError("embree: no memory left for the acceleration structure of a mesh")
-    raise MeshError(f"embree: cannot build the acceleration structure of a mesh (error {code})")
+    raise MeshError(
+        f"embree: cannot build the acceleration structure of a mesh (error {code}); check the mesh, or set {VARIABLE}=numpy"
+    )
 
 
 def engine() -> Engine | None:

@@ -8,8 +8,8 @@ hold a ray. This module is imported where its loops are used.
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types  # noqa: TID253  # a module of loops: see above
+from llvmlite import ir  # noqa: TID253  # a module of loops: see above
+from numba import types  # noqa: TID253
 from numba.extending import intrinsic  # noqa: TID253
 
 from rso_lidar.arithmetic import loop

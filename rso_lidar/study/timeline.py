@@ -9,13 +9,10 @@ import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
 from rso_lidar.orbit.environment import eclipses
-from rso_lidar.picture.sight import sight
-from rso_lidar.pose import quaternion_xyzw
-from rso_lidar.records import BodyState, PtuAngles, Truth, specs
+from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.scenario import Scenario
+from rso_lidar.sight import truth_columns
 from rso_lidar.simulate import POINTING, frame_numbers
-
-XYZ = ("x", "y", "z")
 
 
 def course(
@@ -54,46 +51,8 @@ def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked
 
 
 def columns(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
-    """Return the truth as columns (time) by name, units in the names: one table of where everything is.
-
-    ``utc`` is text, all else numbers. Positions and velocities of bodies are inertial (GCRS, or the root of a local world);
-    ``lidar_from_<target>`` is the target's position in lidar axes and the quaternion that turns target into lidar
-    coordinates; `sight` defines the angles. Without a Sun, or a PTU, their columns are missing.
-    """
-    n = truth.time_s.size
-    table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc(scenario, truth.time_s)}
-
-    def vectors(name: str, values: np.ndarray, unit: str = "") -> None:
-        for axis, column in zip(XYZ, np.broadcast_to(values, (n, 3)).T, strict=True):
-            table[f"{name}_{axis}{unit}"] = column
-
-    for name, state in truth.states.items():
-        vectors(f"{name}_position", state.position_m, "_m")
-        vectors(f"{name}_velocity", state.velocity_m_s, "_m_s")
-    for target in scenario.target:
-        name = target.name
-        lidar_from_target = truth.pose("lidar", name)
-        seen = sight(truth, name)
-        vectors(f"lidar_from_{name}", lidar_from_target.translation, "_m")
-        quaternion = np.broadcast_to(quaternion_xyzw(lidar_from_target.rotation), (n, 4))
-        for axis, column in zip((*XYZ, "w"), quaternion.T, strict=True):
-            table[f"lidar_from_{name}_quaternion_{axis}"] = column
-        table[f"{name}_range_m"] = seen.range_m
-        table[f"{name}_range_rate_m_s"] = seen.range_rate_m_s
-        table[f"{name}_azimuth_rad"], table[f"{name}_elevation_rad"] = seen.azimuth_rad, seen.elevation_rad
-        table[f"{name}_off_boresight_rad"] = seen.off_boresight_rad
-        if np.isfinite(seen.phase_rad).any():
-            table[f"{name}_phase_rad"] = seen.phase_rad
-            table["sun_off_boresight_rad"] = seen.sun_off_boresight_rad
-    for spec in specs(PtuAngles) if angles else ():
-        stem, unit = spec.split("_", 1)
-        for place, axis in enumerate(("pan", "tilt")):
-            table[f"{axis}_{stem}_{unit}"] = np.array([getattr(angle, spec)[place] for angle in angles])
-    if np.isfinite(truth.sun_direction).all():
-        vectors("sun_direction", truth.sun_direction)
-    for name, share in truth.sunlit.items():
-        table[f"{name}_sunlit_fraction"] = np.asarray(share)
-    return table
+    """Return the truth as columns (time) by name, as `truth_columns` names them."""
+    return truth_columns(truth, [target.name for target in scenario.target], utc(scenario, truth.time_s), angles)
 
 
 def utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
@@ -118,6 +77,17 @@ def burned(scenario: Scenario, name: str, time_s: np.ndarray) -> tuple[orbit.Epo
 
     The epochs are those asked for and, so that each stretch between impulses has its ends, those at the impulses.
     """
+    breaks = breaks_s(scenario, name)
+    inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
+    ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
+    kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
+    epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
+    world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
+
+
+def breaks_s(scenario: Scenario, name: str) -> set[float]:
+    """Return the instants [s] at which the velocity of a body jumps: its impulses, and those of what it moves about."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
     while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
@@ -130,12 +100,7 @@ def burned(scenario: Scenario, name: str, time_s: np.ndarray) -> tuple[orbit.Epo
             breaks |= {float(one.time_s) for one in flown.plan(scenario.time.start_utc, chief).impulses}
         if isinstance(flown, orbit.Numerical):
             breaks |= {one.at_s for one in flown.maneuvers if isinstance(one, orbit.Impulse)}
-    inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
-    ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
-    kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
-    epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
-    world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
-    return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
+    return breaks
 
 
 def umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:

@@ -67,6 +67,21 @@ def test_shot_noise_is_campbells_whatever_the_step(step_ns):
     assert late == pytest.approx(2.0 * TAU / step_s, abs=0.25)
 
 
+@pytest.mark.parametrize("bandwidth_mhz", [20.0, 100.0, 400.0])
+@pytest.mark.parametrize("sample_ns", [0.5, 2.38, 7.0, 20.0, 60.0])
+@pytest.mark.parametrize("fwhm_ns", [3.0, 8.0, 40.0, 200.0])
+def test_noise_is_as_late_as_the_pulse_at_all_steps_that_are_planned(bandwidth_mhz, sample_ns, fwhm_ns):
+    """To a quarter of a step up to 2.4 τ, and less than a step later beyond; taps are float32: 1e-5 of all is lost."""
+    gsfl = Gsfl(amplifier={"bandwidth_mhz": bandwidth_mhz}, readout={"sample_ns": sample_ns})
+    plan = gsfl.plan(fwhm_ns * 1e-9)
+    filters, steps = Filters(gsfl.amplifier, plan.length, plan.step_s), plan.step_s / gsfl.amplifier.pole_s
+    taps = filters.taps.astype(float)
+    late = (taps * np.arange(len(taps))).sum() / taps.sum() - 2.0 / steps
+    assert -0.25 < late < (0.25 if steps <= 2.4 else 1.0)
+    # However long the step, all of the noise comes out.
+    assert (taps**2).sum() * filters.noise_electrons**2 == pytest.approx(gsfl.amplifier.noise_electrons**2, rel=1e-5)
+
+
 @pytest.mark.parametrize("steps_per_sample", [2, 3, 6])
 @pytest.mark.parametrize("fwhm_ns", [5.0, 8.0, 12.0])
 def test_the_mean_on_the_grid_is_the_pulse(steps_per_sample, fwhm_ns):

@@ -5,8 +5,9 @@ import pytest
 from scipy import stats
 
 from rso_lidar import arithmetic
+from rso_lidar.detector import apd as apds
 from rso_lidar.detector.alias import NORMAL_PER_SIGMA, NORMAL_ZERO, draw, normal_table, table, words
-from rso_lidar.detector.apd import Apd, multiply
+from rso_lidar.detector.apd import Apd, cumulants, multiply
 from rso_lidar.detector.apd_loops import drawn, multiplied
 
 
@@ -50,4 +51,54 @@ def test_steps_do_not_know_of_each_other():
         assert multiply(means[:0], Apd(), np.random.default_rng(5), base=4.9).shape == (0, 8)
     assert np.all(np.abs(x.mean(axis=0) - 10.0 * means[0]) <= 5.0 * np.sqrt(352.0 * means[0] / 50_000))
     assert np.corrcoef(x[:, :7].T) == pytest.approx(np.eye(7), abs=5.0 / np.sqrt(50_000))
+    assert len(multiplied.signatures) == 1
+
+
+class Given:
+    """Normal numbers that were drawn before, in place of a generator."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def standard_normal(self, size, dtype):
+        return self.numbers.astype(dtype)
+
+
+@pytest.mark.parametrize("ionisation_ratio", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("gain", [1.0, 10.0, 60.0])
+@pytest.mark.parametrize("mean", [100.5, 300.0, 1e4])
+def test_large_means_bend_a_normal_number_alike(mean, gain, ionisation_ratio):
+    """By series and Newton's rounds, or in closed form: float32's rounding, and 1e-5 of the noise."""
+    apd = Apd(gain=gain, ionisation_ratio=ionisation_ratio)
+    z = np.linspace(-4.0, 4.0, 999)
+    word = np.interp(stats.norm.cdf(z), [0.0, 1.0], [0.0, 2.0**32 - 1]).astype(np.uint32)
+    z = (np.array([drawn(one, normal_table(), 0) for one in word]) - NORMAL_ZERO) / NORMAL_PER_SIGMA
+    assert z.std() > 1.0
+    lam, made = np.full(len(z), mean, np.float32), np.empty(len(z), np.float32)
+    tables = apds._base_table(gain, ionisation_ratio, 1.0), *apds._level_tables(gain, ionisation_ratio), normal_table()
+    limits = apds._EXACT_PRIMARIES, apds._parabolic_from(apd)
+    rng = np.random.default_rng(1)
+    assert multiplied(lam, np.float32(1.0), tables, cumulants(apd), limits, word, rng, made) == len(z)
+    noise = np.sqrt(cumulants(apd)[1] * mean)
+    assert np.abs(made - apds._matched(lam, apd, Given(z))).max() < 1e-5 * noise + 4e-7 * made.max()
+
+
+def test_a_small_rest_is_poisson_too():
+    """Gain 1 counts the primaries: two and three of 0.12 expected come as often as Poisson's law says, 4.5 sigma."""
+    n = 2_000_000
+    with arithmetic.using("numba"):
+        counted = multiply(np.full(n, 0.12), Apd(gain=1.0), np.random.default_rng(7), base=0.0)
+    for number in (0, 1, 2, 3):
+        share = stats.poisson.pmf(number, 0.12)
+        assert abs(np.count_nonzero(counted == number) - n * share) < 4.5 * np.sqrt(n * share)
+
+
+def test_too_few_words_write_nothing_beyond():
+    """Three words for each step that expects a little more, and as many steps as those suffice for."""
+    apd, lam = Apd(), np.full(10, 5.5, np.float32)
+    tables = apds._base_table(10.0, 0.2, 5.0), *apds._level_tables(10.0, 0.2), normal_table()
+    electrons, rng = np.full(10, -1.0, np.float32), np.random.default_rng(1)
+    random = words(rng, 14)
+    assert multiplied(lam, np.float32(5.0), tables, cumulants(apd), (100.0, 1e3), random, rng, electrons) == 4
+    assert np.all(electrons[:4] >= 0.0) and np.all(electrons[4:] == -1.0)
     assert len(multiplied.signatures) == 1

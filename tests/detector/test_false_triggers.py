@@ -131,6 +131,31 @@ def test_rows_of_noise_trigger_as_often_as_dark_pixels_are_said_to():
     assert abs(seen - expected) < 4.0 * math.sqrt(expected)
 
 
+def test_a_watched_pixel_triggers_falsely_at_one_rate_not_two():
+    """A little light has all pixels watched for half of the time that they are armed: in it noise triggers them once.
+
+    Each crossing counted twice there would make half as many again. 4 sigma, and 5 % because crossings come in clumps.
+    """
+    part = Gsfl(
+        amplifier={"noise_electrons": 1000.0},
+        trigger={"threshold_electrons": 3300.0, "threshold_spread_fraction": 0.0},
+        armed_from_m=997.0,
+        armed_to_m=1002.0,
+    )
+    n, frames, rng = 16_384, 6, np.random.default_rng(15)
+    photons = returns(np.full(n, 1000.0), 0.01 * part.threshold_photons)
+    plan = part.plan(8e-9)
+    rows, _ = armed(part, rows_about(photons, plan, n, 1e-3 * part.threshold_photons), plan.step_s)
+    armed_s = 2.0 * 5.0 / C
+    assert len(rows.pixel) == n
+    assert 0.4 < float((rows.last - rows.first)[0]) * plan.step_s / armed_s < 0.7
+    dark = np.array([part.apd.dark_electrons_per_s])
+    expected = frames * n * -math.expm1(-float(rates_per_s(part, np.array([3300.0]), dark)[0]) * armed_s)
+    seen = sum(len(part.detect(photons, rng)[1].pixel) for _ in range(frames))
+    assert expected > 1000.0
+    assert abs(seen - expected) < 4.0 * math.sqrt(expected) + 0.05 * expected
+
+
 def traces(n=4000, **readout):
     part = EASY.replace(readout=readout)
     rng = np.random.default_rng(12)

@@ -1,5 +1,7 @@
 """The compiled range algorithms against NumPy's, on traces with noise, clipping, edges and several pulses."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,40 @@ def test_all_pulses_are_the_same(n, pulses, most, clips):
     assert alike.mean() > 0.998  # a height may lie on the threshold
     np.testing.assert_allclose(one_s[alike], other_s[alike], rtol=0.0, atol=1e-4 * SAMPLE_S)
     np.testing.assert_allclose(one[alike], other[alike], rtol=1e-4, atol=1e-3 * NOISE)
+
+
+def test_two_peaks_that_fit_to_one_place_are_one_pulse():
+    """A rising edge on the rail behind a pulse: the fits of both come closer than three quarters of the FWHM."""
+    samples = [-6, 0, 3, 1, 4, -7, -13, -6, -5, -7, 9, 47, 236, 706, 1360, 1689, 1415, 1067, 1734, 4000]
+    samples = np.array([samples], np.float32)
+    for delay_s, height in both(locate_all, samples, PULSE, Ranging(), **KNOWN, most=8, clipped=samples >= RAIL):
+        assert np.isfinite(delay_s).sum() == 1
+        matched = Matched.of(PULSE, SAMPLE_S, POLE_S, NOISE)
+        assert delay_s[0, 0] / SAMPLE_S + matched.lead == pytest.approx(15.3 + matched.lead, abs=0.5)
+        assert height[0, 0] == pytest.approx(1689.0, rel=0.05)
+
+
+def test_what_is_learnt_at_once_is_all_known(monkeypatch):
+    """Threads that learn side by side lose no pattern, and one too many leaves only those that are asked for."""
+    matched = Matched(PULSE, SAMPLE_S, POLE_S, 0.003)
+    masks = np.arange(1, 65) << 3
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(matched.learn, np.array_split(masks, 16)))
+    known = matched.known()
+    assert np.array_equal(known.masks, masks)
+    for mask, weights in zip(*known, strict=True):
+        used = (mask >> np.arange(matched.width)) & 1 > 0
+        assert np.array_equal(weights, matched.weights(used))
+    monkeypatch.setattr("rso_lidar.detector.matched._MOST_KEPT", 64)
+    assert np.array_equal(matched.learn(masks[:5]).masks, masks)
+    assert np.array_equal(matched.learn(np.r_[masks[:5], 1]).masks, np.r_[1, masks[:5]])
+    samples, clipped = traces(400, 20, 1, seed=5)
+    settings = {**KNOWN, "clipped": clipped}
+    with arithmetic.using("numba"):
+        whole = locate(samples, np.full(400, 8), PULSE, Ranging(), **settings)
+        monkeypatch.setattr("rso_lidar.detector.matched._MOST_KEPT", 4)
+        few = locate(samples, np.full(400, 8), PULSE, Ranging(), **{**settings, "sigma_counts": NOISE})
+    assert np.array_equal(whole[0], few[0])
 
 
 def test_patterns_are_learnt_once_and_do_not_depend_on_the_order():

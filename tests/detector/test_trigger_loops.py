@@ -28,7 +28,12 @@ def test_rows_latch_at_the_same_step(n_rows):
     amplitude, threshold, first, last, arming = steps(n_rows)
     reference = first_crossing(amplitude, threshold, first, last, hysteresis=3.0, arming=arming)
     nothing = np.zeros((n_rows, 30), np.float32), threshold, np.zeros(n_rows)
-    latch = first_or_near(amplitude, *nothing, first, last, arming, **QUIET)
+    latches = []
+    for path in ("numpy", "numba"):
+        with arithmetic.using(path):
+            latches.append(first_or_near(amplitude, *nothing, first, last, arming, **QUIET))
+    assert np.array_equal(*latches)
+    latch = latches[1]
     assert np.array_equal(np.where(latch == NEAR, NEVER, latch), reference)
     assert n_rows < 4000 or min(np.count_nonzero(latch == k) for k in (NEVER, NEAR, 5)) > 10
     # Near are the rows that were watched before, whose pairs of watched steps come within 0.5 of the threshold.
@@ -70,6 +75,14 @@ def test_what_is_stored_is_the_same(n, quantised):
     assert counts[0].shape == (n, 20) and counts[0].dtype == counts[1].dtype == np.float32
     assert np.array_equal(*counts)
     assert n == 0 or (counts[0].min() == 0.0 and counts[0].max() == readout.full_scale_counts)
+
+
+def test_what_lies_outside_its_row_is_not_read():
+    amplitude, two = np.zeros((2, 70), np.float32), np.arange(2)
+    with arithmetic.using("numba"):
+        for first in ([0, 33], [-1, 0]):
+            with pytest.raises(AssertionError, match="outside their rows"):
+                Readout().store(amplitude, two, np.array(first), 2, 20, np.zeros(2))
 
 
 def test_each_loop_compiles_once():

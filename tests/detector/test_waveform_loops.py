@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar import arithmetic
+from rso_lidar.arithmetic import packed
 from rso_lidar.detector import Gsfl
 from rso_lidar.detector.chain import analog
 from rso_lidar.detector.waveform import expected, rows_about
@@ -82,6 +83,18 @@ def test_primaries_and_the_mean_amplitude_are_the_same(name):
         one, other = getattr(by_numpy, field), getattr(by_loops, field)
         most = np.abs(one).max(axis=1, keepdims=True, initial=0.0)
         assert np.all(np.abs(one - other) <= 2e-6 * most + cut), field
+    for made in (by_numpy, by_loops):
+        assert not np.any((made.primaries != 0.0) & (made.primaries < np.float32(1e-4)))
+
+
+def test_a_loop_writes_no_more_rows_than_there_is_room_for():
+    photons = SCENES["many"]
+    timing_s = 0.0, 8e-9, PLAN.rise * PLAN.step_s, PLAN.fall * PLAN.step_s, PLAN.step_s
+    columns = (packed(getattr(photons, name)) for name in ("pixel", "delay_s", "photons", "depth_spread_s"))
+    steps = PLAN.steps_per_sample, PLAN.before, PLAN.watched
+    room = np.full(300, -7)
+    assert rows_of(*columns, timing_s, steps, (0.0, np.inf), room[:30].reshape(3, 10)) == -1
+    assert np.all(room[:30] != -7) and np.all(room[30:] == -7)
 
 
 def test_each_loop_is_compiled_once():

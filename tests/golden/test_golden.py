@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rso_lidar import arithmetic
 from tests.golden.remake import FOLDER, GEOMETRY, SCENES, made, noise
 
 DRAWS = 200
@@ -14,12 +15,14 @@ ALPHA = 1e-3  # of a false alarm in one test of all pixels (Sidak)
 REMAKE = "if the change is meant: python -m tests.golden.remake"
 
 
-@pytest.fixture(scope="module", params=list(SCENES))
+@pytest.fixture(scope="module", params=[(scene, path) for scene in SCENES for path in arithmetic.CHOICES], ids="-".join)
 def pair(request):
-    """The golden arrays of a scene, and its frame made now."""
-    with np.load(FOLDER / f"{request.param}.npz") as file:
+    """The golden arrays of a scene, and its frame made now, compiled and by the reference."""
+    scene, path = request.param
+    with np.load(FOLDER / f"{scene}.npz") as file:
         golden = {name: file[name] for name in file.files}
-    return golden, *made(request.param)
+    with arithmetic.using(path):
+        yield golden, *made(scene)
 
 
 def test_the_frames_show_what_they_are_meant_to(pair):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder, advance
 from rso_lidar.motion.ptu import TICK_S
@@ -119,3 +120,17 @@ def test_many_ticks_at_once_are_the_same_bits_as_one_by_one():
 def test_impossible_drives_are_refused(make):
     with pytest.raises(ScenarioError):
         make()
+
+
+@pytest.mark.parametrize("response", [FirstOrder(time_constant_s=0.05), SecondOrder(natural_hz=3.0, damping=0.4)])
+def test_many_ticks_compiled_are_the_same_bits_as_in_python(response):
+    """The very same function, compiled where there are many ticks; limits and ends of travel are met on the way."""
+    limited = response.replace(max_rate_deg_s=20.0, max_acceleration_deg_s2=90.0, pan_limits_deg=(-8.0, 11.0))
+    held = np.random.default_rng(5).normal(0.0, 0.3, (4000, 2)).cumsum(axis=0) * 0.01
+    axes = ((0.01, 0.2), (-0.02, 0.0))
+    answers = {}
+    for path in arithmetic.CHOICES:
+        with arithmetic.using(path):
+            answers[path] = advance(limited, 1e-3, axes, held)
+    assert answers["numba"] == answers["numpy"]
+    assert answers["numba"] != axes

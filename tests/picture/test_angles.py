@@ -5,9 +5,9 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import save_figure
 from rso_lidar.picture.angles import angles_figure, ptu_figure
-from rso_lidar.picture.sight import dark_spans_s, sight, sights
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import BodyState, PtuAngles, Truth
+from rso_lidar.sight import dark_spans_s, sight, sights
 from rso_lidar.units import DEG
 
 # The lidar's axes for one that looks along the follower's +x: x right, y down, z ahead (conventions: REP-103 optical).

@@ -54,6 +54,14 @@ def test_behind_beside_and_edge_on():
         assert np.ptp(outline[:, 0]) == pytest.approx(2 / 9, rel=1e-12) and np.ptp(outline[:, 1]) < 1e-15
 
 
+@pytest.mark.parametrize(("ahead_m", "bounded"), [(1e-6, False), (1e-5, True)])
+def test_what_all_but_touches_the_plane_of_the_lidar_has_no_bounds(ahead_m, bounded):
+    """Nearer than 2e-6 of its size of 1 m, rounding decides where a corner is seen."""
+    for extent in both([surface("a", box(2, 2, 2))], truth_of(a=place((0, 0, 1.0 + ahead_m)))):
+        assert np.isfinite(extent.low).all() == np.isfinite(extent.high).all() == bounded
+        assert (extent.outlines[0] is not None) == bounded
+
+
 def test_no_targets():
     made, reference = both([], truth_of())
     assert made.low.shape == reference.low.shape == (0, 2) and made.outlines == ()

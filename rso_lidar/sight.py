@@ -1,15 +1,16 @@
-"""How a target is seen from the lidar over time: range and its rate, directions, and the angles of the Sun."""
+"""How a target is seen from the lidar over time: range, directions, angles of the Sun; and the truth as a table."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from rso_lidar.pose import ROOT, turned
-from rso_lidar.records import Truth
+from rso_lidar.pose import ROOT, quaternion_xyzw, turned
+from rso_lidar.records import PtuAngles, Truth, specs
 
+XYZ = ("x", "y", "z")
 DARK = 0.5  # below this share of the Sun's disc a body counts as in shadow
 
 
@@ -69,6 +70,56 @@ def sights(truths: Iterable[Truth], target: str) -> Sight:
     """Return how `target` is seen at each of several single epochs, joined."""
     seen = [sight(truth, target) for truth in truths]
     return Sight(**{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(Sight)})
+
+
+def truth_columns(
+    truth: Truth, targets: Sequence[str], utc: np.ndarray, angles: Sequence[PtuAngles] = ()
+) -> dict[str, np.ndarray]:
+    """Return a batch of truth as columns (time) by name, units in the names: one table of where everything is.
+
+    ``utc`` is text, all else numbers. Positions and velocities of bodies are inertial (GCRS, or the root of a local world);
+    ``lidar_from_<target>`` is the target's position in lidar axes and the quaternion that turns target into lidar
+    coordinates; `Sight` defines the angles. Without a Sun, or a PTU, their columns are missing.
+
+    Parameters
+    ----------
+    targets : names of the targets to look at.
+    utc : the instants as text (time).
+    angles : of the PTU, at each instant.
+    """
+    n = truth.time_s.size
+    table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc}
+
+    def vectors(name: str, values: np.ndarray, unit: str = "") -> None:
+        for axis, column in zip(XYZ, np.broadcast_to(values, (n, 3)).T, strict=True):
+            table[f"{name}_{axis}{unit}"] = column
+
+    for name, state in truth.states.items():
+        vectors(f"{name}_position", state.position_m, "_m")
+        vectors(f"{name}_velocity", state.velocity_m_s, "_m_s")
+    for name in targets:
+        lidar_from_target = truth.pose("lidar", name)
+        seen = sight(truth, name)
+        vectors(f"lidar_from_{name}", lidar_from_target.translation, "_m")
+        quaternion = np.broadcast_to(quaternion_xyzw(lidar_from_target.rotation), (n, 4))
+        for axis, column in zip((*XYZ, "w"), quaternion.T, strict=True):
+            table[f"lidar_from_{name}_quaternion_{axis}"] = column
+        table[f"{name}_range_m"] = seen.range_m
+        table[f"{name}_range_rate_m_s"] = seen.range_rate_m_s
+        table[f"{name}_azimuth_rad"], table[f"{name}_elevation_rad"] = seen.azimuth_rad, seen.elevation_rad
+        table[f"{name}_off_boresight_rad"] = seen.off_boresight_rad
+        if np.isfinite(seen.phase_rad).any():
+            table[f"{name}_phase_rad"] = seen.phase_rad
+            table["sun_off_boresight_rad"] = seen.sun_off_boresight_rad
+    for spec in specs(PtuAngles) if angles else ():
+        stem, unit = spec.split("_", 1)
+        for place, axis in enumerate(("pan", "tilt")):
+            table[f"{axis}_{stem}_{unit}"] = np.array([getattr(angle, spec)[place] for angle in angles])
+    if np.isfinite(truth.sun_direction).all():
+        vectors("sun_direction", truth.sun_direction)
+    for name, share in truth.sunlit.items():
+        table[f"{name}_sunlit_fraction"] = np.asarray(share)
+    return table
 
 
 def dark_spans_s(time_s: np.ndarray, sunlit: np.ndarray) -> list[tuple[float, float]]:

@@ -1,0 +1,81 @@
+"""The camera that lines of sight describe: a pinhole, and where the lens bends, Brown and Conrady's polynomial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_STRAIGHT_PX = 1e-6  # below it a lens bends nothing: the rounding of the table
+_SIDE = 33  # rows and columns that are fitted; the error is taken over all
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera in pixels, (0, 0) the centre of the first: column = focal_px x_d + centre_px[0], so for rows.
+
+    (x_d, y_d) are the tangents (x/z, y/z) of a direction in lidar axes after the distortion k1, k2, p1, p2, k3, in the
+    order and meaning of ROS's plumb_bob (OpenCV's). `error_px` is the greatest error of the model over all pixels. A
+    focal length of 0 says that the table tells nothing, as a single pixel's.
+    """
+
+    focal_px: float
+    centre_px: tuple[float, float]
+    distortion: tuple[float, float, float, float, float]
+    error_px: float
+
+    @property
+    def matrix(self) -> tuple[float, ...]:
+        """Return the 3 x 3 camera matrix, row by row [px]."""
+        col, row = self.centre_px
+        return (self.focal_px, 0.0, col, 0.0, self.focal_px, row, 0.0, 0.0, 1.0)
+
+
+def camera_of(line_of_sight: np.ndarray) -> Camera:
+    """Return the camera with square pixels that fits unit vectors (row, col, xyz) best: without distortion if that fits."""
+    n_rows, n_cols = line_of_sight.shape[:2]
+    centre = 0.5 * (n_cols - 1), 0.5 * (n_rows - 1)
+    if n_rows * n_cols < 2:
+        return Camera(0.0, centre, (0.0,) * 5, 0.0)
+    straight = _fitted(line_of_sight, terms=1)
+    if straight.error_px < _STRAIGHT_PX:
+        return straight
+    return min(straight, _fitted(line_of_sight, terms=6), key=lambda camera: camera.error_px)
+
+
+def _fitted(line_of_sight: np.ndarray, terms: int) -> Camera:
+    """Return the camera with the first of the terms focal length, k1, k2, k3, p1, p2, by linear least squares."""
+    n_rows, n_cols = line_of_sight.shape[:2]
+    x, y = (line_of_sight[..., axis] / line_of_sight[..., 2] for axis in (0, 1))
+    scale = float(np.sqrt(np.max(x**2 + y**2))) or 1.0
+    basis = [columns[:terms] for columns in _basis(x / scale, y / scale)]
+    pixel = np.broadcast_arrays(np.arange(n_cols, dtype=float)[None, :], np.arange(n_rows, dtype=float)[:, None])
+    few = np.ix_(*(np.unique(np.linspace(0, n - 1, min(n, _SIDE)).round().astype(int)) for n in (n_rows, n_cols)))
+    equations, wanted = [], []
+    for axis in (0, 1):
+        at_centre = [np.full(x[few].shape, float(axis == one)) for one in (0, 1)]
+        equations.append(
+            np.stack([*(column[few] for column in basis[axis]), *at_centre], axis=-1).reshape(-1, terms + 2)
+        )
+        wanted.append(pixel[axis][few].ravel())
+    found = np.linalg.lstsq(np.concatenate(equations), np.concatenate(wanted), rcond=1e-14)[0]
+    factors, centre = found[:terms].tolist(), (float(found[-2]), float(found[-1]))
+    errors = [
+        sum(f * column for f, column in zip(factors, basis[axis], strict=True)) + centre[axis] - pixel[axis]
+        for axis in (0, 1)
+    ]
+    error_px = float(np.sqrt(np.max(errors[0] ** 2 + errors[1] ** 2)))
+    bends = [factor / factors[0] if factors[0] else 0.0 for factor in factors[1:]]
+    k1, k2, k3, p1, p2 = bends + [0.0] * (6 - terms)
+    distortion = (k1 / scale**2, k2 / scale**4, p1 / scale, p2 / scale, k3 / scale**6)
+    return Camera(factors[0] / scale, centre, distortion, error_px)
+
+
+def _basis(x: np.ndarray, y: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return what x_d and y_d are made of: x, and what k1, k2, k3, p1 and p2 multiply."""
+    r2 = x**2 + y**2
+    radial = [np.ones_like(r2), r2, r2**2, r2**3]
+    return (
+        [*(x * r for r in radial), 2.0 * x * y, r2 + 2.0 * x**2],
+        [*(y * r for r in radial), r2 + 2.0 * y**2, 2.0 * x * y],
+    )

@@ -1,0 +1,109 @@
+"""Where an export goes: files and folders that are free, and folders that are written whole or not at all."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rso_lidar.errors import RecordingError, RunError
+
+MARKS = ("source.json", "zarr.json")  # a folder that we wrote has one of these,
+MARK = "rso_lidar_version"  # with this in it
+_OURS = re.compile(r"source\.json|frames\.jsonl|camera\.json|zarr\.json|000000|\d{6,}\.(pcd|ply)")
+
+
+@contextmanager
+def _looked_at(place: Path) -> Iterator[None]:
+    """Say in one line why a path cannot even be looked at."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{place}: cannot be written here ({error.strerror}); choose another place") from None
+
+
+def free_file(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Return the path once it is sure that it names a file that may be written."""
+    place = Path(path)
+    with _looked_at(place):
+        if place.is_dir():
+            raise RecordingError(f"{place}: is a folder; name a file in it")
+        if place.exists() and not place.is_file():
+            raise RecordingError(f"{place}: is not a regular file; give another name")
+        if place.exists() and not overwrite:
+            raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
+        if not place.parent.is_dir():
+            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+    return place
+
+
+def free_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Return the path once it is sure that it names a folder that may be made, or is empty, or is an older export."""
+    place = Path(path)
+    if not place.name or place.name == "..":
+        raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
+    with _looked_at(place):
+        if place.exists() and not place.is_dir():
+            raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
+        if not place.parent.is_dir():
+            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+        if place.is_dir() and any(place.iterdir()):
+            if not overwrite:
+                raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
+            strange = _strange(place)
+            if strange:
+                raise RecordingError(f"{place}: holds {strange}, which is no export of ours; name another folder")
+    return place
+
+
+@contextmanager
+def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
+    """Return, as a context, a new folder to write into; it takes its name when all went well.
+
+    Of an older export that is overwritten, nothing is touched before the new one is whole.
+    """
+    place = Path(path)
+    draft: Path | None = None
+    try:
+        free_folder(place, overwrite=overwrite)
+        draft = _new(place, "part")
+        yield draft
+        free_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
+        if place.is_dir():
+            old = _new(place, "old")
+            place.replace(old)
+            draft.replace(place)
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            draft.replace(place)
+    except PermissionError as error:
+        raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
+    except OSError as error:
+        raise RunError(f"{place}: could not be written: {error.strerror or error}; make room and run again") from None
+    finally:
+        if draft is not None and draft.exists():
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def _new(place: Path, what: str) -> Path:
+    """Return an empty folder that was not there before, beside `place`."""
+    for number in itertools.count():
+        draft = place.with_name(f"{place.name}.{what}{number or ''}")
+        try:
+            draft.mkdir()
+        except FileExistsError:
+            continue
+        return draft
+    raise AssertionError("counting has no end")
+
+
+def _strange(place: Path) -> str:
+    """Return what in a folder we did not write, such as a file's name; nothing where all of it is an export."""
+    if not any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS):
+        return next(entry.name for entry in sorted(place.iterdir()))
+    others = (entry for entry in sorted(place.iterdir()) if not _OURS.fullmatch(entry.name))
+    return next((entry.name for entry in others if not (entry / "zarr.json").is_file()), "")

@@ -1,0 +1,126 @@
+"""`rso-lidar info --follow`: lines while a run goes on, and how it ends."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from rso_lidar import export
+from rso_lidar.cli import main
+from rso_lidar.cli.info_follow import follow
+from rso_lidar.errors import RunError
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks and SIGKILL are POSIX")
+
+
+@pytest.fixture
+def bench(text, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def call(capsys):
+    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        printed = capsys.readouterr()
+        return left.value.code or 0, printed.out, printed.err.splitlines()
+
+    return run
+
+
+@pytest.fixture
+def fly(bench, tmp_path):
+    """Return a function that starts a run in another process, and gives it back when it has begun."""
+    flying = []
+
+    def start(seconds):
+        settings = ["--set", f"time.duration_s={seconds}", "--set", "lidar.receiver.n_rows=8", "--threads", "1"]
+        command = [sys.executable, "-m", "rso_lidar", "run", str(bench), "-o", str(tmp_path / "run.h5"), *settings]
+        flying.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        until = time.monotonic() + 60
+        while not any(entry.name.startswith(".run.h5.tmp-") for entry in tmp_path.iterdir()):  # its lock
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return flying[-1]
+
+    yield start
+    for process in flying:
+        process.kill()
+        process.wait()
+
+
+def test_a_run_followed_to_its_end(call, fly, tmp_path):
+    output = tmp_path / "run.h5"
+    flying = fly(60)
+    status, said, errors = call("info", output, "--follow", "--every", "0.05", "--timeout", "100")
+    assert flying.wait(60) == 0
+    assert (status, errors) == (0, [])
+    first, *lines, last = said.splitlines()
+    assert first.startswith(("following   run.h5.tmp-", "waiting     run.h5.tmp-"))
+    assert last == f"complete    {output} holds 300 frames"
+    counts = [int(line.split()[1].rstrip(",")) for line in lines]
+    assert counts
+    assert counts == sorted(counts) and counts[-1] <= 300
+    assert all("frames/s, at " in line and line.endswith(" of 60 s") for line in lines)
+
+
+def test_a_run_that_is_killed(fly, tmp_path, capsys):
+    output = tmp_path / "run.h5"
+    flying = fly(100_000)
+
+    def kill():
+        while not list(tmp_path.glob("run.h5.tmp-????????")):
+            time.sleep(0.02)
+        time.sleep(0.2)
+        flying.kill()
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    with pytest.raises(RunError) as ended:
+        follow(output, 0.05, 100.0)
+    killer.join()
+    assert "complete" not in capsys.readouterr().out
+    frames = len(export.open(next(tmp_path.glob("run.h5.tmp-*"))))
+    assert str(ended.value) == (
+        f"{output}: the run that wrote it has ended after {frames} frames, which are in "
+        f"{next(tmp_path.glob('run.h5.tmp-*')).name}; go on with: rso-lidar run SCENARIO -o {output} --resume"
+    )
+
+
+def test_time_is_up(call, fly, tmp_path):
+    fly(100_000)
+    status, said, errors = call("info", tmp_path / "run.h5", "--follow", "--timeout", "0.3")
+    assert (status, errors) == (0, [])
+    assert said.splitlines()[-1].startswith("unfinished ")
+
+
+def test_what_is_complete_is_said_at_once(call, bench, tmp_path):
+    output = tmp_path / "run.h5"
+    assert call("run", bench, "-o", output, "--frames", "0:3")[0] == 0
+    status, said, errors = call("info", output, "--follow")
+    assert (status, errors) == (0, [])
+    assert said.splitlines()[-1] == f"complete    {output} holds 3 frames"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--follow"], "there is no such file; record it first"),
+        (["--follow", "--every", "0"], "--every 0: needs seconds above 0"),
+        (["--follow", "--every", "nan"], "--every nan: needs seconds above 0"),
+        (["--follow", "--timeout", "-1"], "--timeout -1: needs seconds above 0"),
+        (["--timeout", "3"], "--every and --timeout: are for --follow"),
+        (["--follow", "--every", "soon"], "unable to parse"),
+    ],
+)
+def test_bad_input(call, tmp_path, options, message):
+    status, said, errors = call("info", tmp_path / "no.h5", *options)
+    assert (status, said, len(errors)) == (2, "", 1)
+    assert message in errors[0]

@@ -1,0 +1,89 @@
+import json
+import sys
+
+import h5py
+import numpy as np
+import pytest
+from frames_for_tests import KEEP, make_frame, make_frames
+from test_npz import filled
+
+from rso_lidar import export
+from rso_lidar.errors import RecordingError
+from rso_lidar.export import zarr_store
+
+HOW = {"returns": True, "keep": KEEP}
+NEEDED = "the extra `zarr` is not installed"
+
+
+@pytest.mark.parametrize("zoom", [1.0, lambda k: 1.0 + (k % 3)], ids=["one lens", "zoom"])
+def test_arrays_and_attributes_are_those_of_the_recording(tmp_path, zoom, monkeypatch):
+    zarr = pytest.importorskip("zarr", reason=NEEDED)
+    monkeypatch.setattr(zarr_store, "FRAMES_PER_SHARD", 3)
+    recording = export.save(tmp_path / "run.h5", make_frames(7, zoom=zoom, **HOW))
+    store = zarr.open_group(export.save(tmp_path / "run.zarr", make_frames(7, zoom=zoom, **HOW)), mode="r")
+    expected = filled(recording)
+    arrays = {name: array for name, array in store.members(max_depth=None) if isinstance(array, zarr.Array)}
+    scales = {"row", "col", "returns/return", "labels/return", "waveforms/sample", "oversampled/fine_row"}
+    assert set(arrays) == set(expected) | scales | {"oversampled/fine_col"}
+    with h5py.File(recording) as file:
+        for name, values in expected.items():
+            assert arrays[name].dtype == values.dtype, name
+            np.testing.assert_array_equal(arrays[name][:], values, err_msg=name)
+            scale = [file[name].dims[axis] for axis in range(values.ndim)] if name != "time" else []
+            dims = [dim[0].name.rpartition("/")[2] for dim in scale] or ["time"]
+            assert list(arrays[name].metadata.dimension_names) == dims, name
+            for key in ("units", "long_name"):
+                assert arrays[name].attrs[key] == file[name].attrs[key], name
+        assert dict(store.attrs) == {
+            key: value.item() if hasattr(value, "item") else value for key, value in file.attrs.items()
+        }
+        assert store["truth"].attrs["tree"] == file["truth"].attrs["tree"]
+        assert store["truth/tdrs"].attrs["parent"] == file["truth/tdrs"].attrs["parent"]
+        assert store["waveforms"].attrs["sample_s"] == file["waveforms"].attrs["sample_s"]
+    assert arrays["range"].chunks == (1, 12, 10)
+    assert arrays["range"].shards == (3, 12, 10)
+    assert len(list((tmp_path / "run.zarr/range/c").iterdir())) == 3  # 7 frames, 3 to a file
+    assert np.isnan(arrays["range"].fill_value)
+    assert arrays["labels/target"].fill_value == -1
+
+
+def test_xarray_opens_it_with_sky_as_nan(tmp_path):
+    pytest.importorskip("zarr", reason=NEEDED)
+    import xarray
+
+    path = export.save(tmp_path / "run.zarr", make_frames(3))
+    with xarray.open_datatree(path, engine="zarr") as tree:
+        assert dict(tree["range"].sizes) == {"time": 3, "row": 12, "col": 10}
+        assert str(tree["time"].values[2]) == "2024-09-17T12:00:00.200000000"
+        np.testing.assert_array_equal(tree["range"][1], make_frame(1).range_m)
+        target = make_frame(1).labels.target
+        np.testing.assert_array_equal(tree["labels/target"][1], np.where(target < 0, np.nan, target))
+        assert json.loads(tree.attrs["targets"])[1]["name"] == "rock"
+
+
+def test_frames_are_written_a_shard_at_a_time(tmp_path, monkeypatch):
+    """Big frames make shards of fewer frames, so that what waits in memory stays bounded."""
+    zarr = pytest.importorskip("zarr", reason=NEEDED)
+    each = zarr_store.frame_bytes(zarr_store.variables(make_frame()))
+    monkeypatch.setattr(zarr_store, "MOST_BATCH_BYTES", 2 * each)
+    most = 0
+
+    def watched():
+        nonlocal most
+        for frame in make_frames(9):
+            yield frame
+            [draft] = tmp_path.glob("*.part")
+            written = zarr.open_group(draft, mode="r")["range"].shape[0]
+            most = max(most, frame.index // 3 + 1 - written)
+
+    path = export.save(tmp_path / "run.zarr", watched())
+    assert most == 1  # one waits, the second fills the shard
+    assert zarr.open_group(path, mode="r")["range"].shape == (9, 12, 10)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_without_the_extra_it_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(RecordingError, match=r"Zarr needs an extra: pip install rso-lidar\[zarr\], or write \.h5"):
+        export.save(tmp_path / "run.zarr", make_frames(1))
+    assert list(tmp_path.iterdir()) == []
