@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import FALSE, INK, PARTS, QUIET, hexed
-from rso_lidar.picture.sight import dark_spans_s
+from rso_lidar.sight import dark_spans_s
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:

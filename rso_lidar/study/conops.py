@@ -19,12 +19,12 @@ from rso_lidar.draft import beside
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.picture.sight import sight
 from rso_lidar.picture.timeline import timeline_figure
 from rso_lidar.pose import ROOT, cross, dot, turned
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
+from rso_lidar.sight import sight
 from rso_lidar.study.glimpse import Glimpse, glimpses
 from rso_lidar.study.timeline import course, umbras, utc
 
