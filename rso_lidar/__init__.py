@@ -133,6 +133,7 @@ from rso_lidar.rpo import (
 from rso_lidar.scenario import Constraints, Corridor, Follower, Lidar, Scenario, Schedule, Target, Time, World
 from rso_lidar.scene import ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
+from rso_lidar.study import budget
 
 __version__ = _version("rso-lidar")
 
@@ -260,6 +261,7 @@ __all__ = [
     "YamanakaAnkersen",
     "ZemaxDistortion",
     "ZemaxPsf",
+    "budget",
     "flash",
     "open",
     "orbit",

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli import animate, catalog, check, encounters, info, models, plot, run, schema, truth
+from rso_lidar.cli import animate, budget, catalog, check, encounters, info, models, plot, run, schema, truth
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -20,6 +20,7 @@ app = typer.Typer(
 )
 
 app.command("check")(check.check)
+app.command("budget")(budget.budget)
 app.command("truth")(truth.truth)
 app.command("catalog")(catalog.catalog)
 app.command("encounters")(encounters.encounters)
