@@ -66,8 +66,10 @@ def budget_figure(
     _axes(precision, "Range precision [cm]", "1 sigma of detected returns")
     _axes(pixels, "Pixels on the target", "lit and in the field")
     for axes in (light, precision, pixels):
-        axes.set_yscale("log")
-    light.set_ylim(bottom=max(_LOWEST_PHOTONS, light.get_ylim()[0]))
+        _log(axes)
+    low, high = light.get_ylim()
+    if high > 10.0 * _LOWEST_PHOTONS:
+        light.set_ylim(max(_LOWEST_PHOTONS, low), high)
     found.set_ylim(-0.02, 1.04)
     _decades(precision)
     for axes in (precision, pixels):
@@ -115,6 +117,14 @@ def _axes(axes: Axes, title: str, note: str) -> None:
     axes.xaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.tick_params(labelbottom=True)
+
+
+def _log(axes: Axes) -> None:
+    """Make the axis of values logarithmic; where nothing is above 0, it runs over one decade."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
+    if not np.any(values > 0.0):
+        axes.set_ylim(1.0, 10.0)
+    axes.set_yscale("log")
 
 
 def _decades(axes: Axes) -> None:

@@ -4,7 +4,7 @@ A return of N photons is QE N primaries, each an avalanche of mean M and excess 
 Campbell's theorem gives mean, covariance and third cumulant of the amplitude, on top of the amplifier's own noise and the
 dark current's. The comparator misses the return where the amplitude stays below its threshold all along the pulse, which is
 the integral of a Gaussian over an orthant (Genz 1992), at instants a sixth of the amplifier's pole apart. Approximate are:
-the normal law, bent by its third cumulant (Cornish and Fisher 1938); a long stretched pulse, whose instants lie farther
+the normal law, bent at each instant to the third cumulant (a gamma law); a long stretched pulse, whose instants lie farther
 apart; a gate, which may find a bump of noise beside a weak pulse; precision where few returns pass the threshold, which
 picks those that noise has raised.
 """
@@ -24,18 +24,20 @@ from rso_lidar.detector.apd import cumulants
 from rso_lidar.detector.gate_threshold import gate_thresholds
 from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse
+from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser
 
 _Seen = Callable[[np.ndarray], np.ndarray]
 
 _FINE = 12  # steps of time to a pole of the amplifier
-_MOST_STEPS = 6000
+_MOST_STEPS = 2000
 _MOST_INSTANTS = 96  # at which the comparator is looked at
 _POINTS = 4096  # of the lattice over the orthant
 _AT_ONCE = 16  # numbers of photons taken together
 _LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
 _REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
 _PHASES = 8  # of the clock, over which precision is averaged
+_FASTEST = 200.0  # of an amplifier's pole in a pulse's length
 _STRETCHES = 32  # depths told apart for each factor of two
 
 
@@ -67,6 +69,11 @@ def told(
             photons / detector.noise_photons(photons),
             detector.counts(photons) >= detector.full_scale_counts,
         )
+    if detector.amplifier.pole_s * _FASTEST < laser.pulse_fwhm_s:
+        raise ScenarioError(
+            f"amplifier.bandwidth_mhz: {detector.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
+            f"{laser.pulse_fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
+        )
     probability, precision_m, snr = np.zeros(photons.shape), np.full(photons.shape, np.inf), np.zeros(photons.shape)
     group = _stretches(depth_s, laser.pulse_fwhm_s)
     step_s, power = laser.pulse
@@ -75,7 +82,9 @@ def told(
         seen = _response(detector, step_s, power.tobytes(), float(stretch_s))
         probability[of] = seen.probability(photons[of])
         if not surely:
-            precision_m[of], snr[of] = seen.precision_m(photons[of]), seen.snr(photons[of])
+            widest_m = (stretch_s + laser.pulse_fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
+            precision_m[of] = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
+            snr[of] = seen.snr(photons[of])
     jitter_ns = math.hypot(
         detector.timing.pixel_jitter_ns, math.hypot(detector.timing.frame_jitter_ns, laser.timing_jitter_ns)
     )
@@ -158,8 +167,7 @@ class _Response:
             k = n[some][:, None]
             covariance = self.still + k[:, :, None] * self.shot + spread
             sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-            z = (threshold - k * self.mean) / sigma
-            z -= k * self.third / (6.0 * sigma**3) * (z * z - 1.0)
+            z = _as_normal((threshold - k * self.mean) / sigma, k * self.third / sigma**3)
             result[some] = 1.0 - _orthant(covariance / sigma[:, :, None] / sigma[:, None, :], z)
         return np.clip(result, 0.0, 1.0)
 
@@ -257,7 +265,9 @@ def _fit(
         beside_s = 0.01 * readout.sample_s
         slope = np.einsum("t,ts->s", light, seen(at_s + beside_s) - seen(at_s - beside_s)) / (2.0 * beside_s)
         moved = gsfl.apd.gain * float((by_time * -slope).sum())
-        places.append([float(np.einsum("i,ij,j", by_time, noise, by_time)) / moved**2 for noise in (still, shot)])
+        places.append(
+            [float(np.einsum("i,ij,j", by_time, noise, by_time)) / max(moved**2, 1e-60) for noise in (still, shot)]
+        )
         heights.append(
             [
                 gsfl.apd.gain * float((weights * np.einsum("t,ts->s", light, added)).sum()),
@@ -278,6 +288,18 @@ def _fit(
     pulses = gsfl.gate.pulses
     fitted = (float(height[0]), float(height[1]) / pulses, float(height[2]) / pulses)
     return (float(place[0]), float(place[1])), fitted, float(known[0]) * readout.electrons_per_count
+
+
+def _as_normal(z: np.ndarray, skewness: np.ndarray) -> np.ndarray:
+    """Return what a normal number passes as rarely as a number of that skewness passes z: by a gamma law (Pearson's III)."""
+    from scipy.special import gammainc, gammaincc, ndtri
+
+    g = np.maximum(skewness, 1e-3)
+    shape = 4.0 / g**2
+    x = np.maximum(shape + 2.0 * z / g, 1e-12)
+    above, below = np.maximum(gammaincc(shape, x), 1e-300), np.maximum(gammainc(shape, x), 1e-300)
+    normal: np.ndarray = np.where(above < 0.5, -ndtri(above), ndtri(below))
+    return normal
 
 
 def _orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:

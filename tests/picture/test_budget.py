@@ -44,6 +44,11 @@ def test_a_curve_that_is_never_seen_is_drawn_without_a_mark():
     figure.canvas.draw()
 
 
+def test_nothing_to_see_is_drawn_all_the_same():
+    figure = budget_figure([line("dark", float("nan"), photons=0.0)], "Budget", "", 0.5)
+    figure.canvas.draw()
+
+
 @pytest.mark.parametrize("count", [1, 5, 12])
 def test_names_stand_below_the_plots_and_above_the_small_print(count):
     figure = budget_figure(

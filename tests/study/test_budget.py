@@ -176,6 +176,21 @@ def test_refused(asked, said):
         rl.budget(FAST, **asked)
 
 
+def test_without_noise_detection_is_a_matter_of_threshold_and_shot_noise():
+    quiet = {"amplifier": rl.Amplifier(noise_electrons=0.0), "apd": rl.Apd(dark_current_na=0.0)}
+    detector = rl.Gsfl(**quiet, trigger=rl.Trigger(threshold_spread_fraction=0.0))
+    lidar = rl.Lidar(preset="gsfl_1064", detector=detector)
+    curve = rl.budget(lidar, range_m=[1000.0, 3000.0, 5000.0]).curves[0]
+    assert curve.detection_probability[[0, 2]] == pytest.approx([1.0, 0.0], abs=1e-6)
+    assert 3000.0 < curve.max_range_m < 3200.0
+
+
+def test_an_amplifier_that_the_closed_form_cannot_follow_is_refused():
+    detector = rl.Gsfl(amplifier=rl.Amplifier(bandwidth_mhz=20_000.0), trigger=rl.Trigger(threshold_electrons=30_000.0))
+    with pytest.raises(RsoLidarError, match="amplifier.bandwidth_mhz: 20000: is too fast"):
+        rl.budget(rl.Lidar(preset="gsfl_1064", detector=detector))
+
+
 def test_an_unknown_camera_and_too_many_curves_for_a_picture():
     with pytest.raises(RsoLidarError, match="gsfl_1065: no camera of that name; did you mean 'gsfl_1064'"):
         rl.budget("gsfl_1065")
