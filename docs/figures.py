@@ -1,4 +1,4 @@
-"""Draw the curves of docs/instrument.md and the figures of docs/orbits.md: ``python docs/figures.py`` writes docs/pictures/.
+"""Draw the figures of the instrument, orbits and studies pages: ``python docs/figures.py`` writes docs/pictures/.
 
 It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
 bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
@@ -574,6 +574,12 @@ def _errors(e: float, behind_m: float, forces: rl.Forces | None) -> dict[str, fl
     }
 
 
+def link_budget() -> Any:
+    """The link budget of the first example for three materials, facing and tilted (closed form)."""
+    scenario = rl.Scenario.load(FOLDER.parents[1] / "examples" / "tdrs_approach.toml")
+    return rl.budget(scenario, materials=[0.3, "white_paint", "black_paint"], tilt_deg=[0, 45]).figure()
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -585,6 +591,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "operations": operations,
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
+    "link_budget": link_budget,
 }
 
 

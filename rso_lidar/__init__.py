@@ -133,6 +133,7 @@ from rso_lidar.rpo import (
 from rso_lidar.scenario import Constraints, Corridor, Follower, Lidar, Scenario, Schedule, Target, Time, World
 from rso_lidar.scene import ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
+from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
 from rso_lidar.study.tracking import Tracking, tracking
 
@@ -264,6 +265,7 @@ __all__ = [
     "YamanakaAnkersen",
     "ZemaxDistortion",
     "ZemaxPsf",
+    "budget",
     "flash",
     "open",
     "orbit",

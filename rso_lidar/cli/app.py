@@ -7,6 +7,7 @@ import typer
 
 from rso_lidar.cli import (
     animate,
+    budget,
     catalog,
     check,
     encounters,
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 
 app.command("check")(check.check)
+app.command("budget")(budget.budget)
 app.command("truth")(truth.truth)
 app.command("timeline")(timeline.timeline)
 app.command("catalog")(catalog.catalog)

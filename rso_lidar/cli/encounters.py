@@ -65,10 +65,10 @@ def encounters(
         raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
-    within_m, start_utc = _length_m("--within", within), instant("--start", start)
+    within_m, start_utc = length_m("--within", within), instant("--start", start)
     camera, asked = _lidar(lidar)
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
-    asked = _constraints(asked, angles, None if keep_out is None else _length_m("--keep-out", keep_out))
+    asked = _constraints(asked, angles, None if keep_out is None else length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
         raise ScenarioError(f"--min-duration {min_duration:g}: is no duration; give 0 or more seconds")
     for option, place, suffix in (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml")):
@@ -144,7 +144,7 @@ def _draw(table: Encounters, place: Path) -> Path:
     return picture.save_figure(figure, place)
 
 
-def _length_m(option: str, text: str) -> float:
+def length_m(option: str, text: str) -> float:
     """Return a length with its unit, such as ``50km`` [m]."""
     found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
     try:

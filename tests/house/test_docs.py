@@ -141,7 +141,7 @@ PICTURES = sorted((DOCS / "pictures").iterdir())
 def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
-    told = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md"))
+    told = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md"))
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 
 

@@ -1,0 +1,94 @@
+"""`rso-lidar budget`: how far a camera sees, in closed form, without a mesh or a ray."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.check import Settings
+from rso_lidar.cli.encounters import length_m
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario.lidar import presets
+from rso_lidar.study import budget as worked_out
+from rso_lidar.study.encounters import checked_output
+
+
+def budget(
+    camera: Annotated[str, typer.Argument(metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.")],
+    range_: Annotated[
+        str | None, typer.Option("--range", metavar="A:B", help="From and to, with their unit: 100m:5km.")
+    ] = None,
+    material: Annotated[
+        list[str] | None,
+        typer.Option("--material", help="Catalogue name, reflectance (0.3), or BRDF table (.csv); may be repeated."),
+    ] = None,
+    tilt_deg: Annotated[
+        list[float] | None, typer.Option("--tilt-deg", metavar="DEG", help="Tilt of the facet; may be repeated.")
+    ] = None,
+    divergence_deg: Annotated[
+        list[float] | None,
+        typer.Option("--divergence-deg", metavar="DEG", help="Full angle of the beam; may be repeated."),
+    ] = None,
+    probability: Annotated[float, typer.Option("--probability", help="Of detection, to solve for the range.")] = 0.95,
+    target_m: Annotated[
+        str | None,
+        typer.Option("--target-m", metavar="A[,B,C]", help="Side of a square target, or three sides of a box (m)."),
+    ] = None,
+    facet_m2: Annotated[
+        float | None, typer.Option("--facet-m2", metavar="M2", help="Area of a facet that may not fill a pixel (m2).")
+    ] = None,
+    settings: Settings = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """Work out photons, detection, precision and pixels on target against range, in closed form."""
+    if output is not None:
+        checked_output(output, overwrite=overwrite)
+        if output.suffix.lower() not in _SUFFIXES:
+            guess = did_you_mean(output.suffix.lower(), _SUFFIXES)
+            raise ScenarioError(f"{output}: unknown suffix '{output.suffix}'{guess} (known: {', '.join(_SUFFIXES)})")
+    made = worked_out(
+        _camera(camera, tuple(settings or ())),
+        range_m=None if range_ is None else _range_m(range_),
+        materials=material or None,
+        tilt_deg=tilt_deg or 0.0,
+        divergence_deg=divergence_deg or None,
+        probability=probability,
+        target_m=None if target_m is None else _sides_m(target_m),
+        facet_m2=facet_m2,
+    )
+    if output is not None:
+        made.save(output, overwrite=overwrite)
+    typer.echo(made.table())
+    if output is not None:
+        typer.echo(f"{output}")
+
+
+_SUFFIXES = (".png", ".pdf", ".svg", ".csv")
+
+
+def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
+    if text in presets() and not settings:
+        return text
+    if text in presets():
+        raise ScenarioError(f"--set: changes a scenario file, and {text} is a camera; write it into a scenario")
+    if Path(text).suffix.lower() == ".toml" or Path(text).exists():
+        return Scenario.load(text, settings)
+    raise ScenarioError(
+        f"{text}: no camera of that name{did_you_mean(text, presets())} (known: {', '.join(presets())}; or a scenario file)"
+    )
+
+
+def _range_m(text: str) -> tuple[float, float]:
+    ends = text.split(":")
+    if len(ends) != 2:
+        raise ScenarioError(f"--range {text}: is no span; write for example 100m:5km")
+    return length_m("--range", ends[0]), length_m("--range", ends[1])
+
+
+def _sides_m(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise ScenarioError(f"--target-m {text}: are no lengths; write 2.5, or 4,3,2") from None

@@ -1,0 +1,361 @@
+"""The link budget: light, detection, precision and pixels against range, in closed form, without a mesh or a ray."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.draft import beside
+from rso_lidar.errors import ScenarioError
+from rso_lidar.picture.budget import Line, budget_figure
+from rso_lidar.picture.output import FIGURE_SUFFIXES, checked, save_figure
+from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scene import Scatterer
+from rso_lidar.study.budget_asked import (
+    angles_deg,
+    camera_of,
+    left_out,
+    materials_of,
+    positive,
+    ranges_m,
+    target_of,
+    with_divergence,
+)
+from rso_lidar.study.detection import false_alarms_before, told
+from rso_lidar.study.link import depth_s, light, pixel_width_m
+
+_MOST_CURVES = 200
+_MOST_DRAWN = 12
+_SCANNED = 64  # ranges at which the greatest range is looked for before it is solved for
+_FARTHEST_M = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One material at one tilt under one divergence: numbers (range) along `range_m`.
+
+    `detection_probability` counts false alarms that come first as misses, and is 0 where the camera is not armed;
+    `false_alarm_probability` is theirs. `range_precision_m` is 1 sigma of a detected return. `pixels_on_target` is the
+    target's lit area over a pixel's, `pixels_across` its longest side over a pixel's. `max_range_m` is the greatest range
+    of the wanted probability, NaN where it is never reached; with `armed_limits` the armed window ends there, not the light.
+    """
+
+    material: str
+    tilt_deg: float
+    divergence_deg: float
+    range_m: np.ndarray
+    photons: np.ndarray
+    fill_fraction: np.ndarray
+    detection_probability: np.ndarray
+    range_precision_m: np.ndarray
+    snr: np.ndarray
+    saturated: np.ndarray
+    false_alarm_probability: np.ndarray
+    pixel_m: np.ndarray
+    pixels_on_target: np.ndarray
+    pixels_across: np.ndarray
+    max_range_m: float
+    armed_limits: bool
+
+
+COLUMNS = (
+    "range_m",
+    "photons",
+    "fill_fraction",
+    "detection_probability",
+    "range_precision_m",
+    "snr",
+    "saturated",
+    "false_alarm_probability",
+    "pixel_m",
+    "pixels_on_target",
+    "pixels_across",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """What a camera can do against range; `notes` say what is not counted.
+
+    `target_m` is the side of a square that faces the lidar, or the three sides of a box that tumbles; `target_area_m2` is
+    its silhouette, of a box the mean over all directions.
+    """
+
+    camera: str
+    probability: float
+    curves: tuple[Curve, ...]
+    target_m: tuple[float, ...]
+    target_area_m2: float
+    facet_m2: float | None
+    false_alarms_per_frame: float
+    pixel_rad: float
+    notes: tuple[str, ...]
+
+    def range_of_pixels(self, pixels: float) -> float:
+        """Return the range [m] at which the target covers so many pixels, all of it in the field and lit."""
+        return math.sqrt(self.target_area_m2 / positive("pixels", pixels)) / self.pixel_rad
+
+    def csv_text(self) -> str:
+        """Return all curves as one table of CSV, a row for each range; names end in their unit."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["material", "tilt_deg", "divergence_deg", *COLUMNS])
+        for curve in self.curves:
+            columns = [getattr(curve, name) for name in COLUMNS]
+            for row in zip(*columns, strict=True):
+                values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
+                writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
+        return text.getvalue()
+
+    def figure(self) -> Any:
+        """Return the figure of photons, probability, precision and pixels against range."""
+        if len(self.curves) > _MOST_DRAWN:
+            raise ScenarioError(
+                f"budget: {len(self.curves)} curves are too many for one picture; ask for at most {_MOST_DRAWN}, or "
+                "write .csv"
+            )
+        lines = [
+            Line(
+                name,
+                curve.range_m,
+                curve.photons,
+                curve.detection_probability,
+                curve.range_precision_m,
+                curve.pixels_on_target,
+                curve.max_range_m,
+                curve.armed_limits,
+            )
+            for name, curve in zip(self.names(), self.curves, strict=True)
+        ]
+        return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Return the path of the budget written whole or not at all: a table (.csv) or a picture (.png, .pdf, .svg)."""
+        place = checked(path, (".csv", *FIGURE_SUFFIXES))
+        if place.exists() and not overwrite:
+            raise ScenarioError(f"{place}: exists already; choose another name, or give --overwrite")
+        if place.suffix.lower() != ".csv":
+            return save_figure(self.figure(), place)
+        with beside(place) as draft:
+            draft.write_text(self.csv_text(), encoding="utf-8")
+        return place
+
+    def names(self) -> list[str]:
+        """Return what tells each curve from the others, in words."""
+        several = [
+            len({getattr(c, name) for c in self.curves}) > 1 for name in ("material", "tilt_deg", "divergence_deg")
+        ]
+        if not any(several):
+            several[0] = True
+        names = []
+        for curve in self.curves:
+            words = (curve.material, f"tilt {curve.tilt_deg:g}°", f"beam {curve.divergence_deg:.4g}°")
+            names.append(", ".join(word for word, told_apart in zip(words, several, strict=True) if told_apart))
+        return names
+
+    def about(self) -> str:
+        """Return in words what the curves are of."""
+        what = "a pixel that a facet fills" if self.facet_m2 is None else f"a facet of {self.facet_m2:g} m²"
+        if len(self.target_m) == 1:
+            return f"{what}, on the boresight   ·   target: a square of {self.target_m[0]:g} m"
+        sides = " x ".join(f"{side:.4g}" for side in self.target_m)
+        return f"{what}, on the boresight   ·   target: a box of {sides} m, tumbling"
+
+    def table(self) -> str:
+        """Return the greatest range of each curve, and what is seen there, as lines of text."""
+        heads = [
+            "material",
+            "tilt",
+            "beam",
+            f"P = {self.probability:g} to",
+            "photons",
+            "precision",
+            "pixel",
+            "on target",
+        ]
+        rows = [heads]
+        for curve in self.curves:
+            row = [curve.material, f"{curve.tilt_deg:g}°", f"{curve.divergence_deg:.4g}°"]
+            if math.isnan(curve.max_range_m):
+                rows.append([*row, "never", *["-"] * 4])
+                continue
+            photons, precision_m, pixels = (
+                math.exp(
+                    float(np.interp(math.log(curve.max_range_m), np.log(curve.range_m), np.log(np.maximum(y, 1e-30))))
+                )
+                for y in (curve.photons, curve.range_precision_m, curve.pixels_on_target)
+            )
+            inside = curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]
+            seen = [f"{photons:,.0f}", f"{precision_m / units.CM:.1f} cm"] if inside else ["-", "-"]
+            reach = f"{curve.max_range_m:,.0f} m" + (" (armed)" if curve.armed_limits else "")
+            on_target = f"{pixels:,.3g} px" if inside else "-"
+            rows.append([*row, reach, *seen, f"{curve.max_range_m * self.pixel_rad:.3g} m", on_target])
+        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
+        lines = [
+            "  ".join(
+                text.ljust(w) if k == 0 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        ]
+        return "\n".join([f"{self.camera}: {self.about()}", *(line.rstrip() for line in lines), *self.notes])
+
+
+def budget(
+    camera: Lidar | Scenario | str,
+    *,
+    range_m: tuple[float, float] | Sequence[float] | np.ndarray | None = None,
+    materials: Sequence[str | float | Scatterer] | None = None,
+    tilt_deg: Sequence[float] | float = 0.0,
+    divergence_deg: Sequence[float] | float | None = None,
+    probability: float = 0.95,
+    target_m: Sequence[float] | float | None = None,
+    facet_m2: float | None = None,
+) -> Budget:
+    """Return photons, detection, precision and pixels against range, for each material, tilt and divergence.
+
+    Parameters
+    ----------
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
+    range_m : from and to, or three or more ranges [m]; None: a fiftieth of the detector's reach to all of it.
+    materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials; None: the
+        dimmest and the brightest of the scenario's first target, or Lambertian 0.30.
+    tilt_deg : of the facet against the boresight [deg].
+    divergence_deg : full angles of the beam [deg]; None: the laser's own.
+    probability : of detection that the greatest ranges are solved for [1].
+    target_m : side of a square, or three sides of a box [m]; None: the bounds of the scenario's first target, or 1 m.
+    facet_m2 : area of a facet that may be smaller than a pixel [m²]; None: it fills the pixel.
+
+    >>> seed = budget("gsfl_1064")
+    >>> round(seed.curves[0].max_range_m, -1)
+    3000.0
+    """
+    lidar, scenario, name = camera_of(camera)
+    if not 0.0 < float(probability) < 1.0:
+        raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
+    if facet_m2 is not None:
+        positive("facet_m2", facet_m2)
+    along_m = ranges_m(range_m, lidar.detector)
+    chosen = materials_of(materials, scenario, lidar.laser.wavelength_m)
+    tilts = angles_deg("tilt_deg", tilt_deg, 0.0, 89.0)
+    widths = angles_deg(
+        "divergence_deg", lidar.laser.divergence_deg if divergence_deg is None else divergence_deg, 1e-6, 179.0
+    )
+    if len(chosen) * len(tilts) * len(widths) > _MOST_CURVES:
+        raise ScenarioError(
+            f"budget: {len(chosen)} materials x {len(tilts)} tilts x {len(widths)} divergences are over {_MOST_CURVES} "
+            "curves; ask for fewer at once"
+        )
+    sides_m, area_m2 = target_of(target_m, scenario)
+    curves = [
+        _curve(
+            with_divergence(lidar, width), label, material, tilt, along_m, facet_m2, area_m2, max(sides_m), probability
+        )
+        for width in widths
+        for label, material in chosen
+        for tilt in tilts
+    ]
+    receiver, detector = lidar.receiver, lidar.detector
+    n_pixels = receiver.n_rows * receiver.n_cols
+    each = float(false_alarms_before(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
+    return Budget(
+        name,
+        float(probability),
+        tuple(curves),
+        sides_m,
+        area_m2,
+        facet_m2,
+        each * n_pixels,
+        receiver.pixel_pitch_m / receiver.focal_length_m,
+        left_out(lidar, each * n_pixels),
+    )
+
+
+def _curve(
+    lidar: Lidar,
+    label: str,
+    material: Scatterer,
+    tilt: float,
+    range_m: np.ndarray,
+    facet_m2: float | None,
+    area_m2: float,
+    side_m: float,
+    wanted: float,
+) -> Curve:
+    laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
+    tilt_rad = tilt * units.DEG
+    photons, fill = light(laser, receiver, material, tilt_rad, range_m, facet_m2)
+    seen = told(detector, laser, photons, depth_s(receiver, tilt_rad, range_m, fill))
+    first = false_alarms_before(detector, range_m)
+    pixel_m = pixel_width_m(receiver, range_m)
+    lit = np.minimum(_beam_m2(lidar, range_m), receiver.n_rows * receiver.n_cols * pixel_m**2)
+
+    def probability(at_m: np.ndarray) -> np.ndarray:
+        photons, fill = light(laser, receiver, material, tilt_rad, at_m, facet_m2)
+        detected = told(detector, laser, photons, depth_s(receiver, tilt_rad, at_m, fill), surely=True).probability
+        return detected * (1.0 - false_alarms_before(detector, at_m))
+
+    farthest, armed_limits = _greatest(probability, *_reach_m(detector), wanted)
+    return Curve(
+        material=label,
+        tilt_deg=tilt,
+        divergence_deg=laser.divergence_deg,
+        range_m=range_m,
+        photons=photons,
+        fill_fraction=fill,
+        detection_probability=np.where(_armed(detector, range_m), seen.probability * (1.0 - first), 0.0),
+        range_precision_m=seen.range_precision_m,
+        snr=seen.snr,
+        saturated=seen.saturated,
+        false_alarm_probability=first,
+        pixel_m=pixel_m,
+        pixels_on_target=np.minimum(area_m2, lit) / pixel_m**2,
+        pixels_across=np.minimum(side_m, receiver.n_cols * pixel_m) / pixel_m,
+        max_range_m=farthest,
+        armed_limits=armed_limits,
+    )
+
+
+def _beam_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
+    """Return the area of the footprint (range) [m²]; of a Gaussian one within 1/e²."""
+    half_m = range_m * math.tan(0.5 * lidar.laser.divergence_deg * units.DEG)
+    round_ = lidar.laser.footprint in ("circle", "gaussian")
+    area: np.ndarray = (math.pi if round_ else 4.0) * half_m**2
+    return area
+
+
+def _reach_m(detector: Gsfl | Empirical) -> tuple[float, float]:
+    """Return from where to where [m] light may be waited for; a gate is put about the target, wherever that is."""
+    if isinstance(detector, Gsfl) and detector.gate is not None:
+        return 1.0, _FARTHEST_M
+    return max(detector.armed_from_m, 1e-3), min(detector.armed_to_m, _FARTHEST_M)
+
+
+def _armed(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
+    low, high = _reach_m(detector)
+    armed: np.ndarray = (range_m >= low * (1.0 - 1e-9)) & (range_m <= high * (1.0 + 1e-9))
+    return armed
+
+
+def _greatest(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
+    """Return the greatest range [m] between two at which the wanted probability is reached, and whether it is the last."""
+    from scipy.optimize import brentq
+
+    scanned = np.geomspace(low_m, high_m, _SCANNED)
+    reached = np.flatnonzero(probability(scanned) >= wanted)
+    if not len(reached):
+        return math.nan, False
+    last = int(reached[-1])
+    if last == _SCANNED - 1:
+        return high_m, True
+    between = [math.log(scanned[last]), math.log(scanned[last + 1])]
+    solved = brentq(lambda x: float(probability(np.exp([x]))[0]) - wanted, *between, xtol=1e-6)
+    return float(math.exp(solved)), False

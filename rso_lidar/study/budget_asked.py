@@ -1,0 +1,207 @@
+"""What a link budget is asked about: camera, ranges, materials, angles and target, checked; and what it leaves out."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario.lidar import presets
+from rso_lidar.scenario.surfaces import material_named
+from rso_lidar.scene import Lambertian, Scatterer, TableBrdf
+from rso_lidar.scene.library import materials
+
+_RANGES = 121
+_SPAN = 50.0  # greatest range over least, where none is asked for
+_FARTHEST_M = 1e9
+_GATED_TO_M = 50_000.0
+
+
+def camera_of(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, str]:
+    """Return a camera, the scenario that it is of, and its name."""
+    if isinstance(camera, Scenario):
+        return camera.instrument.at(0.0), camera, camera.name
+    if isinstance(camera, Lidar):
+        return camera.at(0.0), None, camera.preset or "a camera"
+    if camera in presets():
+        return Lidar(preset=camera), None, camera  # type: ignore[call-arg]
+    known = ", ".join(presets())
+    raise ScenarioError(f"{camera}: no camera of that name{did_you_mean(camera, presets())} (known: {known})")
+
+
+def positive(what: str, value: Any) -> float:
+    """Return a number that is finite and above 0."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
+        raise ScenarioError(f"{what}: {value}: is no size; give a finite number above 0")
+    return float(value)
+
+
+def angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
+    """Return angles [deg], each once, within two others."""
+    values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
+    if not values:
+        raise ScenarioError(f"{what}: is empty; give at least one angle")
+    for value in values:
+        if not least <= value <= most:
+            raise ScenarioError(f"{what}: {value:g}: is outside {least:g} to {most:g} deg; give an angle within")
+    return values
+
+
+def with_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
+    """Return a camera with another beam."""
+    return lidar.replace(laser=lidar.laser.replace(divergence_deg=divergence_deg))
+
+
+def ranges_m(given: Any, detector: Gsfl | Empirical) -> np.ndarray:
+    """Return rising ranges [m]: those given, or 121 in equal ratios between two."""
+    if given is None:
+        gated = isinstance(detector, Gsfl) and detector.gate is not None
+        far = _GATED_TO_M if gated else min(detector.sees_to_m, _FARTHEST_M)
+        near = far / _SPAN if gated else max(far / _SPAN, detector.sees_from_m)
+        return np.geomspace(near, far, _RANGES)
+    values = np.asarray(given, dtype=float).ravel()
+    if (
+        len(values) < 2
+        or not np.all(np.isfinite(values))
+        or not np.all(values > 0.0)
+        or not np.all(np.diff(values) > 0.0)
+    ):
+        told = ", ".join(f"{value:g}" for value in values[:4])
+        raise ScenarioError(f"range_m: {told}: are no ranges; give a near and a farther one, above 0")
+    if values[-1] > _FARTHEST_M:
+        raise ScenarioError(f"range_m: {values[-1]:g}: is beyond {_FARTHEST_M:g} m; give a nearer one")
+    return np.geomspace(values[0], values[1], _RANGES) if len(values) == 2 else values
+
+
+def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) -> tuple[tuple[float, ...], float]:
+    """Return the sides of a target [m] and the area of its silhouette [m²].
+
+    One side is that of a square that faces the lidar. Of a box, as of any convex body, the mean silhouette is a quarter of
+    its surface (Cauchy 1841).
+    """
+    if given is None and scenario is not None and scenario.target:
+        corners = _corners(scenario)
+        sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
+    else:
+        sides = tuple(positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
+    if len(sides) == 1:
+        return sides, sides[0] ** 2
+    if len(sides) != 3:
+        raise ScenarioError(f"target_m: {len(sides)} sides; give one (a square) or three (a box)")
+    a, b, c = sides
+    return sides, 0.5 * (a * b + b * c + c * a)
+
+
+def _corners(scenario: Scenario) -> np.ndarray:
+    """Return the vertices (vertex, xyz) [m] of the first target, hinges as they stand in the mesh."""
+    origins = [(0.0, 0.0, 0.0), *(joint.position_m for joint in scenario.target[0].joints)]
+    surfaces = scenario.surfaces_of(0)
+    parts = [one.vertices[np.unique(one.facets)] + at for one, at in zip(surfaces, origins, strict=True)]
+    return np.concatenate(parts)
+
+
+def materials_of(
+    given: Sequence[str | float | Scatterer] | None, scenario: Scenario | None, wavelength_m: float
+) -> list[tuple[str, Scatterer]]:
+    """Return the materials asked for by name, as light of `wavelength_m` [m] sees them."""
+    if given is not None:
+        if isinstance(given, str | float | int | Scatterer):
+            given = [given]
+        named = dict(_material(one, wavelength_m) for one in given)
+        if not named:
+            raise ScenarioError("materials: none given; name one, or leave them out")
+        return list(named.items())
+    if scenario is None or not scenario.target:
+        return [("lambertian 0.3", Lambertian())]
+    found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
+    facing = sorted(found, key=lambda one: float(one.brdf_per_sr(np.array(1.0))))
+    ends = dict.fromkeys([facing[0], facing[-1]])
+    return [(_name(one, wavelength_m), one) for one in ends]
+
+
+def _material(given: str | float | Scatterer, wavelength_m: float) -> tuple[str, Scatterer]:
+    if isinstance(given, Scatterer):
+        return _name(given, wavelength_m), given.at(wavelength_m)
+    if isinstance(given, str):
+        if given in materials():
+            return given, material_named(given, wavelength_m)
+        if Path(given).suffix.lower() == ".csv":
+            return Path(given).stem, _table(Path(given))
+        if not _number(given):
+            guess = did_you_mean(given, materials())
+            known = ", ".join(materials())
+            raise MeshError(
+                f"material: no '{given}'{guess} (known: {known}; or a reflectance such as 0.3, or a table .csv)"
+            )
+        given = float(given)
+    if not 0.0 <= given <= 1.0:
+        raise ScenarioError(f"material: {given:g}: is no reflectance; give 0 to 1, or a name")
+    return f"lambertian {given:g}", Lambertian(reflectance=float(given))
+
+
+def _table(file: Path) -> TableBrdf:
+    """Return the BRDF that a file tabulates: incidence_deg, brdf_per_sr, a heading allowed."""
+    try:
+        rows = [row for row in csv.reader(file.read_text(encoding="utf-8").splitlines()) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        told = getattr(error, "strerror", None) or "is no text"
+        raise ScenarioError(f"{file}: cannot be read ({told}); give columns incidence_deg, brdf_per_sr") from None
+    try:
+        columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _number(rows[0][0]) else 0 :]]
+        degrees, values = zip(*columns, strict=True)
+        return TableBrdf(incidence_deg=degrees, measured_per_sr=values)
+    except ValidationError as error:
+        told = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ScenarioError(f"{file}: {told}; columns are incidence_deg, brdf_per_sr") from None
+    except ScenarioError as error:
+        raise ScenarioError(f"{file}: {error}") from None
+    except ValueError:
+        raise ScenarioError(f"{file}: is no table of two columns of numbers; give incidence_deg, brdf_per_sr") from None
+
+
+def _number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _name(material: Scatterer, wavelength_m: float) -> str:
+    """Return what the catalogue calls a material, or its type and reflectance."""
+    for name in materials():
+        if material_named(name, wavelength_m) == material and name != "lambertian_30":
+            return name
+    reflectance = getattr(material, "reflectance", None)
+    kind = str(getattr(material, "type", type(material).__name__))
+    return kind if reflectance is None else f"{kind} {reflectance:g}"
+
+
+def left_out(lidar: Lidar, false_alarms: float) -> tuple[str, ...]:
+    """Return in words how many false alarms there are, and what of this camera the closed form does not count."""
+    laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
+    if isinstance(detector, Gsfl) and detector.gate is not None:
+        where = f"a gate of {detector.gate.to_m - detector.gate.from_m:.3g} m about the target"
+    else:
+        where = f"armed {detector.sees_from_m:g} to {detector.sees_to_m:g} m"
+    dropped = [name for name in ("psf", "distortion") if getattr(receiver, name) is not None]
+    if receiver.filter_width_nm is not None:
+        dropped.append("sunlight")
+    if laser.energy_jitter_fraction:
+        dropped.append("energy jitter")
+    if isinstance(detector, Gsfl):
+        parts = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")
+        dropped += [name for name in parts if getattr(detector, name) is not None]
+        if detector.ranging.algorithm != "matched_filter":
+            dropped.append(f"{detector.ranging.algorithm} (precision is the matched filter's)")
+    lines = [f"{where}: {false_alarms:.2g} false alarms a frame in the dark"]
+    return (*lines, f"not counted: {', '.join(dropped)}") if dropped else tuple(lines)

@@ -1,0 +1,333 @@
+"""What a detector makes of so many photons, in closed form: probability of detection, range precision, SNR, false alarms.
+
+A return of N photons is QE N primaries, each an avalanche of mean M and excess noise F through the amplifier's h(t):
+Campbell's theorem gives mean, covariance and third cumulant of the amplitude, on top of the amplifier's own noise and the
+dark current's. The comparator misses the return where the amplitude stays below its threshold all along the pulse, which is
+the integral of a Gaussian over an orthant (Genz 1992), at instants a sixth of the amplifier's pole apart. Approximate are:
+the normal law, bent at each instant to the third cumulant (a gamma law); a long stretched pulse, whose instants lie farther
+apart; a gate, which may find a bump of noise beside a weak pulse; precision where few returns pass the threshold, which
+picks those that noise has raised.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector.apd import cumulants
+from rso_lidar.detector.gate_threshold import gate_thresholds
+from rso_lidar.detector.matched import Matched
+from rso_lidar.detector.pulse import Pulse
+from rso_lidar.errors import ScenarioError
+from rso_lidar.optics import Laser
+
+_Seen = Callable[[np.ndarray], np.ndarray]
+
+_FINE = 12  # steps of time to a pole of the amplifier
+_MOST_STEPS = 2000
+_MOST_INSTANTS = 96  # at which the comparator is looked at
+_POINTS = 4096  # of the lattice over the orthant
+_AT_ONCE = 16  # numbers of photons taken together
+_LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
+_REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
+_PHASES = 8  # of the clock, over which precision is averaged
+_FASTEST = 200.0  # of an amplifier's pole in a pulse's length
+_STRETCHES = 32  # depths told apart for each factor of two
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a detector says of returns (return): how surely, how precisely [m, 1 sigma], how far above its noise."""
+
+    probability: np.ndarray
+    range_precision_m: np.ndarray
+    snr: np.ndarray
+    saturated: np.ndarray  # bool
+
+
+def told(
+    detector: Gsfl | Empirical, laser: Laser, photons: np.ndarray, depth_s: np.ndarray, *, surely: bool = False
+) -> Told:
+    """Return what a detector makes of so many photons (return) that a surface stretches by `depth_s` [s] (return).
+
+    The return is in reach, and no false alarm comes before it. With `surely`, only the probability is worked out.
+    """
+    photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
+    if isinstance(detector, Empirical):
+        precision_m = np.hypot(
+            detector.range_noise_m(photons, laser.pulse_fwhm_s), laser.timing_jitter_ns * _RANGE_PER_NS
+        )
+        return Told(
+            np.where(photons > 0.0, detector.detection_probability(photons), 0.0),
+            np.where(photons > 0.0, precision_m, np.inf),
+            photons / detector.noise_photons(photons),
+            detector.counts(photons) >= detector.full_scale_counts,
+        )
+    if detector.amplifier.pole_s * _FASTEST < laser.pulse_fwhm_s:
+        raise ScenarioError(
+            f"amplifier.bandwidth_mhz: {detector.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
+            f"{laser.pulse_fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
+        )
+    probability, precision_m, snr = np.zeros(photons.shape), np.full(photons.shape, np.inf), np.zeros(photons.shape)
+    group = _stretches(depth_s, laser.pulse_fwhm_s)
+    step_s, power = laser.pulse
+    for stretch_s in np.unique(group):
+        of = group == stretch_s
+        seen = _response(detector, step_s, power.tobytes(), float(stretch_s))
+        probability[of] = seen.probability(photons[of])
+        if not surely:
+            widest_m = (stretch_s + laser.pulse_fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
+            precision_m[of] = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
+            snr[of] = seen.snr(photons[of])
+    jitter_ns = math.hypot(
+        detector.timing.pixel_jitter_ns, math.hypot(detector.timing.frame_jitter_ns, laser.timing_jitter_ns)
+    )
+    saturated = detector.counts(photons) >= detector.full_scale_counts
+    jitter_ns /= math.sqrt(detector.gate.pulses if detector.gate else 1)
+    return Told(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
+
+
+_RANGE_PER_NS = units.NS * units.RANGE_PER_DELAY_M_S
+
+
+def false_alarms_before(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
+    """Return the probability (range) that noise in the dark triggers an armed pixel before light from there comes."""
+    if isinstance(detector, Gsfl) and detector.gate is not None:
+        return np.full(np.shape(range_m), detector.gate.false_alarm_probability)
+    rate = detector.mean_false_alarms_per_s if isinstance(detector, Gsfl) else detector.false_alarms_per_s
+    armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
+    before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
+    return before
+
+
+def _stretches(depth_s: np.ndarray, fwhm_s: float) -> np.ndarray:
+    """Return depths [s] (return) rounded to a few per cent of themselves; to none, far below the pulse's length."""
+    known = np.maximum(depth_s, 0.02 * fwhm_s) / fwhm_s
+    rounded = fwhm_s * 2.0 ** (np.round(_STRETCHES * np.log2(known)) / _STRETCHES)
+    stretches: np.ndarray = np.where(depth_s > 0.02 * fwhm_s, rounded, 0.0)
+    return stretches
+
+
+@dataclass(frozen=True, eq=False)
+class _Response:
+    """A pulse behind the amplifier: what one primary adds at instants about the peak, and how precise a fit is.
+
+    `mean` (instant) [electrons], `shot` (instant, instant) and `third` (instant) are cumulants of one primary, `still` is
+    the covariance in the dark. `place_s2` is the variance of a fitted place: of dark noise times primaries², and of shot
+    noise times primaries. `fitted` is the height fitted to one primary, its variance in the dark, and for each primary;
+    `threshold_electrons` is a gate's, on that height.
+    """
+
+    gsfl: Gsfl
+    mean: np.ndarray
+    shot: np.ndarray
+    third: np.ndarray
+    still: np.ndarray
+    place_s2: tuple[float, float]
+    fitted: tuple[float, float, float]
+    threshold_electrons: float
+
+    def primaries(self, photons: np.ndarray) -> np.ndarray:
+        return self.gsfl.quantum_efficiency * photons
+
+    def precision_m(self, photons: np.ndarray) -> np.ndarray:
+        n = np.maximum(self.primaries(photons), 1e-9)
+        pulses = self.gsfl.gate.pulses if self.gsfl.gate else 1
+        variance = (self.place_s2[0] / n**2 + self.place_s2[1] / n) / pulses
+        precision: np.ndarray = np.sqrt(variance) * units.RANGE_PER_DELAY_M_S
+        return precision
+
+    def snr(self, photons: np.ndarray) -> np.ndarray:
+        n = self.primaries(photons)
+        if self.gsfl.gate is not None:
+            height, dark, shot = self.fitted
+            return np.asarray(height * n / np.sqrt(np.maximum(dark + shot * n, 1e-30)))
+        top = int(self.mean.argmax())
+        noise = np.sqrt(np.maximum(self.still[top, top] + n * self.shot[top, top], 1e-30))
+        return np.asarray(n * self.mean[top] / noise)
+
+    def probability(self, photons: np.ndarray) -> np.ndarray:
+        n = self.primaries(photons)
+        if self.gsfl.gate is not None:
+            return self._in_gate(n)
+        threshold = self.gsfl.trigger.threshold_electrons
+        spread = (self.gsfl.trigger.threshold_spread_fraction * threshold) ** 2
+        result = np.zeros(n.shape)
+        sure = 1.5 * (1.0 + 5.0 * self.gsfl.trigger.threshold_spread_fraction) * threshold
+        result[n * self.mean.max() > max(sure, threshold + 12.0 * math.sqrt(self.still[0, 0]))] = 1.0
+        near = np.flatnonzero((n > 0.0) & (result < 1.0))
+        for start in range(0, len(near), _AT_ONCE):
+            some = near[start : start + _AT_ONCE]
+            k = n[some][:, None]
+            covariance = self.still + k[:, :, None] * self.shot + spread
+            sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+            z = _as_normal((threshold - k * self.mean) / sigma, k * self.third / sigma**3)
+            result[some] = 1.0 - _orthant(covariance / sigma[:, :, None] / sigma[:, None, :], z)
+        return np.clip(result, 0.0, 1.0)
+
+    def _in_gate(self, n: np.ndarray) -> np.ndarray:
+        """Return the probability that the fitted height passes the gate's threshold.
+
+        Place and height are fitted together: the height is that of two normal components, one along the pulse and one
+        along its slope, of which the second is noise alone. Its square is a noncentral chi-square of two degrees.
+        """
+        from scipy.special import chndtr
+
+        height, dark, shot = self.fitted
+        variance = np.maximum(dark + shot * n, 1e-30)
+        below = chndtr(self.threshold_electrons**2 / variance, 2.0, (height * n) ** 2 / variance)
+        found: np.ndarray = np.where(n > 0.0, 1.0 - below, 0.0)
+        return found
+
+
+@lru_cache(maxsize=512)
+def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
+    """Return what a pulse of these taps, stretched evenly over `stretch_s` [s], becomes behind the amplifier."""
+    pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
+    taps = np.frombuffer(power_per_s)
+    energy = np.cumsum(taps) * step_s
+    tap_s = (np.arange(len(taps)) - len(taps) // 2) * step_s
+    from_s, to_s = np.interp([1e-6, 1.0 - 1e-6], energy, tap_s) + np.array([-0.5, 0.5]) * stretch_s
+    fine_s = max(min(pole_s / _FINE, 4.0 * step_s), (to_s - from_s + 16.0 * pole_s) / _MOST_STEPS)
+    time_s = np.arange(from_s - fine_s, to_s + 8.0 * pole_s, fine_s)
+    # The mean of the pulse over each step, by its energy up to the step's ends, over the surface's depth.
+    ends = np.append(time_s - 0.5 * fine_s, time_s[-1] + 0.5 * fine_s)
+    blur_s = stretch_s * ((np.arange(64) + 0.5) / 64.0 - 0.5) if stretch_s > 0.0 else np.zeros(1)
+    light = np.diff(np.interp(ends[:, None] - blur_s, tap_s + 0.5 * step_s, energy, left=0.0).mean(axis=1))
+
+    gain, square, cube = cumulants(gsfl.apd)
+
+    def seen(at_s: np.ndarray) -> np.ndarray:
+        """Return what charge in each step adds at instants (step, instant)."""
+        x = np.maximum(at_s - time_s[:, None], 0.0) / pole_s
+        added: np.ndarray = width_s / pole_s * x * np.exp(-x)
+        return added
+
+    def dark(at_s: np.ndarray) -> np.ndarray:
+        lag = np.abs(np.subtract.outer(at_s, at_s)) / pole_s
+        covariance: np.ndarray = gsfl.noise_electrons**2 * (1.0 + lag) * np.exp(-lag)
+        return covariance
+
+    curve = np.einsum("t,ti->i", light, seen(time_s))
+    high = time_s[curve > _LEAST * curve.max()]
+    peak_s = float(time_s[curve.argmax()])
+    apart_s = max(pole_s / 6.0, (high[-1] - high[0]) / _MOST_INSTANTS)
+    before, after = int((peak_s - high[0]) / apart_s), int((high[-1] - peak_s) / apart_s)
+    at_s = peak_s + apart_s * np.arange(-before, after + 1)
+    at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # where it is decided comes first
+    added = seen(at_s)
+    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, seen, dark)
+    return _Response(
+        gsfl,
+        gain * np.einsum("t,ti->i", light, added),
+        square * np.einsum("ti,tj->ij", light[:, None] * added, added),
+        (cube if gsfl.apd.statistics != "gaussian" else 0.0) * np.einsum("t,ti->i", light, added**3),
+        dark(at_s),
+        place_s2,
+        fitted,
+        threshold,
+    )
+
+
+def _fit(
+    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, seen: _Seen, dark: _Seen
+) -> tuple[tuple[float, float], tuple[float, float, float], float]:
+    """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
+
+    The matched filter believes in the pulse as it left and in noise of the amplifier's colour, with a little white. Its
+    error is that of a linear fit with these weights in the noise there is, shot noise included (Kay 1993, sec. 6.5).
+    """
+    readout, amplifier = gsfl.readout, gsfl.amplifier
+    pulse = Pulse.after(step_s, np.frombuffer(power_per_s), amplifier.pole_s, amplifier.integration_s)
+    matched = Matched.of(pulse, readout.sample_s, amplifier.pole_s, gsfl.noise_counts)
+    half = max(2, math.ceil(_REACH_FWHM * pulse.fwhm_s / readout.sample_s))
+    lag = np.arange(2 * half + 1) - half
+    rounding = readout.electrons_per_count**2 / 12.0 if readout.quantised else 0.0
+    x = np.abs(np.subtract.outer(lag, lag)) * readout.sample_s / amplifier.pole_s
+    believed = (1.0 + x) * np.exp(-x) + max(3e-3, rounding / max(gsfl.noise_electrons, 1e-9) ** 2) * np.eye(len(lag))
+    places, heights = [], []
+    weights = matched.height_weights()
+    square = cumulants(gsfl.apd)[1]
+    for phase in (np.arange(_PHASES) + 0.5) / _PHASES - 0.5:
+        at_s = (lag - phase) * readout.sample_s + pulse.peak_s
+        jacobian = np.stack([pulse.amplitude(at_s), -pulse.slope(at_s)], axis=1)
+        whitened = np.linalg.solve(believed, jacobian)
+        by_time = np.linalg.solve(np.einsum("si,sj->ij", jacobian, whitened), whitened.T)[1]
+        added = seen(at_s)
+        shot = square * np.einsum("ti,tj->ij", light[:, None] * added, added)
+        still = dark(at_s) + rounding * np.eye(len(lag))
+        beside_s = 0.01 * readout.sample_s
+        slope = np.einsum("t,ts->s", light, seen(at_s + beside_s) - seen(at_s - beside_s)) / (2.0 * beside_s)
+        moved = gsfl.apd.gain * float((by_time * -slope).sum())
+        places.append(
+            [float(np.einsum("i,ij,j", by_time, noise, by_time)) / max(moved**2, 1e-60) for noise in (still, shot)]
+        )
+        heights.append(
+            [
+                gsfl.apd.gain * float((weights * np.einsum("t,ts->s", light, added)).sum()),
+                *(float(np.einsum("i,ij,j", weights, noise, weights)) for noise in (still, shot)),
+            ]
+        )
+    place, height = np.mean(places, axis=0), np.mean(heights, axis=0)
+    if gsfl.gate is None:
+        return (float(place[0]), float(place[1])), (float(height[0]), float(height[1]), float(height[2])), math.nan
+    known = gate_thresholds(
+        gsfl.gate,
+        np.array([gsfl.apd.dark_electrons_per_s]),
+        apd=gsfl.apd,
+        amplifier=amplifier,
+        readout=readout,
+        matched=matched,
+    )
+    pulses = gsfl.gate.pulses
+    fitted = (float(height[0]), float(height[1]) / pulses, float(height[2]) / pulses)
+    return (float(place[0]), float(place[1])), fitted, float(known[0]) * readout.electrons_per_count
+
+
+def _as_normal(z: np.ndarray, skewness: np.ndarray) -> np.ndarray:
+    """Return what a normal number passes as rarely as a number of that skewness passes z: by a gamma law (Pearson's III)."""
+    from scipy.special import gammainc, gammaincc, ndtri
+
+    g = np.maximum(skewness, 1e-3)
+    shape = 4.0 / g**2
+    x = np.maximum(shape + 2.0 * z / g, 1e-12)
+    above, below = np.maximum(gammaincc(shape, x), 1e-300), np.maximum(gammainc(shape, x), 1e-300)
+    normal: np.ndarray = np.where(above < 0.5, -ndtri(above), ndtri(below))
+    return normal
+
+
+def _orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the probability (row) that normal numbers of these correlations (row, i, i) all stay below z (row, i).
+
+    Genz (1992): one number after the other, each given those before it, is an integral over the unit cube, here over a
+    lattice of Richtmyer's with the ends of each axis folded together.
+    """
+    from scipy.special import ndtr, ndtri
+
+    n = z.shape[1]
+    root = np.linalg.cholesky(correlation + 1e-9 * np.eye(n))
+    points = _lattice(n)
+    normal = np.zeros((len(z), n, _POINTS))
+    inside = np.ones((len(z), _POINTS))
+    for k in range(n):
+        given = np.einsum("rj,rjp->rp", root[:, k, :k], normal[:, :k])
+        below = ndtr((z[:, k, None] - given) / root[:, k, k, None])
+        inside *= below
+        normal[:, k] = ndtri(np.maximum(points[k] * below, 1e-300))
+    stayed: np.ndarray = inside.mean(axis=1)
+    return stayed
+
+
+@lru_cache(maxsize=8)
+def _lattice(n: int) -> np.ndarray:
+    """Return points (axis, point) spread evenly over the unit cube: multiples of the roots of primes, folded."""
+    primes = [k for k in range(2, 1000) if all(k % d for d in range(2, math.isqrt(k) + 1))][:n]
+    points = np.modf(np.outer(np.sqrt(primes), np.arange(1, _POINTS + 1)))[0]
+    folded: np.ndarray = np.clip(np.abs(2.0 * points - 1.0), 0.5 / _POINTS, 1.0 - 0.5 / _POINTS)
+    return folded

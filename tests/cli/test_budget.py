@@ -1,0 +1,73 @@
+"""`rso-lidar budget`: what it prints, what it writes, and what it refuses."""
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from rso_lidar.cli import budget as command
+from rso_lidar.errors import RsoLidarError
+
+
+@pytest.fixture
+def call():
+    app = typer.Typer()
+    app.command()(command.budget)
+
+    def run(*arguments):
+        done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        if done.exception is not None and not isinstance(done.exception, SystemExit):
+            raise done.exception
+        assert done.exit_code == 0, done.output
+        return done.output
+
+    return run
+
+
+@pytest.fixture
+def scenario(text, tmp_path):
+    file = tmp_path / "bench.toml"
+    file.write_text(
+        text.replace("[lidar.laser]", '[lidar.detector]\ntype = "empirical"\n\n[lidar.laser]'), encoding="utf-8"
+    )
+    return file
+
+
+def test_a_camera_by_name(call):
+    out = call("gsfl_1064", "--range", "1km:4km", "--target-m", "4,3,2")
+    assert "a box of 4 x 3 x 2 m, tumbling" in out
+    assert "lambertian 0.3" in out and "3,0" in out
+    assert "false alarms a frame" in out
+
+
+def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario, tmp_path):
+    asked = (scenario, "--material", "0.3", "--material", "mli_gold", "--tilt-deg", 0, "--tilt-deg", 30)
+    beams = ("--divergence-deg", 2, "--divergence-deg", 4, "--probability", 0.5, "--set", "lidar.laser.energy_mj=20")
+    out = call(*asked, *beams, "-o", tmp_path / "a.csv")
+    assert out.count("mli_gold") == 4 and "P = 0.5 to" in out and "a.csv" in out
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8").count("\n") == 1 + 8 * 121
+    call(*asked, "-o", tmp_path / "a.png")
+    with pytest.raises(RsoLidarError, match=r"a\.png: exists already"):
+        call(*asked, "-o", tmp_path / "a.png")
+    call(*asked, "-o", tmp_path / "a.png", "--overwrite")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("gsfl_1065",), "no camera of that name; did you mean 'gsfl_1064'"),
+        (("none.toml",), "no such file"),
+        (("gsfl_1064", "--range", "100m"), "--range 100m: is no span"),
+        (("gsfl_1064", "--range", "1:2"), "has no unit"),
+        (("gsfl_1064", "--target-m", "a"), "--target-m a: are no lengths"),
+        (("gsfl_1064", "--set", "lidar.laser.energy_mj=1"), "changes a scenario file"),
+        (("gsfl_1064", "-o", "a.txt"), "unknown suffix '.txt'"),
+        (("gsfl_1064", "-o", "nowhere/a.png"), "there is no folder"),
+        (("gsfl_1064", "--material", "tinfoil"), "no 'tinfoil'"),
+    ],
+)
+def test_refused(call, asked, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RsoLidarError, match=said):
+        call(*asked)
+    assert not list(tmp_path.iterdir())
