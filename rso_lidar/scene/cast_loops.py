@@ -143,7 +143,10 @@ def cast_rays(
     hit_range, hit_cosine, hit_brdf = np.empty(n), np.empty(n), np.empty(n)
     words = packet(width)
     values = words.view(np.float32)
-    turned = np.empty((3, width))
+    sent_from = values[BEFORE + START * width : BEFORE + (START + 3) * width].reshape(3, width)
+    sent_along = values[BEFORE + ALONG * width : BEFORE + (ALONG + 3) * width].reshape(3, width)
+    far = values[BEFORE + FAR * width : BEFORE + (FAR + 1) * width]
+    ahead, turned = np.zeros((3, width)), np.empty((3, width))
     chosen = np.empty(BLOCK_RAYS, np.int64)
     near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
     facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
@@ -171,13 +174,15 @@ def cast_rays(
                 used = min(width, count - p)
                 for k in range(used):
                     i = chosen[p + k]
-                    dx, dy, dz = direction[0, i], direction[1, i], direction[2, i]
-                    for axis in range(3):
-                        along = target[3 * axis] * dx + target[3 * axis + 1] * dy + target[3 * axis + 2] * dz
+                    ahead[0, k], ahead[1, k], ahead[2, k] = direction[0, i], direction[1, i], direction[2, i]
+                    far[k] = near[i - block] - start + target[_SLACK]
+                for axis in range(3):  # all columns, used or not: so the processor does them at once
+                    a, b, c, o = target[3 * axis], target[3 * axis + 1], target[3 * axis + 2], target[_ORIGIN + axis]
+                    for k in range(width):
+                        along = a * ahead[0, k] + b * ahead[1, k] + c * ahead[2, k]
                         turned[axis, k] = along
-                        values[BEFORE + (ALONG + axis) * width + k] = along
-                        values[BEFORE + (START + axis) * width + k] = target[_ORIGIN + axis] + start * along
-                    values[BEFORE + FAR * width + k] = near[i - block] - start + target[_SLACK]
+                        sent_along[axis, k] = along
+                        sent_from[axis, k] = o + start * along
                 ask(question, scenes[t], words, width, used)
                 for k in range(used):
                     if words[BEFORE + GEOMETRY * width + k] == NOTHING:
