@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.errors import RecordingError, RunError, did_you_mean
 
 
 @contextmanager
@@ -31,6 +33,30 @@ def beside(place: Path) -> Iterator[Path]:
     finally:
         if draft is not None:
             draft.unlink(missing_ok=True)
+
+
+def free(place: Path, suffixes: Sequence[str], *, overwrite: bool = False) -> Path:
+    """Return a path once it is sure that a file of one of these suffixes may be written there."""
+    suffix = place.suffix.lower()
+    if suffix not in suffixes:
+        what = f"unknown suffix '{place.suffix}'" if suffix else "the name has no suffix"
+        raise RecordingError(f"{place}: {what}{did_you_mean(suffix, suffixes)} (known: {', '.join(suffixes)})")
+    if place.is_dir():
+        raise RecordingError(f"{place}: is a folder; name a file in it")
+    if place.exists() and not overwrite:
+        raise RecordingError(f"{place}: exists already; give --overwrite or another name")
+    if not place.parent.is_dir():
+        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+    return place
+
+
+def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
+    """Return the path of a CSV of columns by name (arrays of one length), written whole or not at all."""
+    with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
+    return place
 
 
 def _new(place: Path) -> Path:

@@ -7,7 +7,7 @@ import numpy as np
 import typer
 
 from rso_lidar.cli.check import ScenarioFile, Settings
-from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.conops import Timeline
@@ -34,25 +34,12 @@ def timeline(
 ) -> None:
     """Draw or tabulate one encounter: range, rates, Sun, PTU, field, pixels, photons and detection, frame by frame."""
     output = output or file.with_name(f"{file.stem}_timeline.png")
-    _check(output, overwrite)
+    free(output, SUFFIXES, overwrite=overwrite)
     made = timeline_of(Scenario.load(file, tuple(settings or ())), target, every_s=every_s)
     made.save(output)
     for line in _summary(made):
         typer.echo(line)
     typer.echo(f"{output}")
-
-
-def _check(output: Path, overwrite: bool) -> None:
-    suffix = output.suffix.lower()
-    if suffix not in SUFFIXES:
-        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
-    if output.is_dir():
-        raise ScenarioError(f"{output}: is a folder; name a file in it")
-    if output.exists() and not overwrite:
-        raise ScenarioError(f"{output}: exists already; give --overwrite or another name")
-    if not output.parent.is_dir():
-        raise ScenarioError(f"{output}: there is no folder {output.parent}; make it first")
 
 
 def _summary(made: Timeline) -> list[str]:

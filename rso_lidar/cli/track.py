@@ -8,7 +8,8 @@ import typer
 
 from rso_lidar import export, units
 from rso_lidar.cli.plot import RecordingFile
-from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.draft import free
+from rso_lidar.errors import RecordingError
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.tracking import NAMES
 from rso_lidar.study.tracking import AXES, Tracking, tracking
@@ -38,7 +39,7 @@ def track(
 ) -> None:
     """Track a recording's target by centroid, Kalman filters and ICP, and compare with truth."""
     if output is not None:
-        _check(output, overwrite)
+        free(output, SUFFIXES, overwrite=overwrite)
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:
@@ -58,19 +59,6 @@ def track(
     if output is not None:
         made.save(output)
         typer.echo(f"{output}")
-
-
-def _check(output: Path, overwrite: bool) -> None:
-    suffix = output.suffix.lower()
-    if suffix not in SUFFIXES:
-        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-        raise RecordingError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
-    if output.is_dir():
-        raise RecordingError(f"{output}: is a folder; name a file in it")
-    if output.exists() and not overwrite:
-        raise RecordingError(f"{output}: exists already; give --overwrite or another name")
-    if not output.parent.is_dir():
-        raise RecordingError(f"{output}: there is no folder {output.parent}; make it first")
 
 
 def summary(made: Tracking) -> list[str]:

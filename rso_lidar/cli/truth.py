@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +11,7 @@ import typer
 
 from rso_lidar import orbit, picture
 from rso_lidar.cli.check import ScenarioFile, Settings
-from rso_lidar.draft import beside
+from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.czml import Beam, Moving, packets, thinned, write_czml
 from rso_lidar.motion.aem import write_aem
@@ -58,7 +57,7 @@ def truth(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
 ) -> None:
     """Write or draw where everything is and where the PTU points, without rendering a frame."""
-    suffix = _checked(output, overwrite)
+    suffix = free(output, SUFFIXES, overwrite=overwrite).suffix.lower()
     kind = _kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))
     frames = np.arange(0, scenario.time.n_frames, _stride(every_s, scenario))
@@ -67,7 +66,7 @@ def truth(
         picture.save_figure(_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":
         table = columns(scenario, *course(scenario, frames))
-        _csv(output, table)
+        write_columns(output, table)
     else:
         if scenario.local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
@@ -78,21 +77,6 @@ def truth(
         else:
             _ephemeris(scenario, output, suffix, body, frames)
     typer.echo(f"{output}")
-
-
-def _checked(output: Path, overwrite: bool) -> str:
-    """Return the suffix of an output that may be written."""
-    suffix = output.suffix.lower()
-    if suffix not in SUFFIXES:
-        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-        raise ScenarioError(f"{output}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
-    if output.is_dir():
-        raise ScenarioError(f"{output}: is a folder; name a file in it")
-    if output.exists() and not overwrite:
-        raise ScenarioError(f"{output}: exists already; give --overwrite or another name")
-    if not output.parent.is_dir():
-        raise ScenarioError(f"{output}: there is no folder {output.parent}; make it first")
-    return suffix
 
 
 def _kind(figure: str | None, suffix: str) -> str:
@@ -164,13 +148,6 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
         delta_v_m_s=plan.delta_v_m_s,
         title=scenario.name,
     )
-
-
-def _csv(path: Path, table: dict[str, np.ndarray]) -> None:
-    with beside(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
-        writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
 
 
 def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:

@@ -7,7 +7,6 @@ closed forms.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.draft import beside
+from rso_lidar.draft import write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
@@ -73,11 +72,7 @@ class Timeline:
         if place.suffix.lower() != ".csv":
             known = ", ".join(_SUFFIXES)
             raise ScenarioError(f"{place}: a timeline is not written as '{place.suffix}' (known: {known})")
-        with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(self.table)
-            writer.writerows(zip(*(values.tolist() for values in self.table.values()), strict=True))
-        return place
+        return write_columns(place, self.table)
 
 
 def timeline(

@@ -6,7 +6,6 @@ orbit. Of the target it is told nothing but the mesh; truth of the target is use
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.detector.trial import plate, trial
-from rso_lidar.draft import beside
+from rso_lidar.draft import write_columns
 from rso_lidar.errors import RecordingError, did_you_mean, unwarned
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
@@ -63,11 +62,7 @@ class Tracking:
         if place.suffix.lower() != ".csv":
             known = ", ".join(_SUFFIXES)
             raise RecordingError(f"{place}: a track is not written as '{place.suffix}' (known: {known})")
-        with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(self.table)
-            writer.writerows(zip(*(values.tolist() for values in self.table.values()), strict=True))
-        return place
+        return write_columns(place, self.table)
 
 
 def tracking(
