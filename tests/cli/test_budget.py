@@ -1,26 +1,14 @@
 """`rso-lidar budget`: what it prints, what it writes, and what it refuses."""
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from rso_lidar.cli import budget as command
 from rso_lidar.errors import RsoLidarError
 
 
 @pytest.fixture
-def call():
-    app = typer.Typer()
-    app.command()(command.budget)
-
-    def run(*arguments):
-        done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        if done.exception is not None and not isinstance(done.exception, SystemExit):
-            raise done.exception
-        assert done.exit_code == 0, done.output
-        return done.output
-
-    return run
+def call(alone):
+    return alone(command.budget)
 
 
 @pytest.fixture

@@ -11,27 +11,16 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli import main
 
 
 @pytest.fixture
-def scenario(text, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
+def scenario(bench):
+    return bench
 
 
 @pytest.fixture
-def call(capsys):
-    """Return a function that runs a command and gives status, standard output and the lines of standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
-
-    return run
+def call(rso_lidar):
+    return rso_lidar
 
 
 def test_version(call):

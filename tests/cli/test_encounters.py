@@ -5,8 +5,6 @@ import datetime
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
 import rso_lidar as rl
 from rso_lidar.cli import encounters as command
@@ -18,18 +16,8 @@ ASKED = ["--follower", "99003", "--within", "20km", "--start", "2024-09-17T11:00
 
 
 @pytest.fixture
-def call():
-    app = typer.Typer()
-    app.command()(command.encounters)
-
-    def run(*arguments):
-        done = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        if done.exception is not None and not isinstance(done.exception, SystemExit):
-            raise done.exception
-        assert done.exit_code == 0, done.output
-        return done.output
-
-    return run
+def call(alone):
+    return alone(command.encounters)
 
 
 def test_table_csv_plot_and_scenario(call, tmp_path):

@@ -8,7 +8,6 @@ import time
 import pytest
 
 from rso_lidar import export
-from rso_lidar.cli import main
 from rso_lidar.cli.info_follow import follow
 from rso_lidar.errors import RunError
 
@@ -16,23 +15,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks and SIGKI
 
 
 @pytest.fixture
-def bench(text, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def call(capsys):
-    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
-
-    return run
+def call(rso_lidar):
+    return rso_lidar
 
 
 @pytest.fixture

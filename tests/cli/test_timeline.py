@@ -1,30 +1,14 @@
 """`rso-lidar timeline`: what it writes and says, and what it refuses."""
 
 import csv
+from functools import partial
 
 import pytest
 
-from rso_lidar.cli import main
-
 
 @pytest.fixture
-def bench(text, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def call(capsys):
-    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(["timeline", *(str(argument) for argument in arguments)])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
-
-    return run
+def call(rso_lidar):
+    return partial(rso_lidar, "timeline")
 
 
 def test_a_picture_and_a_table(call, bench, tmp_path):

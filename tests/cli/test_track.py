@@ -1,9 +1,10 @@
 """`rso-lidar track`: the table that it prints, what it writes, and what it refuses."""
 
+from functools import partial
+
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli import main
 
 
 @pytest.fixture
@@ -15,16 +16,8 @@ def bench(text, tmp_path):
 
 
 @pytest.fixture
-def call(capsys):
-    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(["track", *(str(argument) for argument in arguments)])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
-
-    return run
+def call(rso_lidar):
+    return partial(rso_lidar, "track")
 
 
 def test_a_table_and_a_picture(call, bench, tmp_path):

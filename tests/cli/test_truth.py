@@ -2,6 +2,7 @@
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,29 +10,13 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.cli import main
 
 FLYBY = Path(__file__).resolve().parents[2] / "examples" / "tle_flyby.toml"
 
 
 @pytest.fixture
-def bench(text, tmp_path):
-    path = tmp_path / "bench.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def call(capsys):
-    """Return a function that runs the command and gives status, standard output and the lines of standard error."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(["truth", *(str(argument) for argument in arguments)])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
-
-    return run
+def call(rso_lidar):
+    return partial(rso_lidar, "truth")
 
 
 def test_a_table(call, bench, tmp_path):

@@ -34,7 +34,7 @@ def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
 def messages(path):
     """Return what rosbags reads: (topic, time, message) in order."""
     rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed")
-    typesys = pytest.importorskip("rosbags.typesys")
+    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with rosbags.AnyReader([path], default_typestore=store) as reader:
         kinds = {connection.topic: connection.msgtype for connection in reader.connections}
@@ -133,7 +133,7 @@ def test_the_definitions_are_those_of_ros():
 
 
 def test_it_says_where_it_comes_from(written):
-    reader = pytest.importorskip("mcap.reader")
+    reader = pytest.importorskip("mcap.reader", reason="the extra mcap is not installed")
     with written.open("rb") as stream:
         (record,) = reader.make_reader(stream).iter_metadata()
     assert record.metadata["scenario"] == SOURCE.scenario and record.metadata["seed"] == "20240917"

@@ -11,7 +11,7 @@ from rso_lidar.optics import BrownConrady, Laser, Receiver, pixel_rays
 from rso_lidar.records import Extent
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 
-pytest.importorskip("numba")
+pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")
 
 BENT = BrownConrady(k1=5.2)
 WIDE = Laser(divergence_deg=4.0)

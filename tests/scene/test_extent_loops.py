@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import arithmetic, scene
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 
-pytest.importorskip("numba")
+pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")
 
 
 def area(outline):

@@ -65,7 +65,7 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
 
 def test_the_embree_that_embreex_brings_is_found():
     """The tests of packets are skipped where there are none: this one fails where there ought to be."""
-    pytest.importorskip("numba")
+    pytest.importorskip("numba", reason="numba does not run beside this NumPy")
     files = metadata.files("embreex") or []
     if platform.machine() not in ("x86_64", "AMD64") or not any("embree4" in file.name for file in files):
         pytest.skip("embreex brings no Embree 4 here")

@@ -1,0 +1,47 @@
+"""What tests of commands share: a small scenario as a file, and the command line run in this process."""
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from rso_lidar.cli import main
+
+
+@pytest.fixture
+def bench(text, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def rso_lidar(capsys):
+    """Return a function that runs the command line and gives status, standard output and the lines of standard error."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        printed = capsys.readouterr()
+        return left.value.code or 0, printed.out, printed.err.splitlines()
+
+    return run
+
+
+@pytest.fixture
+def alone():
+    """Return a function that makes a runner of one command's function, which gives its output or raises its error."""
+
+    def runner(command):
+        app = typer.Typer()
+        app.command()(command)
+
+        def run(*arguments):
+            done = CliRunner().invoke(app, [str(argument) for argument in arguments])
+            if done.exception is not None and not isinstance(done.exception, SystemExit):
+                raise done.exception
+            assert done.exit_code == 0, done.output
+            return done.output
+
+        return run
+
+    return runner
