@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from rso_lidar.craft import size_class
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene.library import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
@@ -144,6 +145,20 @@ def test_index_says_what_the_file_is(built, name):
     assert entry.size_m == pytest.approx(built[name].size_m, abs=1e-4)
     assert entry.center_of_mass_m == pytest.approx(built[name].center_of_mass_m, abs=1e-5)
     assert entry.licence == "MIT"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_taxonomy_and_hinges_fit_the_craft(built, name):
+    entry, model = models()[name], built[name]
+    assert entry.taxonomy == model.taxonomy
+    assert entry.taxonomy.size_class == size_class(model.size_m.max())
+    assert entry.hinges == model.hinges
+    for hinge in entry.hinges:
+        assert set(hinge.parts) < set(entry.parts), "something must stand still"
+        # a hinge lies on what it carries or beside it, not out in space
+        points = np.concatenate([model.parts[part].vertices for part in hinge.parts])
+        gap = np.maximum(points.min(axis=0) - hinge.position_m, hinge.position_m - points.max(axis=0)).max()
+        assert gap <= 0.05 * model.size_m.max()
 
 
 @pytest.mark.parametrize("name", NAMES)
