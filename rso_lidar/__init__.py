@@ -130,7 +130,19 @@ from rso_lidar.rpo import (
     Waypoints,
     YamanakaAnkersen,
 )
-from rso_lidar.scenario import Constraints, Corridor, Follower, Joint, Lidar, Scenario, Schedule, Target, Time, World
+from rso_lidar.scenario import (
+    Constraints,
+    Corridor,
+    FacetMaterials,
+    Follower,
+    Joint,
+    Lidar,
+    Scenario,
+    Schedule,
+    Target,
+    Time,
+    World,
+)
 from rso_lidar.scene import ByWavelength, Crinkled, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
@@ -166,6 +178,7 @@ __all__ = [
     "Ephemeris",
     "Epochs",
     "Extent",
+    "FacetMaterials",
     "FieldDependentPsf",
     "FieldPsf",
     "FirstOrder",
