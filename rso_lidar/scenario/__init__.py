@@ -6,12 +6,15 @@ from rso_lidar.scenario.hinges import Joint
 from rso_lidar.scenario.lidar import Lidar, Schedule
 from rso_lidar.scenario.parts import Follower, Target, Time, World
 from rso_lidar.scenario.scenario import Scenario
+from rso_lidar.scenario.terrain import CratersAndBoulders, HeightField
 
 __all__ = [
     "Constraints",
     "Corridor",
+    "CratersAndBoulders",
     "FacetMaterials",
     "Follower",
+    "HeightField",
     "Joint",
     "Lidar",
     "Scenario",

@@ -62,7 +62,7 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
     parts = len(surface.mesh.part_names)
     off = sight.off_boresight_rad.max() / units.DEG
     return [
-        f"target      {target.name}: model {target.model}, {sides} m, {facets:,} facets{dropped}, "
+        f"target      {target.name}: model {target.shape}, {sides} m, {facets:,} facets{dropped}, "
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "

@@ -37,7 +37,7 @@ def joints_of(target: Target) -> tuple[HingeAxes, ...]:
     """Return the hinges of a target in body axes, those that its model declares completed."""
     if not target.joint:
         return ()
-    declared = {} if target.is_path else {hinge.name: hinge for hinge in model(target.model).hinges}
+    declared = {} if target.is_path else {hinge.name: hinge for hinge in model(target.shape).hinges}
     return tuple(_completed(joint, declared, target) for joint in target.joint)
 
 
@@ -56,7 +56,7 @@ def _completed(joint: Joint, declared: dict[str, Hinge], target: Target) -> Hing
     with placed(f"joint {joint.name}"):
         if parts is None or axis is None:
             what = " and ".join(name for name, value in (("parts", parts), ("axis", axis)) if value is None)
-            known = f" ({target.model} has {', '.join(declared)})" if declared else ""
+            known = f" ({target.shape} has {', '.join(declared)})" if declared else ""
             raise ScenarioError(f"{what} missing, and the model declares no such hinge{known}; give what is missing")
         fields: dict[str, Any] = {"name": joint.name, "parts": parts, "axis": axis, "angle": angle}
         return HingeAxes(position_m=position_m or (0.0, 0.0, 0.0), **fields)
@@ -69,7 +69,7 @@ def _direction(direction: tuple[float, float, float], target: Target) -> tuple[f
 
 def placed_as(target: Target) -> tuple[float, np.ndarray]:
     """Return scale and centre of mass (xyz) [m, after scaling] of a target whose model is in the catalogue."""
-    entry = model(target.model)
+    entry = model(target.shape)
     scale = target.scale or (target.size_m / max(entry.size_m) if target.size_m else 1.0)
     center = target.center_of_mass_m
     return scale, np.array(center if center is not None else [scale * x for x in entry.center_of_mass_m])

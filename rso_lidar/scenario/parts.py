@@ -14,6 +14,7 @@ from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
 from rso_lidar.scenario.finishes import FacetMaterials
 from rso_lidar.scenario.hinges import Joint, joints_of
+from rso_lidar.scenario.terrain import Terrain, in_words
 from rso_lidar.scene import Material
 
 _MOST_FRAMES = 5_000_000
@@ -66,15 +67,16 @@ class World(Part):
 class Target(Body):
     """A body with a surface.
 
-    `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `scale` turns its unit into
-    metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
+    `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh; `terrain`, in its place, is ground
+    of heights, from a file or made by seed. `scale` turns a mesh's unit into metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
     seed's Lambertian 0.30; `part_materials` overrides by part, and `facet_materials` by facet. `smooth_parts` are curved:
     normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after
     scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no more than its name and
     an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
     """
 
-    model: Text
+    model: Text | None = None
+    terrain: Terrain | None = None
     scale: Positive | None = None
     size_m: Positive | None = None
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
@@ -90,6 +92,11 @@ class Target(Body):
     def _allowed(self) -> Self:
         if self.name in RESERVED:
             raise ValueError(f"name: '{self.name}' is reserved ({', '.join(RESERVED)}); choose another")
+        if (self.model is None) == (self.terrain is None):
+            both = "" if self.model is None else ", not both"
+            raise ValueError(f"give model, or terrain for ground of heights{both}")
+        if self.terrain is not None and (self.scale, self.size_m, self.mesh_axes) != (None, None, "z_up"):
+            raise ValueError("scale, size_m and mesh_axes are for a mesh; terrain says its size itself, and z is up")
         if self.scale is not None and self.size_m is not None:
             raise ValueError("give scale or size_m, not both")
         names = [joint.name for joint in self.joint]
@@ -108,8 +115,13 @@ class Target(Body):
 
     @property
     def is_path(self) -> bool:
-        """Return whether `model` names a file rather than a model of the catalogue."""
-        return "/" in self.model or "\\" in self.model or "." in self.model
+        """Return whether the shape comes from a file, or is made, rather than from the catalogue."""
+        return self.terrain is not None or any(sign in self.shape for sign in "/\\.")
+
+    @property
+    def shape(self) -> str:
+        """Return `model`, or what stands in its place for terrain: the file, or how it is made and of which seed."""
+        return self.model or (in_words(self.terrain) if self.terrain else "")
 
 
 class Follower(Body):

@@ -40,7 +40,7 @@ def source_of(scenario: Scenario) -> Source:
         targets=tuple(
             TargetEntry(
                 name=target.name,
-                model=target.model,
+                model=target.shape,
                 mesh_sha256=surface.mesh.sha256,
                 parts=surface.mesh.part_names,
                 materials=tuple(_in_words(material) for material in surface.materials[: len(surface.mesh.part_names)]),

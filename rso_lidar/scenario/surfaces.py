@@ -9,6 +9,7 @@ from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import RsoLidarWarning
 from rso_lidar.scenario.finishes import finished
 from rso_lidar.scenario.parts import Target
+from rso_lidar.scenario.terrain import mesh_of, taxonomy_of_terrain
 from rso_lidar.scene import Hinged, Named, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
 from rso_lidar.scene.library import ModelEntry, model
 
@@ -25,8 +26,10 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     entry: ModelEntry | None = None
     own: Mapping[str, Scatterer] = {}
     center_of_mass_m = target.center_of_mass_m
-    if target.is_path:
-        path = file(target.model)
+    if target.terrain is not None:
+        mesh = mesh_of(target.terrain, file)
+    elif target.is_path:
+        path = file(target.shape)
         if center_of_mass_m is None:
             warnings.warn(
                 f"target {target.name}: the centre of mass of {path.name} is assumed at its origin; "
@@ -35,11 +38,12 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
                 stacklevel=2,
             )
     else:
-        entry = model(target.model)
+        entry = model(target.shape)
         path = entry.path
         if target.material is None:
             own = {part: Named(name=name) for part, name in entry.parts.items()}
-    mesh = load_mesh(path)
+    if target.terrain is None:
+        mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
         x, y, z = entry.center_of_mass_m
@@ -55,7 +59,8 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
         smooth_parts=target.smooth_parts,
         wavelength_m=wavelength_m,
     )
-    warn_of_size(mesh, scale, target.name)
+    if target.terrain is None:
+        warn_of_size(mesh, scale, target.name)
     if target.facet_materials is not None:
         return finished(surface, target.facet_materials, file, wavelength_m)
     return surface
@@ -63,4 +68,6 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
 
 def taxonomy_of(target: Target) -> Taxonomy | None:
     """Return where a target belongs: what the scenario says, else its catalogue; None where nobody has said."""
-    return target.taxonomy or (None if target.is_path else model(target.model).taxonomy)
+    if target.taxonomy is None and target.terrain is not None:
+        return taxonomy_of_terrain(target.terrain)
+    return target.taxonomy or (None if target.is_path else model(target.shape).taxonomy)

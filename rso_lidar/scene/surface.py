@@ -100,7 +100,7 @@ class Surface:
         """Return the points (point, xyz) of the convex hull: no facet is seen outside their projection."""
         from scipy.spatial import ConvexHull, QhullError
 
-        used = np.unique(self.corners.reshape(-1, 3), axis=0)
+        used = np.unique(self.vertices[np.unique(self.facets)], axis=0)
         try:
             return used[ConvexHull(used).vertices] if len(used) > 64 else used
         except QhullError:  # a flat sheet has no hull in space

@@ -110,7 +110,7 @@ def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[
     """Return names and colours of the surface's materials."""
     if target.is_path:
         return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
-    named = model(target.model).parts
+    named = model(target.shape).parts
     words = tuple(named.get(part, "") for part in surface.mesh.part_names)
     table = materials()
     return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
@@ -152,7 +152,7 @@ def _lines(target: Target, surface: Surface, echoes: tuple[Echo, ...]) -> list[s
         f"{area_m2:,.4g} m² of surface"
     )
     if not target.is_path:
-        entry = model(target.model)
+        entry = model(target.shape)
         inertia = np.linalg.eigvalsh(np.array(entry.inertia_kg_m2))
         lines.append(
             f"{entry.mass_kg:,.4g} kg, principal inertia {', '.join(f'{one:,.4g}' for one in inertia)} kg m² (estimated)"

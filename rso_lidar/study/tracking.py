@@ -133,7 +133,7 @@ def _model(scenario: Scenario, number: int, sha256: str) -> tuple[Model, float]:
     target = scenario.target[number]
     if surfaces[0].mesh.sha256 != sha256:
         raise RecordingError(
-            f"track: {target.model} is not the mesh that was recorded (SHA-256 {sha256[:12]}...); put that one in its place"
+            f"track: {target.shape} is not the mesh that was recorded (SHA-256 {sha256[:12]}...); put that one in its place"
         )
     seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in target.joints)]
     corners = np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])

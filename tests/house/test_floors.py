@@ -59,7 +59,7 @@ def burgled(tmp_path_factory):
         "skyfield and sgp4 live in orbit",
         "Light and files know nothing of orbits: rooms beside motion take records",
         "h5py and its like live in export",
-        "matplotlib and Pillow live in picture; a measured pattern and a depth map are images too",
+        "matplotlib and Pillow live in picture; a measured pattern, a depth map and heights are images too",
         "typer and rich live in cli",
     ],
 )

@@ -1,0 +1,118 @@
+"""Ground as a target: heights from a file, or made by seed."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from rso_lidar.craft import Taxonomy
+from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
+from rso_lidar.scene.height_field import MOST_CELLS, height_field, load_height_field
+from rso_lidar.scene.mesh import Mesh
+
+_LARGEST_CRATER = 0.25  # of the side, where nothing else is said
+_SMALLEST_CRATER = 4.0  # cells
+
+
+class HeightField(Part):
+    """Ground as a file of heights: a .npy, a .npz of one array, or a grey .png of 8 or 16 bits.
+
+    Rows run from north to south and columns from west to east, `cell_m` apart, about the body's origin: x east, y north,
+    z up. Where a value is NaN there is no ground. The part's name is `ground`.
+    """
+
+    type: Literal["height_field"] = "height_field"
+    file: Text
+    cell_m: Positive
+    height_scale_m: Number = 1.0
+
+
+class CratersAndBoulders(Part):
+    """Ground that a seed makes: a square about the body's origin, x east, y north, z up, of parts `ground` and `boulders`.
+
+    Craters lie as densely as `crater_fraction` of equilibrium, N(> D) = 0.079 D^-2 per square metre (Trask 1966, Gault
+    1970); each is a paraboloid, fresh 0.196 D from crest to floor with a rim of 0.036 D (Pike 1977), worn to any share of
+    that. Rocks of all sizes cover `rock_fraction` of the ground by the law of Golombek and Rapp (1997), and those from
+    `boulder_min_m` to `boulder_max_m` stand in it as half ellipsoids.
+    """
+
+    type: Literal["craters_and_boulders"] = "craters_and_boulders"
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    size_m: Positive
+    cell_m: Positive
+    crater_fraction: Fraction = 1.0
+    crater_min_m: Positive | None = None
+    crater_max_m: Positive | None = None
+    rock_fraction: Annotated[Fraction, Field(lt=1)] = 0.05
+    boulder_min_m: Positive = 0.5
+    boulder_max_m: Positive = 5.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        cells = self.size_m / self.cell_m
+        if not 1.0 <= cells <= MOST_CELLS**0.5:
+            raise ValueError(
+                f"size_m / cell_m is {cells:.4g} cells along a side, and 1 to {int(MOST_CELLS**0.5):,} can be; change one"
+            )
+        smallest_m, largest_m = self.craters_m
+        if not smallest_m < largest_m:
+            raise ValueError(
+                f"crater_min_m {smallest_m:g} is not below crater_max_m {largest_m:g}; change one of them"
+            )
+        if not self.boulder_min_m < self.boulder_max_m:
+            raise ValueError(
+                f"boulder_min_m {self.boulder_min_m:g} is not below boulder_max_m {self.boulder_max_m:g}; change one of them"
+            )
+        return self
+
+    @property
+    def craters_m(self) -> tuple[float, float]:
+        """Return the least and the greatest diameter of a crater [m]; four cells, and a quarter of the side by default."""
+        largest_m = self.crater_max_m or _LARGEST_CRATER * self.size_m
+        return self.crater_min_m or min(_SMALLEST_CRATER * self.cell_m, 0.5 * largest_m), largest_m
+
+
+Terrain = Annotated[HeightField | CratersAndBoulders, Field(discriminator="type")]
+
+
+def mesh_of(terrain: HeightField | CratersAndBoulders, file: Callable[[str], Path]) -> Mesh:
+    """Return the ground as a mesh; `file` finds the file that it names."""
+    if isinstance(terrain, HeightField):
+        return load_height_field(file(terrain.file), terrain.cell_m, terrain.height_scale_m)
+    return _made(terrain)
+
+
+@lru_cache(maxsize=8)
+def _made(terrain: CratersAndBoulders) -> Mesh:
+    from rso_lidar.shapes.terrain import Abundance, made_ground  # the builders of models stay outside of most starts
+
+    craters = Abundance(*terrain.craters_m, terrain.crater_fraction)
+    rocks = Abundance(terrain.boulder_min_m, terrain.boulder_max_m, terrain.rock_fraction)
+    ground = made_ground(terrain.seed, terrain.size_m, terrain.cell_m, craters, rocks)
+    digest = hashlib.sha256(ground.heights_m.tobytes())
+    if ground.boulders is not None:
+        digest.update(ground.boulders.vertices.tobytes())
+    return height_field(
+        ground.heights_m, terrain.cell_m, Path(in_words(terrain)), digest.hexdigest(), ground.boulders
+    )
+
+
+def in_words(terrain: HeightField | CratersAndBoulders) -> str:
+    """Return what stands in the place of a model's name: the file, or how the ground is made and of which seed."""
+    return terrain.file if isinstance(terrain, HeightField) else f"{terrain.type} {terrain.seed}"
+
+
+def taxonomy_of_terrain(terrain: HeightField | CratersAndBoulders) -> Taxonomy:
+    """Return the place of ground in the taxonomy."""
+    return Taxonomy(
+        object_class="terrain",
+        subclass=terrain.type,
+        shape_family="irregular",
+        size_class="large",
+        stabilisation="fixed",
+    )

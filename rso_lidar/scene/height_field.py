@@ -1,0 +1,147 @@
+"""Height fields: heights on an even grid, from a file or made, as a mesh."""
+
+import hashlib
+import struct
+import warnings
+import zipfile
+import zlib
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.errors import MeshError
+from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.surface import Surface
+
+SUFFIXES = (".npy", ".npz", ".png")
+MOST_CELLS = 4_000_000  # two facets each; the acceleration structure of so many takes some 2 GB
+_CURE = "crop or thin it"
+_ABOVE_M = 1.0
+
+
+def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
+    """Return the mesh of a file of heights: a .npy, a .npz of one array, or a grey .png of 8 or 16 bits.
+
+    Rows run from north to south and columns from west to east, `cell_m` [m] apart, about the origin; x is east, y north
+    and z up. A value times `height_scale_m` is the height [m]. Where a value is NaN there is no ground. Raises
+    `MeshError` for a file that is missing or that holds no such grid.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise MeshError(
+            f"{path.name}: heights in '{path.suffix}' are not read; convert them to one of {', '.join(SUFFIXES)}"
+        )
+    if not path.is_file():
+        raise MeshError(f"{path}: no such file of heights; check the name")
+    status = path.stat()
+    return _loaded(path.resolve(), cell_m, height_scale_m, (status.st_mtime_ns, status.st_size))
+
+
+@lru_cache(maxsize=8)
+def _loaded(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple[int, int]) -> Mesh:
+    values = _image(path) if path.suffix.lower() == ".png" else _array(path)
+    with np.errstate(over="ignore", invalid="ignore"):
+        heights = height_scale_m * values
+    return height_field(heights, cell_m, path, hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def _array(path: Path) -> np.ndarray:
+    """Return the numbers (row, col) of a .npy, or of a .npz that holds one array."""
+    limit = 16 * MOST_CELLS  # bytes, of the widest numbers
+    try:
+        if path.suffix.lower() == ".npz":
+            with zipfile.ZipFile(path) as archive:
+                told = archive.infolist()
+                if len(told) != 1:
+                    raise MeshError(f"{path.name}: holds {len(told)} arrays; save the heights alone in it")
+                if told[0].file_size > limit:
+                    raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
+            with np.load(path, allow_pickle=False) as arrays:
+                values = arrays[arrays.files[0]]
+        else:
+            if path.stat().st_size > limit:
+                raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
+            values = np.load(path, allow_pickle=False, mmap_mode="r")  # says how many there are before any is read
+    except MeshError:
+        raise
+    except (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error):
+        raise MeshError(f"{path.name}: no array of NumPy's; write it with numpy.save") from None
+    _check_shape(path, values.shape)
+    if values.dtype.kind not in "fiu":
+        raise MeshError(f"{path.name}: holds {values.dtype} and not numbers; save heights as float or integer")
+    return np.asarray(values, dtype=float)
+
+
+def _image(path: Path) -> np.ndarray:
+    """Return the grey values (row, col) of a PNG."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=("PNG",)) as image:
+                if image.mode != "L" and not image.mode.startswith("I"):
+                    raise MeshError(f"{path.name}: is of mode {image.mode}; save heights as grey, of 8 or 16 bits")
+                _check_shape(path, (image.height, image.width))
+                return np.asarray(image, dtype=float)
+    except MeshError:
+        raise
+    except (OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError):
+        raise MeshError(f"{path.name}: no PNG that can be read; export it again") from None
+
+
+def _check_shape(path: Path, shape: tuple[int, ...]) -> None:
+    if len(shape) != 2 or min(shape) < 2:
+        raise MeshError(f"{path.name}: is of shape {shape}; heights need rows and columns, two of each at least")
+    if shape[0] * shape[1] > MOST_CELLS:
+        raise MeshError(f"{path.name}: {shape[0]} x {shape[1]} is more than {MOST_CELLS:,} cells; {_CURE}")
+
+
+def height_field(
+    heights_m: np.ndarray, cell_m: float, path: Path, sha256: str, boulders: tuple[np.ndarray, np.ndarray] | None = None
+) -> Mesh:
+    """Return heights (row, col) [m] as a mesh, the part `ground`; and `boulders`, vertices [m] and facets, as another.
+
+    Each cell is two facets that face up, cut from its north-west corner to its south-east; a cell with a NaN corner is
+    left out. `path` and `sha256` say where the heights come from.
+    """
+    if np.isinf(heights_m).any():
+        raise MeshError(f"{path.name}: has heights that are not finite; write NaN where there is none")
+    rows, cols = heights_m.shape
+    x = np.broadcast_to((np.arange(cols) - 0.5 * (cols - 1)) * cell_m, heights_m.shape)
+    y = np.broadcast_to(((0.5 * (rows - 1) - np.arange(rows)) * cell_m)[:, None], heights_m.shape)
+    vertices = np.stack([x, y, heights_m], axis=-1).reshape(-1, 3)
+    corner = np.arange(rows * cols).reshape(rows, cols)
+    nw, ne, sw, se = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
+    facets = np.stack([nw, sw, se, nw, se, ne], axis=1).reshape(-1, 2, 3)
+    there = np.isfinite(vertices[:, 2])
+    if not there.all():
+        facets = facets[there[nw] & there[ne] & there[sw] & there[se]]
+        vertices = np.where(there[:, None], vertices, 0.0)
+    facets = facets.reshape(-1, 3)
+    if not len(facets):
+        raise MeshError(f"{path.name}: no cell has a height at all its corners; mend the heights")
+    names: tuple[str, ...] = ("ground",)
+    part = np.zeros(len(facets), dtype=np.int16)
+    if boulders is not None:
+        part = np.concatenate([part, np.ones(len(boulders[1]), dtype=np.int16)])
+        facets = np.concatenate([facets, boulders[1] + len(vertices)])
+        vertices = np.concatenate([vertices, boulders[0]])
+        names = ("ground", "boulders")
+    number = np.arange(len(facets), dtype=np.int32)
+    return Mesh(path, sha256, vertices, facets, part, names, number, len(facets), 0)
+
+
+def top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Return the height [m] of the topmost facet over points, in body axes; NaN where there is none.
+
+    Good to some 1e-7 of the surface's size, which is what float32 holds.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
+    above = float(surface.corners[..., 2].max()) + _ABOVE_M
+    start = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, above)]).astype(np.float32)
+    down = np.zeros((x.size, 3), np.float32)
+    down[:, 2] = -1.0
+    met = surface.embree.run(start, down, query="INTERSECT", output=1)
+    height = np.where(met["primID"] >= 0, above - met["tfar"].astype(float), np.nan)
+    return height.reshape(x.shape)
