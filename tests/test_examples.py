@@ -44,7 +44,7 @@ def at_edge(frame):
 def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
-        "safety_ellipse", "thrusters",
+        "safety_ellipse", "thrusters", "lunar_descent",
     }  # fmt: skip
 
 
@@ -448,3 +448,14 @@ def test_the_thrusters_hold_the_follower(thrusters):
         out, along, across = frame.truth.pose("stage.rtn", "follower").translation
         assert -84.0 < along < -79.0
         assert np.hypot(out, across) < 2.0
+
+
+def test_lunar_descent_sees_finer_and_finer_ground():
+    scenario = load("lunar_descent")
+    first, last = fly(scenario, 0, 59)
+    assert first.truth.pose("site", "lidar").translation == pytest.approx([-120.0, 60.0, 1000.0], abs=1e-6)
+    width_m = [float(np.nanmedian(f.labels.range_m)) * scenario.lidar.receiver.pixel_tangent for f in (first, last)]
+    assert width_m == pytest.approx([4.2, 0.135], rel=0.03)
+    assert 0.1 < first.valid.mean() < 0.4  # where it faces the lens, in the middle of the field
+    assert last.valid.all()
+    assert not last.observation.reading.saturated.any()

@@ -94,7 +94,7 @@ def _plans(scenario: Scenario) -> list[str]:
 
 def _field(scenario: Scenario, seen: Preview) -> list[str]:
     lines = []
-    for sight in seen.sights:
+    for target, sight in zip(scenario.target, seen.sights, strict=True):
         share = float(np.mean(sight.in_field))
         if share < 1.0:
             first = float(seen.time_s[np.argmin(sight.in_field)])
@@ -104,7 +104,7 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
                 else f"out of the field of view {1 - share:.0%} of the time"
             )
             lines.append(f"target {sight.name}: {how}, first at {first:g} s; turn the follower, or track it with [ptu]")
-        if float(sight.range_m.min()) < sight.radius_m:
+        if float(sight.range_m.min()) < sight.radius_m and target.terrain is None:
             lines.append(f"target {sight.name}: the lidar comes within its bounding sphere; mind the trajectory")
     return lines
 

@@ -68,11 +68,12 @@ class Target(Body):
     """A body with a surface.
 
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh; `terrain`, in its place, is ground
-    of heights, from a file or made by seed. `scale` turns a mesh's unit into metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
-    seed's Lambertian 0.30; `part_materials` overrides by part, and `facet_materials` by facet. `smooth_parts` are curved:
-    normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after
-    scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no more than its name and
-    an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
+    of heights, from a file or made by seed. `scale` turns a mesh's unit into metres, or `size_m` sets its longest side.
+    Without `material` a catalogue model keeps its own, another mesh is the seed's Lambertian 0.30; `part_materials`
+    overrides by part, and `facet_materials` by facet. `smooth_parts` are curved: normals are interpolated over their
+    facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling. Each `joint` turns some parts
+    about a hinge; a hinge that the model declares needs no more than its name and an angle. `taxonomy` is where the target
+    belongs; a catalogue model brings its own.
     """
 
     model: Text | None = None

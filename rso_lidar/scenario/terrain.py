@@ -61,9 +61,7 @@ class CratersAndBoulders(Part):
             )
         smallest_m, largest_m = self.craters_m
         if not smallest_m < largest_m:
-            raise ValueError(
-                f"crater_min_m {smallest_m:g} is not below crater_max_m {largest_m:g}; change one of them"
-            )
+            raise ValueError(f"crater_min_m {smallest_m:g} is not below crater_max_m {largest_m:g}; change one of them")
         if not self.boulder_min_m < self.boulder_max_m:
             raise ValueError(
                 f"boulder_min_m {self.boulder_min_m:g} is not below boulder_max_m {self.boulder_max_m:g}; change one of them"
@@ -97,9 +95,7 @@ def _made(terrain: CratersAndBoulders) -> Mesh:
     digest = hashlib.sha256(ground.heights_m.tobytes())
     if ground.boulders is not None:
         digest.update(ground.boulders.vertices.tobytes())
-    return height_field(
-        ground.heights_m, terrain.cell_m, Path(in_words(terrain)), digest.hexdigest(), ground.boulders
-    )
+    return height_field(ground.heights_m, terrain.cell_m, Path(in_words(terrain)), digest.hexdigest(), ground.boulders)
 
 
 def in_words(terrain: HeightField | CratersAndBoulders) -> str:

@@ -113,12 +113,12 @@ def height_field(
     vertices = np.stack([x, y, heights_m], axis=-1).reshape(-1, 3)
     corner = np.arange(rows * cols).reshape(rows, cols)
     nw, ne, sw, se = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]))
-    facets = np.stack([nw, sw, se, nw, se, ne], axis=1).reshape(-1, 2, 3)
+    pairs = np.stack([nw, sw, se, nw, se, ne], axis=1)
     there = np.isfinite(vertices[:, 2])
     if not there.all():
-        facets = facets[there[nw] & there[ne] & there[sw] & there[se]]
+        pairs = pairs[there[nw] & there[ne] & there[sw] & there[se]]
         vertices = np.where(there[:, None], vertices, 0.0)
-    facets = facets.reshape(-1, 3)
+    facets = pairs.reshape(-1, 3)
     if not len(facets):
         raise MeshError(f"{path.name}: no cell has a height at all its corners; mend the heights")
     names: tuple[str, ...] = ("ground",)

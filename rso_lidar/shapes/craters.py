@@ -5,7 +5,10 @@ import math
 import numpy as np
 
 EQUILIBRIUM = 0.079  # craters larger than 1 m on a square metre, 10^-1.1: Trask 1966; Gault 1970, Radio Science 5
-DEPTH, RIM = 0.196, 0.036  # of the diameter, fresh: Pike 1977, Impact and Explosion Cratering, simple craters of the Moon
+DEPTH, RIM = (
+    0.196,
+    0.036,
+)  # of the diameter, fresh: Pike 1977, Impact and Explosion Cratering, simple craters of the Moon
 _DECAY = 3  # ejecta thin out as the third power of the distance: McGetchin et al. 1973, Earth Planet. Sci. Lett. 20
 _REACH = 3.0  # radii, where what the ejecta still add is taken off
 
