@@ -13,6 +13,7 @@ ASLANT = (0.5, 0.5, 0.5, 0.5)  # TDRS with its long side across the field
 NASA = Path(os.environ.get("RSO_LIDAR_SHARED", ""), "meshes")
 SHIPPED = ("tdrs", "juno", "cubesat_3u", "rocket_body")
 SEEDS_CRAFT = ("dawn", "juno", "lro", "suomi_npp", "rosetta", "stardust", "tdrs")  # the seed paper's seven
+TEN = ("stardust", "grace", "kepler", "suomi_npp", "lro", "dawn", "juno", "hubble", "tdrs", "iss")
 
 
 def mesh(name: str) -> str:
@@ -90,12 +91,35 @@ def fleet(model: str, n: int, *, columns: int, spacing_m: float, frames: int = 1
     return scenario(f"{n} targets, 3 km", targets, frames)
 
 
+def crowd(frames: int = 100) -> rl.Scenario:
+    """Return a scenario with ten different craft from 300 m to 3 km, farther by a like factor each, the ISS behind all."""
+    targets = []
+    for k, name in enumerate(TEN):
+        range_m = 300.0 * 10.0 ** (k / 9)
+        left, up = ((2 - k % 5) * 0.45, (0.5 - k // 5) * 0.9) if name != "iss" else (0.0, 0.0)
+        place = (range_m, range_m * left * rl.units.DEG, range_m * up * rl.units.DEG)
+        targets.append(target(name, mesh(name), rl.Fixed(position_m=place)))
+    return scenario("ten craft, 0.3 to 3 km", targets, frames)
+
+
+def ground(frames: int = 100) -> rl.Scenario:
+    """Return a scenario with a lens of 30 degrees 300 m above 256 m of cratered ground, which fills the field."""
+    receiver = rl.Receiver(fov_deg=30.0, f_number=1.2, rays_per_pixel=16)
+    terrain = rl.CratersAndBoulders(seed=3, size_m=256.0, cell_m=0.5)
+    place = rl.Fixed(position_m=(300.0, 0.0, 0.0))
+    facing = rl.FixedAttitude(euler_zyx_deg=(0.0, -90.0, 0.0))
+    site = rl.Target(name="site", terrain=terrain, material="regolith_highland", motion=place, attitude=facing)
+    return scenario("ground, 300 m", [site], frames, rl.Lidar(laser=rl.Laser(divergence_deg=30.0), receiver=receiver))
+
+
 SCENES: dict[str, tuple[str, Callable[[], rl.Scenario]]] = {
     "TDRS, 300 m": ("tdrs", lambda: single("tdrs", 300.0)),
     "TDRS, 1 km": ("tdrs", lambda: single("tdrs", 1000.0)),
     "TDRS, 3 km": ("tdrs", lambda: single("tdrs", 3000.0)),
     "ISS, 500 m": ("iss", lambda: single("iss", 500.0)),
     "ten TDRS, 3 km": ("tdrs", lambda: fleet("tdrs", 10, columns=5, spacing_m=24.0)),
+    "ten craft, 0.3 to 3 km": ("iss", crowd),
+    "ground, 300 m": ("tdrs", ground),
 }
 
 
