@@ -10,6 +10,7 @@ from threading import Lock
 
 import numpy as np
 
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.scene.surface import Surface
 
 _KEPT = 64  # geometries
@@ -66,25 +67,29 @@ def _split(surface: Surface) -> Pieces:
 
 def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
     """Return the facets, given by their bounds (facet, xyz), split box by box, the largest first, into at most `_MOST`."""
+    if compiled():
+        from rso_lidar.scene.pieces_loops import divided
+    else:
+        divided = _divided
+    low, high = packed(low), packed(high)
     root = _Node(np.arange(len(low)))
     heap = [(-_box_area(low.min(axis=0), high.max(axis=0)), 0, root)]
     number = 1
     while heap and number < _MOST:
         node = heapq.heappop(heap)[2]
-        sides = _sides(low, high, node.facets)
-        if sides is None:
+        beyond, before, behind = divided(low, high, packed(node.facets))
+        if not beyond.any():
             continue
-        node.parts = _Node(sides[0]), _Node(sides[1])
-        for part in node.parts:
-            box = _box_area(low[part.facets].min(axis=0), high[part.facets].max(axis=0))
-            heapq.heappush(heap, (-box, 2 * number + (part is node.parts[1]), part))
+        node.parts = _Node(node.facets[~beyond]), _Node(node.facets[beyond])
+        for k, (area, part) in enumerate(zip((before, behind), node.parts, strict=True)):
+            heapq.heappush(heap, (-area, 2 * number + k, part))
         number += 1
     return root
 
 
-def _sides(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the facets on the two sides of the plane across an axis that leaves the least area of boxes; None: no plane."""
-    least, best = np.inf, None
+def _divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Return what `pieces_loops.divided` does: the plane across an axis that leaves the least area of boxes."""
+    least, best, areas = np.inf, np.zeros(len(facets), bool), (np.inf, np.inf)
     low, high = low[facets], high[facets]
     for axis in range(3):
         middle = low[:, axis] + high[:, axis]
@@ -100,7 +105,8 @@ def _sides(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.nd
         cut = int(np.argmin(before + behind))
         if before[cut] + behind[cut] < least:
             least, best = before[cut] + behind[cut], place > bins[cut]
-    return None if best is None else (facets[~best], facets[best])
+            areas = float(before[cut]), float(behind[cut])
+    return best, *areas
 
 
 def _box_area(low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -1,0 +1,43 @@
+"""Facets are split alike by the loop and by NumPy."""
+
+import numpy as np
+import pytest
+
+from rso_lidar import arithmetic
+from rso_lidar.arithmetic import packed
+from rso_lidar.scene import pieces as module
+from rso_lidar.scene.pieces_loops import divided
+from tests.optics.bench_for_tests import box, plate, sphere, surface
+
+SHAPES = {
+    "sphere": sphere(2.0, 4),
+    "flat": plate(6, n=8),
+    "boxes": np.concatenate([box(0.4, 0.3, 0.5) + p for p in np.random.default_rng(2).uniform(-5, 5, (24, 3))]),
+    "same": np.repeat(box(1, 1, 1)[:1], 5, axis=0),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_cut_is_that_of_numpy(name):
+    corners = SHAPES[name]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    rng = np.random.default_rng(1)
+    for share in (1.0, 0.5, 0.1):
+        facets = np.flatnonzero(rng.random(len(corners)) < share)
+        if not len(facets):
+            continue
+        beyond, *areas = divided(*(packed(values) for values in (low, high, facets)))
+        expected, *expected_areas = module._divided(low, high, facets)
+        assert np.array_equal(beyond, expected)
+        assert areas == expected_areas  # to the last bit, so that pieces do not depend on the arithmetic
+        assert name == "same" or 0 < beyond.sum() < len(facets)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_pieces_are_the_same_by_either(name):
+    made = []
+    for path in arithmetic.CHOICES:
+        with arithmetic.using(path):
+            made.append(module._split(surface("target", SHAPES[name])))
+    assert np.array_equal(made[0].points, made[1].points)
+    assert np.array_equal(made[0].starts, made[1].starts)
