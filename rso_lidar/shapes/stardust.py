@@ -63,7 +63,7 @@ def stardust() -> Model:
         "antenna_low_gain": Piece(_low_gain_antennas(), "white_paint", 0.8),
         "capsule": Piece(capsule.cover(), "white_paint", 30.0),
         "capsule_struts": Piece(capsule.struts(), "aluminium", 3.0),
-        "heat_shield": Piece(capsule.heat_shield(), "white_paint", 11.0),
+        "heat_shield": Piece(capsule.heat_shield(), "ablator", 11.0),
         "collector": Piece(capsule.collector(), "aluminium", 2.5),
         "aerogel": Piece(capsule.aerogel(), "white_paint", 0.5),
         "collector_arm": Piece(capsule.collector_arm(), "aluminium", 2.0),
@@ -110,7 +110,7 @@ def stardust() -> Model:
                 parts=("heat_shield",),
                 position_m=capsule.HINGE_M,
                 axis=(0.0, 1.0, 0.0),
-                travel_deg=(0.0, 100.0),
+                travel_deg=(0.0, capsule.OPEN_DEG),
             ),
             Hinge(
                 name="collector",

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.shapes.solids import Point, Solid, box, cylinder, join, revolved, ring, torus, tube
+from rso_lidar.shapes.solids import Point, Solid, box, cylinder, join, pipe, revolved, ring, torus, tube
 from rso_lidar.units import DEG
 
 DIAMETER_M, HEIGHT_M = 0.81, 0.50
 ANGLE_DEG = 60.0  # half the angle of the heat shield's cone
 NOSE_M = 0.23  # radius of its nose
+LIP_M = 0.045  # how far its edge stands up
 
 MIDDLE_Z_M = 0.155
 BUS_BACK_M = -0.70  # the face of the bus that the capsule hangs on
-HINGE_M: Point = (-1.02, 0.0, -0.20)  # of the heat shield
+HINGE_M: Point = (-1.018, 0.0, -0.172)  # of the heat shield
+OPEN_DEG = 82.0  # how far it is swung down
 COLLECTOR_M: Point = (-0.97, 0.0, 0.90)  # middle of the collector
 COLLECTOR_RADIUS_M = 0.212
 CELL_M = (0.038, 0.0195)  # of aerogel, two by four centimetres with its wrapping
@@ -54,9 +56,8 @@ def struts() -> Solid:
         )
         for y, z in ((0.5, 0.87), (-0.5, 0.87), (0.5, -0.87), (-0.5, -0.87), (1.0, 0.0), (-1.0, 0.0))
     ]
-    arms = [tube((-1.00, y, -0.12), (HINGE_M[0] - 0.05, y, HINGE_M[2] + 0.01), 0.014, 6) for y in (-0.10, 0.10)]
     pin = tube((HINGE_M[0], -0.16, HINGE_M[2]), (HINGE_M[0], 0.16, HINGE_M[2]), 0.018)
-    return join(*struts, *arms, pin)
+    return join(*struts, pin)
 
 
 def heat_shield() -> Solid:
@@ -66,11 +67,16 @@ def heat_shield() -> Solid:
     turns = [(90.0 - ANGLE_DEG) * DEG * k / 3 for k in range(4)]
     nose = [(NOSE_M * math.sin(turn), NOSE_M * (1.0 - math.cos(turn)) - tip) for turn in turns]
     outer = [*nose, (edge, 0.0)]
-    lip = [(edge, 0.035), (edge - 0.03, 0.045)]
+    lip = [(edge, LIP_M - 0.01), (edge - 0.03, LIP_M)]
     inner = [(edge - 0.05, 0.02), (0.08, 0.035 - tip + 0.02), (0.0, 0.035 - tip + 0.02)]
     pads = [cylinder(0.02, -0.06, 0.03, 10).moved(edge - 0.09).turned("z", 45.0 + 90.0 * k) for k in range(4)]
-    shield = join(revolved([*outer, *lip, *inner], 56), *pads)
-    return shield.turned("y", 8.0).moved(HINGE_M[0] - edge + 0.08, 0.0, HINGE_M[2] - 0.02)
+    _, depth = _heights()
+    rim_x_m = BUS_BACK_M - 0.06 - depth - LIP_M - 0.005
+    shut = join(revolved([*outer, *lip, *inner], 56), *pads).turned("y", 90).moved(rim_x_m, 0.0, MIDDLE_Z_M)
+    x, _, z = HINGE_M
+    opened = shut.moved(-x, 0.0, -z).turned("y", -OPEN_DEG).moved(x, 0.0, z)
+    arms = [pipe([(x, y, z), (x - 0.08, y, z - 0.02), (x - 0.12, y, z - 0.12)], 0.014, 6) for y in (-0.10, 0.10)]
+    return join(opened, *arms)
 
 
 def _cell_places() -> list[tuple[float, float]]:
