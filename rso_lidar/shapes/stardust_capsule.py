@@ -32,7 +32,7 @@ def cover() -> Solid:
     """Return the back cover of the capsule, which opens to -x, with the canister inside it."""
     _, depth = _heights()
     edge = 0.5 * DIAMETER_M
-    cover = [(0.0, 0.0), (0.22, 0.0), (0.25, 0.02), (edge - 0.012, depth - 0.03), (edge, depth)]
+    outside = [(0.0, 0.0), (0.22, 0.0), (0.25, 0.02), (edge - 0.012, depth - 0.03), (edge, depth)]
     inside = [(edge - 0.02, depth), (edge - 0.04, depth - 0.03), (0.0, depth - 0.03)]
     canister = cylinder(0.26, depth - 0.05, depth - 0.012, 32)
     seal = torus(edge - 0.03, 0.008, 48, 6).moved(z=depth)
@@ -40,15 +40,15 @@ def cover() -> Solid:
         box((0.03, 0.06, 0.03), (edge - 0.07, 0.0, depth - 0.01)).turned("z", turn) for turn in (40, 140, 220, 320)
     ]
     return (
-        join(revolved([*cover, *inside], 48), canister, seal, *locks)
+        join(revolved([*outside, *inside], 48), canister, seal, *locks)
         .facing((-1, 0, 0))
         .moved(BUS_BACK_M - 0.06, 0.0, MIDDLE_Z_M)
     )
 
 
 def struts() -> Solid:
-    """Return the struts between the bus and the capsule, and the arms of the heat shield's hinge."""
-    struts = [
+    """Return the struts between the bus and the capsule, and the pin of the heat shield's hinge."""
+    bars = [
         tube(
             (BUS_BACK_M + 0.01, 0.26 * y, MIDDLE_Z_M + 0.26 * z),
             (BUS_BACK_M - 0.10, 0.20 * y, MIDDLE_Z_M + 0.20 * z),
@@ -57,12 +57,12 @@ def struts() -> Solid:
         for y, z in ((0.5, 0.87), (-0.5, 0.87), (0.5, -0.87), (-0.5, -0.87), (1.0, 0.0), (-1.0, 0.0))
     ]
     pin = tube((HINGE_M[0], -0.16, HINGE_M[2]), (HINGE_M[0], 0.16, HINGE_M[2]), 0.018)
-    return join(*struts, pin)
+    return join(*bars, pin)
 
 
 def heat_shield() -> Solid:
-    """Return the heat shield, swung down and back on its hinge: a blunt cone that points to -z, hollow above."""
-    tip, _ = _heights()
+    """Return the heat shield, swung down on its hinge: a blunt cone that points to about -z, hollow above, with its arms."""
+    tip, depth = _heights()
     edge = 0.5 * DIAMETER_M
     turns = [(90.0 - ANGLE_DEG) * DEG * k / 3 for k in range(4)]
     nose = [(NOSE_M * math.sin(turn), NOSE_M * (1.0 - math.cos(turn)) - tip) for turn in turns]
@@ -70,7 +70,6 @@ def heat_shield() -> Solid:
     lip = [(edge, LIP_M - 0.01), (edge - 0.03, LIP_M)]
     inner = [(edge - 0.05, 0.02), (0.08, 0.035 - tip + 0.02), (0.0, 0.035 - tip + 0.02)]
     pads = [cylinder(0.02, -0.06, 0.03, 10).moved(edge - 0.09).turned("z", 45.0 + 90.0 * k) for k in range(4)]
-    _, depth = _heights()
     rim_x_m = BUS_BACK_M - 0.06 - depth - LIP_M - 0.005
     shut = join(revolved([*outer, *lip, *inner], 56), *pads).turned("y", 90).moved(rim_x_m, 0.0, MIDDLE_Z_M)
     x, _, z = HINGE_M
