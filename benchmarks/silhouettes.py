@@ -32,13 +32,13 @@ CELLS = 400  # along the longest side of a craft: 5 cm for 20 m
 EDGE_M = 0.15
 LOADS = 5
 
-PANELS, BOOMS, BODY = "panels", "booms and antennas", "body"
+WHOLE, PANELS, BOOMS, BODY = "whole", "panels", "booms and antennas", "body"
 GROUPS = (PANELS, BOOMS, BODY)
 OF_PART = {
     PANELS: ("solar_array", "solar_substrate", "solar_yoke", "solar_struts"),
     BOOMS: ("antenna", "boom", "feed", "magnetometer", "gimbal"),
 }
-WANTED = {"whole": 0.70, PANELS: 0.50, BOOMS: 0.50}
+WANTED = {WHOLE: 0.70, PANELS: 0.50, BOOMS: 0.50}
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,13 @@ def views(number: int) -> np.ndarray:
     return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
 
 
-def overlap(ours: np.ndarray, theirs: np.ndarray, directions: np.ndarray) -> np.ndarray:
+def overlap(ours: np.ndarray, theirs: np.ndarray, directions: np.ndarray, cells: int = CELLS) -> np.ndarray:
     """Return intersection over union (view) of the silhouettes of two sets of triangles (facet, corner, xyz) [m]."""
+    from scipy.spatial import ConvexHull
+
     both = np.concatenate([ours, theirs]).reshape(-1, 3)
-    step_m = float(np.ptp(both, axis=0).max()) / CELLS
+    both = both[ConvexHull(both).vertices]  # all that the grid must reach over
+    step_m = float(np.ptp(both, axis=0).max()) / cells
     distance_m = 2.0 * float(np.linalg.norm(both, axis=1).max())
     casts = [_caster(triangles) for triangles in (ours, theirs)]
     shares = []
@@ -172,27 +175,28 @@ def load_ms(path: Path) -> float:
     return 1e3 * min(spent)
 
 
+def shares(name: str, number: int, cells: int = CELLS) -> dict[str, np.ndarray]:
+    """Return intersection over union (view) of a craft and NASA's mesh of it: the whole, and each group of parts."""
+    mesh = load_mesh(models()[name].path)
+    nasa = load_mesh(scenes.NASA / f"{name}.stl")
+    theirs = PLACES[name].moved(nasa.vertices, mesh.vertices)[nasa.facets]
+    pairs = {WHOLE: (mesh.vertices[mesh.facets], theirs), **grouped(mesh, theirs)}
+    directions = views(number)
+    return {
+        group: overlap(mine, other, directions, cells) if len(mine) and len(other) else np.zeros(number)
+        for group, (mine, other) in pairs.items()
+    }
+
+
 def row(name: str, number: int) -> tuple[str, ...]:
     """Return one line of the table."""
     entry = models()[name]
-    mesh = load_mesh(entry.path)
-    nasa = load_mesh(scenes.NASA / f"{name}.stl")
-    ours = mesh.vertices[mesh.facets]
-    theirs = PLACES[name].moved(nasa.vertices, mesh.vertices)[nasa.facets]
-    directions = views(number)
-    whole = overlap(ours, theirs, directions)
-    told = [_told(whole.mean(), WANTED["whole"]), f"{100 * whole.min():.0f} %"]
-    for group, (mine, other) in grouped(mesh, theirs).items():
-        share = overlap(mine, other, directions).mean() if len(mine) and len(other) else 0.0
-        told.append(_told(share, WANTED.get(group, 0.0)))
-    return (
-        name,
-        *told,
-        f"{len(ours):,}",
-        f"{len(theirs):,}",
-        f"{entry.size_bytes / 1e3:.0f}",
-        f"{load_ms(entry.path):.0f}",
-    )
+    seen = shares(name, number)
+    means = [_told(float(seen[group].mean()), WANTED.get(group, 0.0)) for group in (WHOLE, *GROUPS)]
+    worst = f"{100 * seen[WHOLE].min():.0f} %"
+    nasa = len(load_mesh(scenes.NASA / f"{name}.stl").facets)
+    sizes = f"{entry.facets:,}", f"{nasa:,}", f"{entry.size_bytes / 1e3:.0f}", f"{load_ms(entry.path):.0f}"
+    return name, means[0], worst, *means[1:], *sizes
 
 
 def _told(share: float, wanted: float) -> str:
@@ -201,7 +205,7 @@ def _told(share: float, wanted: float) -> str:
 
 def run(names: Sequence[str], number: int) -> Findings:
     """Return the table for the craft of these names."""
-    header = ("craft", "whole", "worst view", *GROUPS, "facets", "NASA's", "kB", "load, ms")
+    header = ("craft", WHOLE, "worst view", *GROUPS, "facets", "NASA's", "kB", "load, ms")
     note = f"Mean over {number} views, {CELLS} cells along the longest side; bold is below what was wanted."
     return Findings({"silhouettes": f"{table(header, [row(name, number) for name in names])}\n\n{note}"})
 
