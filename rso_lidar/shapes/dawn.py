@@ -79,16 +79,17 @@ def dawn() -> Model:
             "NASA Planetary Data System, instrument host Dawn: box of 1.64 m x 1.27 m x 1.77 m, dry mass 747.1 kg, "
             "19.7 m from tip to tip, high-gain antenna of 1.52 m, three low-gain antennas; NASA Space Science Data "
             "Coordinated Archive, 2007-043A: wings of 2.3 m x 8.3 m; The Planetary Society, 'Dawn's ion thruster': "
-            "30 cm in diameter; arrangement and proportions compared by eye with NASA's public 3D model of Dawn"
+            "30 cm in diameter; arrangement and all other proportions from pictures of NASA's public 3D model of Dawn"
         ),
         confidence=(
             "Span, wings, antenna and dry mass published. The published box is taken over what stands on the "
             "blanketed body: 1.64 m from the antenna's mount to the spectrometer, 1.27 m over the radiators, 1.77 m "
             "from the adapter ring to the instrument bench. NASA's public model draws the antenna 1.24 m and the "
             "wings 2.13 m across; the published figures are kept. The magnetometer boom that early descriptions "
-            "mention did not fly. The ring is 0.94 m, as commonly quoted for the launcher, not looked up. Panel "
-            "gaps, yokes, instruments, mounts and thrusters are guesses from pictures; masses are a guessed split "
-            "of the dry mass; materials are guesses, the black outer blankets taken for black paint."
+            "mention did not fly. The ring is 0.94 m, as commonly quoted for the launcher, not looked up. Panel gaps, "
+            "yokes, instruments, mounts and thrusters are read off pictures of NASA's public 3D model to about 5 cm "
+            "and hold no better; masses are a guessed split of the dry mass; materials are guesses, the black outer "
+            "blankets taken for black paint."
         ),
         axes=(
             "+x the boresight of the high-gain antenna, and where the solar cells face in this pose; +y along the "

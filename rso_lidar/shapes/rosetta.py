@@ -85,16 +85,16 @@ def rosetta() -> Model:
             "ESA, 'Rosetta: Fact Sheet' (as cited by the encyclopedia entry 'Rosetta (spacecraft)'): box of 2.8 m x "
             "2.1 m x 2.0 m, wings of 14 m, 32 m from tip to tip; the entry: dry mass 1230 kg without the lander, "
             "high-gain antenna of 2.2 m; ESA, 'The Rosetta lander': Philae weighs 100 "
-            "kg; hpde.io, Langmuir probes: two spheres of 5 cm, one on each boom; arrangement and proportions "
-            "compared by eye with NASA's public 3D model of Rosetta"
+            "kg; hpde.io, Langmuir probes: two spheres of 5 cm, one on each boom; arrangement and all "
+            "other proportions from pictures of NASA's public 3D model of Rosetta"
         ),
         confidence=(
             "Box, span, wing length, antennas and masses published. Panels of 2.25 m x 2.736 m and booms of 1.62 m "
             "and 2.24 m are as commonly quoted, not looked up (medium); five such panels fill the 14 m. NASA's "
             "public model draws them 2.6 m across and the dish 2.0 m; the figures above are kept. Philae is a "
-            "metre wide, as commonly quoted. Yokes, mast, instruments, louvers and thrusters are guesses from "
-            "pictures; masses are a guessed split of the dry mass; materials are guesses, the black outer blankets "
-            "taken for black paint."
+            "metre wide, as commonly quoted. Yokes, mast, instruments, louvers and thrusters are read off pictures "
+            "of NASA's public 3D model to about 5 cm and hold no better; masses are a guessed split of the dry mass; "
+            "materials are guesses, the black outer blankets taken for black paint."
         ),
         axes=(
             "+z the normal of the instrument panel, launcher ring at -z; +x towards the high-gain antenna, -x towards "

@@ -81,15 +81,15 @@ def stardust() -> Model:
             "NASA press kit for the comet encounter (December 2003): main bus of 1.7 m x 0.66 m x 0.66 m, the letter "
             "H with its two parallel wings; JPL missions page: 254 kg of spacecraft and 46 kg of return capsule; "
             "University of Washington, 'Project Stardust Facts, Figures, and Timeline': capsule about 30 in across "
-            "and 20 in deep; JPL, 'Cool Facts': sheets of the dust shields 2 in apart; arrangement and proportions "
-            "compared by eye with NASA's public 3D model of Stardust"
+            "and 20 in deep; JPL, 'Cool Facts': sheets of the dust shields 2 in apart; arrangement and all "
+            "other proportions from pictures of NASA's public 3D model of Stardust"
         ),
         confidence=(
             "Bus, capsule depth, masses and the step of the shields published. The capsule's 0.81 m, its 60-degree "
             "cone, the 0.6 m antenna, the 6.6 m2 of the solar array and the 132 cells of aerogel (1039 cm2) are as "
-            "commonly quoted, not looked up (medium); the size of the six panels is a guess from pictures that holds "
-            "those cells with a margin. The shields and everything else are guesses from pictures; masses are a "
-            "guessed split; materials are guesses."
+            "commonly quoted, not looked up (medium). The six panels, the shields and everything else are read off "
+            "pictures of NASA's public 3D model to about 5 cm and hold no better, but that the panels have room for "
+            "the quoted cells; masses are a guessed split; materials are guesses."
         ),
         axes=(
             "+x forward, to the main dust shield, along the flight past the comet; +z the boresight of the high-gain "
