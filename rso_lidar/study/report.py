@@ -226,27 +226,21 @@ def _cells(trade: Trade, point: int) -> Iterable[str]:
 def _plots(trade: Trade) -> list[str]:
     """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_quantity(trade, axis) for axis in trade.study.axis]
-    merits = [MERITS[name] for name in trade.study.merits]
-    values = [
-        Quantity(words(merit), trade.table[merit.name], _spans_decades(trade.table[merit.name])) for merit in merits
-    ]
-    same = {one.name: _alike(one.values) for one in values}
-    made = [
-        f"<p>{escape(name)} is {said(value)} at all points.</p>" for name, value in same.items() if value is not None
-    ]
-    shown = [(value, merit) for value, merit in zip(values, merits, strict=True) if same[value.name] is None]
-    made += [
-        _image(effects_figure(value, axes, merit.better), f"{words(merit)} along each axis") for value, merit in shown
-    ]
+    made, shown = [], []
+    for merit in (MERITS[name] for name in trade.study.merits):
+        values = trade.table[merit.name]
+        alike = _alike(values)
+        if alike is None:
+            shown.append((Quantity(words(merit), values, _spans_decades(values)), merit))
+        elif math.isfinite(alike):
+            made.append(f"<p>{escape(words(merit))} is {said(alike)} at all points.</p>")
+    for value, merit in shown:
+        made.append(_image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
     if isinstance(trade.study.sampling, Grid):
-        maps = [
-            (maps_figure(value, axes, merit.better), f"{words(merit)} over pairs of axes") for value, merit in shown
-        ]
-        drawn = [_image(figure, text) for figure, text in maps if figure is not None]
+        maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
+        drawn = [_image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
         made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
-    means = [
-        Quantity(one.name, trade.of_points(merit.name)[0], one.log) for one, merit in zip(values, merits, strict=True)
-    ]
+    means = [Quantity(value.name, trade.of_points(merit.name)[0], value.log) for value, merit in shown]
     by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
     figure = against_figure(means, [merit.better for _, merit in shown], by, unbeaten(trade))
     if figure is not None:

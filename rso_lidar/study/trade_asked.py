@@ -213,6 +213,12 @@ class Study(Part):
         study._folder, study._where = folder, where
         return study
 
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new study."""
+        changed = super().replace(**changes)
+        changed._folder, changed._where = self._folder, self._where
+        return changed
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if not self.axis:
