@@ -49,7 +49,7 @@ class Quantity:
 
 def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure:
     """Return a figure of one figure of merit along each axis: a dot a run, and the mean of each value or stretch."""
-    columns = min(len(along), _COLUMNS)
+    columns = _columns(len(along))
     rows = math.ceil(len(along) / columns)
     note = f"{better} is better   ·   a dot a run, the line their mean; the spread is what the other axes do"
     figure = new_figure(max(_PANEL_IN * columns + 0.4, 7.0), _HEAD_IN + 2.7 * rows, merit.name, note)
@@ -144,7 +144,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     if not np.isfinite(shown).any():
         return None
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
-    columns = min(len(pairs), _COLUMNS)
+    columns = _columns(len(pairs))
     rows = math.ceil(len(pairs) / columns)
     note = f"{better} is better   ·   the mean of all runs that share both values   ·   dark: none"
     figure = new_figure(
@@ -204,13 +204,13 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     if len(merits) < 2 or not np.isfinite(merits[0].values).any():
         return None
     others = list(zip(merits[1:], better[1:], strict=True))
-    columns = min(len(others), _COLUMNS)
+    columns = _columns(len(others))
     rows = math.ceil(len(others) / columns)
     figure = new_figure(
-        max(_PANEL_IN * columns + 1.0, 7.5),
+        max(_PANEL_IN * columns + 1.0, 8.8),
         _HEAD_IN + 2.9 * rows,
         f"What {merits[0].name[0].lower()}{merits[0].name[1:]} costs",
-        f"coloured by {by.name}   ·   ringed: points that no other beats in every figure of merit",
+        f"coloured by {by.name}   ·   ringed: beaten by none in all figures of merit",
     )
     panels = figure.subplots(rows, columns, squeeze=False)
     levels, which = by.levels()
@@ -250,6 +250,11 @@ def said(value: float, digits: int = 4) -> str:
         return "–"
     rounded = float(f"{value:.{digits}g}")
     return with_minus(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
+
+
+def _columns(count: int) -> int:
+    """Return how many panels stand side by side: four as two and two."""
+    return 2 if count == 4 else min(count, _COLUMNS)
 
 
 def _short(text: str) -> str:
