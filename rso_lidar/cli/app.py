@@ -19,6 +19,7 @@ from rso_lidar.cli import (
     schema,
     timeline,
     track,
+    trade,
     truth,
 )
 
@@ -38,6 +39,7 @@ app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("truth")(truth.truth)
 app.command("timeline")(timeline.timeline)
+app.command("trade")(trade.trade)
 app.command("catalog")(catalog.catalog)
 app.command("encounters")(encounters.encounters)
 app.command("run")(run.run)

@@ -7,7 +7,7 @@ orbit. Of the target it is told nothing but the mesh; truth of the target is use
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -171,7 +171,8 @@ class _Row:
     """
 
     time_s: float
-    fix: Fix | None
+    fix: Fix | None  # without its points, of which a long run has many
+    points: int
     middle_m: np.ndarray
     covariance_m2: np.ndarray
     seat: RigidTransform
@@ -230,7 +231,11 @@ def _row(
         middle = fix.position_m - before_m * toward
         across_m = float(np.hypot(across_m, _pointing_rad(scenario) * fix.range_m))
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
-    return _Row(truth.time_s, fix, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found)
+    kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
+    points = 0 if fix is None else len(fix.points_m)
+    return _Row(
+        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found
+    )
 
 
 def _seat(scenario: Scenario, frame: Frame) -> RigidTransform:
@@ -261,7 +266,7 @@ def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:
     true = np.array([row.true_pose.translation for row in rows])
     table = {
         "time_s": np.array([row.time_s for row in rows]),
-        "points": np.array([0 if row.fix is None else len(row.fix.points_m) for row in rows]),
+        "points": np.array([row.points for row in rows]),
         "found_fraction": np.array([np.nan if row.fix is None else row.fix.found_fraction for row in rows]),
         "true_range_m": np.linalg.norm(true, axis=1),
         "centroid_range_m": np.linalg.norm(middle, axis=1),
