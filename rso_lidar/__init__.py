@@ -136,6 +136,7 @@ from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
 from rso_lidar.study.tracking import Tracking, tracking
+from rso_lidar.study.viewing import view
 
 __version__ = _version("rso-lidar")
 
@@ -277,4 +278,5 @@ __all__ = [
     "track",
     "tracking",
     "units",
+    "view",
 ]
