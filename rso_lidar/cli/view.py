@@ -47,7 +47,7 @@ def view(
         chosen = way(tool, output, recording=recording, overwrite=overwrite)
         some = export.Frames(read, places(read, frames))
         if not chosen.paths:
-            typer.echo(f"{chosen.why}: {len(some)} frames; close it to go on")
+            typer.echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
         each = _counted(some) if chosen.tool == "rerun" else None
         show(chosen, some, colour=colour, folder=recording.parent, each=each)
     if chosen.paths:
@@ -68,4 +68,8 @@ def _said(chosen: Way, count: int) -> str:
     named = ", ".join(f"{path}" for path in chosen.paths)
     why = f"{chosen.why}: wrote" if chosen.why else "wrote"
     more = f"; open it with: rerun {chosen.paths[0]}" if chosen.tool == "rerun" else ""
-    return f"{why} {named} ({count} frames){more}"
+    return f"{why} {named} ({_frames(count)}){more}"
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame{'s' * (count != 1)}"

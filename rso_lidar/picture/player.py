@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 Colour = Literal["range", "intensity"]
 SIZE_IN = (14.0, 5.8)
+STILL_IN = (14.0, 5.2)  # without the slider
 STEP_MS = 100  # from frame to frame while it plays
 FAR = 10  # frames of a page
 _STEPS = {"left": -1, "right": 1, "pageup": -FAR, "pagedown": FAR}
@@ -65,13 +66,14 @@ class Player:
         if not len(frames):
             raise RecordingError("nothing to draw: the recording holds no frames")
         self.frames, self.shapes, self.colour = frames, tuple(shapes), colour
-        self.figure = figure or _figure()
+        self.figure = figure or _figure(SIZE_IN if controls else STILL_IN)
         self.playing = False
         self.shown = first
-        left, wide, low, high = 0.045, 0.245, 0.17, 0.66
+        left, wide = 0.045, 0.245
+        low, high, under, over = (0.17, 0.66, 0.13, 0.74) if controls else (0.09, 0.73, 0.05, 0.82)
         self._range = self.figure.add_axes((left, low, wide, high))
         self._intensity = self.figure.add_axes((left + 0.325, low, wide, high))
-        space: Any = self.figure.add_axes((0.675, 0.13, 0.31, 0.74), projection="3d", computed_zorder=False)
+        space: Any = self.figure.add_axes((0.675, under, 0.31, over), projection="3d", computed_zorder=False)
         space.view_init(elev=14, azim=-72)
         self._space = space
         self._title = self.figure.text(0.01, 0.975, "", fontsize=14, weight="bold", color=hexed(INK), va="top")
@@ -87,6 +89,7 @@ class Player:
             self.slider.valtext.set_color(hexed(QUIET))
             self.slider.on_changed(lambda place: self._show(round(place)))
         self.figure.canvas.mpl_connect("key_press_event", self._on_key)
+        self.figure.canvas.mpl_connect("close_event", lambda event: self._play(on=False))
         self._timer = self.figure.canvas.new_timer(interval=STEP_MS)
         self._timer.add_callback(self.tick)
         self._show(first)
@@ -171,7 +174,7 @@ class Player:
             axis.set_major_locator(_few())
             axis.get_major_formatter().set_useOffset(False)
         beyond = int((~near).sum())
-        note = f", {beyond:,} returns elsewhere" if beyond else ""
+        note = f", {beyond:,} return{'s' * (beyond > 1)} elsewhere" if beyond else ""
         truth = "; edges: truth" if edges_m else ""
         axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=10, color=hexed(INK), y=1.02, pad=0)
 
@@ -213,11 +216,11 @@ def window_backend() -> str | None:
     return name if canvas.required_interactive_framework is not None else None
 
 
-def _figure() -> Figure:
+def _figure(size_in: tuple[float, float]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=SIZE_IN, dpi=100)
+    figure = Figure(figsize=size_in, dpi=100)
     FigureCanvasAgg(figure)
     return figure
 

@@ -39,6 +39,7 @@ _GREY = (168, 172, 180)  # of a true mesh
 _POINT = 2.5  # size of a point on the screen
 _PAPER = (24, 26, 30)
 _CONFIG = "XDG_CONFIG_HOME"
+_NOWHERE = "http://127.0.0.1:9"  # the port for what is thrown away
 
 
 def installed() -> bool:
@@ -89,8 +90,8 @@ def write_rerun(
             scene.begin(stream)
             for frame in frames if each is None else each:
                 scene.add(stream, frame)
+            _flush(stream, place)
         finally:
-            stream.flush()
             stream.disconnect()
         _readable(draft, place)
     return place
@@ -99,8 +100,9 @@ def write_rerun(
 def open_rerun(path: str | Path) -> None:
     """Show a scene (.rrd) in Rerun's viewer, and return when its window is closed.
 
-    The viewer listens on this machine alone. On Linux it is told by a configuration of its own that usage data are not
-    wanted; elsewhere `rerun analytics disable` says so.
+    The viewer listens on this machine alone, and is given a way out that leads nowhere: it would look for newer versions
+    and send usage data. On Linux a configuration of its own also tells it to collect none; elsewhere
+    `rerun analytics disable` does.
     """
     need_rerun(str(path))
     with quiet() as environment:
@@ -118,7 +120,7 @@ def viewer_command(path: str | Path) -> list[str]:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[dict[str, str]]:
-    """Return, as a context, an environment in which Rerun collects no usage data, where an environment can say so."""
+    """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
     with tempfile.TemporaryDirectory(prefix="rso_lidar_view_") as folder:
         config = Path(folder) / "rerun" / "analytics.json"
         config.parent.mkdir()
@@ -134,7 +136,7 @@ def quiet() -> Iterator[dict[str, str]]:
             ),
             encoding="utf-8",
         )
-        yield {**os.environ, _CONFIG: folder}
+        yield {**os.environ, _CONFIG: folder, "HTTPS_PROXY": _NOWHERE, "https_proxy": _NOWHERE}
 
 
 def _identity(frame: Frame) -> str:
@@ -145,8 +147,16 @@ def _identity(frame: Frame) -> str:
     return hashlib.sha256(f"{source.scenario} {source.seed} {dict(source.versions)}".encode()).hexdigest()[:32]
 
 
+def _flush(stream: Any, place: Path) -> None:
+    """Wait until all is in the file: it is written by a thread of Rerun's, and only here one learns how that went."""
+    try:
+        stream.flush()
+    except (RuntimeError, ValueError, OSError) as error:
+        raise RunError(f"{place}: could not be written ({error}); make room and run again") from None
+
+
 def _readable(draft: Path, place: Path) -> None:
-    """Make sure that a file is whole: the writer, a thread of Rerun's, keeps a full disk to itself."""
+    """Make sure that a file is whole, to its last part, which tells where all the others are."""
     from rerun.chunk import RrdReader
 
     try:

@@ -77,16 +77,17 @@ def test_the_viewer_listens_here_alone_and_is_asked_to_be_quiet(tmp_path, monkey
 
     def run(command, env, check):
         config = json.loads(Path(env["XDG_CONFIG_HOME"], "rerun", "analytics.json").read_text(encoding="utf-8"))
-        calls.append((command, config["analytics_enabled"]))
+        calls.append((command, config["analytics_enabled"], env["HTTPS_PROXY"]))
         return subprocess.CompletedProcess(command, 0 if len(calls) == 1 else 3)
 
     monkeypatch.setattr(rerun_scene, "need_rerun", lambda what: None)
     monkeypatch.setattr(subprocess, "run", run)
     open_rerun(tmp_path / "a.rrd")
-    (command, wanted), *_ = calls
+    (command, wanted, way_out), *_ = calls
     assert command[-1] == f"{tmp_path / 'a.rrd'}"
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert wanted is False
+    assert way_out == "http://127.0.0.1:9"
     with pytest.raises(RunError, match=r"viewer left with status 3"):
         open_rerun(tmp_path / "a.rrd")
 
