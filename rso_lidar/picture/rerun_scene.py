@@ -39,7 +39,8 @@ _GREY = (168, 172, 180)  # of a true mesh
 _POINT = 2.5  # size of a point on the screen
 _PAPER = (24, 26, 30)
 _CONFIG = "XDG_CONFIG_HOME"
-_NOWHERE = "http://127.0.0.1:9"  # the port for what is thrown away
+_HERE = "127.0.0.1"
+_NOWHERE = f"http://{_HERE}:9"  # the port for what is thrown away
 
 
 def installed() -> bool:
@@ -115,7 +116,7 @@ def open_rerun(path: str | Path) -> None:
 
 def viewer_command(path: str | Path) -> list[str]:
     """Return the command that shows a scene: in a viewer of its own, whose port no other machine reaches."""
-    return [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", os.fspath(path)]
+    return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
 
 
 @contextlib.contextmanager

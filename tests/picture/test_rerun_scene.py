@@ -87,7 +87,7 @@ def test_the_viewer_listens_here_alone_and_is_asked_to_be_quiet(tmp_path, monkey
     assert command[-1] == f"{tmp_path / 'a.rrd'}"
     assert command[command.index("--bind") + 1] == "127.0.0.1"
     assert wanted is False
-    assert way_out == "http://127.0.0.1:9"
+    assert way_out.endswith("//127.0.0.1:9")
     with pytest.raises(RunError, match=r"viewer left with status 3"):
         open_rerun(tmp_path / "a.rrd")
 
