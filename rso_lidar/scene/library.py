@@ -10,7 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.craft import Hinge, Taxonomy
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.shipped import shipped
 
 
@@ -36,6 +37,10 @@ class ModelEntry:
         Rows of the tensor about the centre of mass, in the axes of the mesh [kg m2], estimated.
     parts
         Name of the material by name of the part.
+    taxonomy
+        Class, shape, size and how it turns.
+    hinges
+        What turns about what, in mesh coordinates.
     path
         Where the mesh file lies.
     """
@@ -55,6 +60,8 @@ class ModelEntry:
     mass_kg: float
     inertia_kg_m2: tuple[tuple[float, ...], ...]
     parts: Mapping[str, str]
+    taxonomy: Taxonomy
+    hinges: tuple[Hinge, ...]
     path: Path
 
 
@@ -127,7 +134,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _entry(path: Path, table: Any) -> ModelEntry:
     name = table.get("name", "?") if isinstance(table, dict) else "?"
-    wanted = [field.name for field in fields(ModelEntry) if field.name != "path"]
+    wanted = [field.name for field in fields(ModelEntry) if field.name not in ("hinges", "path")]
     missing = [key for key in wanted if not isinstance(table, dict) or key not in table]
     if missing:
         cure = "write it again with `python -m rso_lidar.shapes.write`"
@@ -137,4 +144,7 @@ def _entry(path: Path, table: Any) -> ModelEntry:
         values[key] = tuple(values[key])
     values["inertia_kg_m2"] = tuple(tuple(row) for row in values["inertia_kg_m2"])
     values["parts"] = MappingProxyType(dict(values["parts"]))
+    with placed(f"{path}: model '{name}'"):
+        values["taxonomy"] = Taxonomy(**values["taxonomy"])
+        values["hinges"] = tuple(Hinge(**hinge) for hinge in table.get("hinge", ()))
     return ModelEntry(**values, path=path.parent / table["file"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.craft import Taxonomy
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import ball, box
 
@@ -24,6 +25,13 @@ def plate() -> Model:
         confidence="Exact by definition; mass is that of aluminium (2700 kg/m3)",
         axes="+x normal of the front face; y and z along the sides; origin at the middle",
         pieces={"plate": Piece(solid, "lambertian_30", 2700.0 * solid.volume_m3())},
+        taxonomy=Taxonomy(
+            object_class="calibration",
+            subclass="flat_plate",
+            shape_family="plate",
+            size_class="medium",
+            stabilisation="fixed",
+        ),
     )
 
 
@@ -41,4 +49,11 @@ def sphere() -> Model:
         pieces={
             "sphere": Piece(solid, "lambertian_30", 2700.0 * 0.002 * 4.0 * np.pi * SPHERE_RADIUS_M**2, hollow=True)
         },
+        taxonomy=Taxonomy(
+            object_class="calibration",
+            subclass="sphere",
+            shape_family="sphere",
+            size_class="medium",
+            stabilisation="fixed",
+        ),
     )

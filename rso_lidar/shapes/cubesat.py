@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rso_lidar.craft import Taxonomy
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube
 
@@ -48,6 +49,14 @@ def cubesat_3u() -> Model:
             "cells; origin at the middle of the bus"
         ),
         pieces=pieces,
+        taxonomy=Taxonomy(
+            object_class="payload",
+            subclass="cubesat",
+            shape_family="box_wing",
+            size_class="small",
+            stabilisation="three_axis",
+            rate_deg_s=(0.0, 1.0),
+        ),
     )
 
 

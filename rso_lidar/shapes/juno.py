@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.craft import Taxonomy
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import (
     Point,
@@ -82,6 +83,14 @@ def juno() -> Model:
             "carries the magnetometer boom; +y completes them; origin on the spin axis at the plane of the wings"
         ),
         pieces=pieces,
+        taxonomy=Taxonomy(
+            object_class="payload",
+            subclass="planetary_orbiter",
+            shape_family="box_wing",
+            size_class="large",
+            stabilisation="spin",
+            rate_deg_s=(6.0, 30.0),
+        ),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes.solids import Solid
 
 
@@ -25,7 +26,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Model:
-    """A craft: its pieces, and the statements about it that go into the index."""
+    """A craft: its pieces, its hinges, and the statements about it that go into the index."""
 
     name: str
     what: str
@@ -33,6 +34,8 @@ class Model:
     confidence: str
     axes: str
     pieces: Mapping[str, Piece]
+    taxonomy: Taxonomy
+    hinges: tuple[Hinge, ...] = ()
 
     @property
     def parts(self) -> dict[str, Solid]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.craft import Taxonomy
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolved, ring, torus, tube, wall
 from rso_lidar.units import DEG
@@ -62,6 +63,14 @@ def rocket_body() -> Model:
             "+x along the axis towards the payload end, nozzle at -x; y and z across; origin half way along the stage"
         ),
         pieces=pieces,
+        taxonomy=Taxonomy(
+            object_class="rocket_body",
+            subclass="upper_stage",
+            shape_family="cylinder",
+            size_class="large",
+            stabilisation="tumbling",
+            rate_deg_s=(0.1, 10.0),
+        ),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import (
     Solid,
@@ -83,6 +84,24 @@ def tdrs() -> Model:
             "boresight of the antennas in this pose; solar cells face +z; origin inside the bus"
         ),
         pieces=pieces,
+        taxonomy=Taxonomy(
+            object_class="payload",
+            subclass="relay_satellite",
+            shape_family="box_wing",
+            size_class="large",
+            stabilisation="three_axis",
+            rate_deg_s=(0.0, 0.01),
+        ),
+        hinges=tuple(
+            Hinge(
+                name=f"solar_{side}",
+                parts=tuple(f"solar_{part}_{side}" for part in ("array", "substrate", "yoke")),
+                position_m=(x, 0.0, 0.0),
+                axis=(1.0, 0.0, 0.0),
+                normal=(0.0, 0.0, 1.0),
+            )
+            for side, x in (("north", 1.36), ("south", -1.36))
+        ),
     )
 
 

@@ -64,6 +64,8 @@ def statement(model: Model, content: bytes) -> dict[str, Any]:
         "inertia_kg_m2": [_rounded(row, 5) for row in model.inertia_kg_m2],
         "confidence": model.confidence,
         "parts": model.materials,
+        "taxonomy": model.taxonomy.model_dump(),
+        "hinge": [hinge.model_dump(exclude_none=True) for hinge in model.hinges],
     }
 
 

@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+from rso_lidar.craft import Taxonomy
 from rso_lidar.shapes import Model, Piece
 from rso_lidar.shapes.solids import ball, box
 
 
 def craft(**pieces):
-    return Model("craft", "a craft", "this test", "exact", "any", pieces)
+    kind = Taxonomy(
+        object_class="payload", subclass="test", shape_family="box", size_class="medium", stabilisation="fixed"
+    )
+    return Model("craft", "a craft", "this test", "exact", "any", pieces, kind)
 
 
 def test_box_has_the_inertia_of_a_box():
