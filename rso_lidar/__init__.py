@@ -149,6 +149,7 @@ from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
 from rso_lidar.study.tracking import Tracking, tracking
 from rso_lidar.study.trading import Trade, trade
+from rso_lidar.study.viewing import view
 
 __version__ = _version("rso-lidar")
 
@@ -296,4 +297,5 @@ __all__ = [
     "tracking",
     "trade",
     "units",
+    "view",
 ]

@@ -21,6 +21,7 @@ from rso_lidar.cli import (
     track,
     trade,
     truth,
+    view,
 )
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
@@ -48,6 +49,7 @@ app.command("info")(info.info)
 app.command("plot")(plot.plot)
 app.command("track")(track.track)
 app.command("animate")(animate.animate)
+app.command("view")(view.view)
 app.command("models")(models.models)
 app.command("schema")(schema.schema)
 
