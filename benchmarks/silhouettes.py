@@ -66,11 +66,11 @@ class Place:
 
 # Every craft that NASA's meshes show and the shipped models hold, by the name of both.
 PLACES = {
-    "dawn": Place(),
+    "dawn": Place(axes=("-y", "+x", "+z"), why="the mesh's origin, its axes turned to those of the mission"),
     "juno": Place(),
     "lro": Place(),
-    "rosetta": Place(),
-    "stardust": Place(),
+    "rosetta": Place(axes=("+z", "+x", "+y"), why="the mesh's origin, its axes turned to those of the mission"),
+    "stardust": Place(axes=("-y", "+x", "+z"), why="the mesh's origin, +x turned to the flight past the comet"),
     "suomi_npp": Place(),
     "tdrs": Place(),
 }
