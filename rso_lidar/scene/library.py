@@ -69,7 +69,7 @@ def models() -> dict[str, ModelEntry]:
     """Return every model of the catalogue by name.
 
     >>> sorted(models())
-    ['cubesat_3u', 'juno', 'plate', 'rocket_body', 'sphere', 'tdrs']
+    ['cubesat_3u', 'juno', 'lro', 'plate', 'rocket_body', 'sphere', 'suomi_npp', 'tdrs']
     """
     return dict(_shipped_models())
 
