@@ -99,7 +99,7 @@ def _half_height_m(views: Sequence[CardView]) -> float:
         middle = 0.5 * (view.part.shape[0] - 1)
         tallest = max(tallest, float(np.abs(rows - middle).max(initial=0.0)) * view.cell_m)
     half_m = 0.5 * views[0].cell_m * views[0].part.shape[0]
-    return min(1.06 * tallest + 0.14 * half_m, half_m)
+    return float(min(1.06 * tallest + 0.14 * half_m, half_m))
 
 
 def _bar(axes: Any, view: CardView, tall_m: float) -> None:
