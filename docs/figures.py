@@ -1,4 +1,4 @@
-"""Draw the figures of the instrument, orbits and studies pages: ``python docs/figures.py`` writes docs/pictures/.
+"""Draw the figures of the instrument, orbits, studies and models pages: ``python docs/figures.py`` writes docs/pictures/.
 
 It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
 bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
@@ -28,6 +28,7 @@ from rso_lidar.detector.trial import Trial, plate, trial
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.scale import nice_down
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.hill import clohessy_wiltshire
 from rso_lidar.study.timeline import course
@@ -580,6 +581,82 @@ def link_budget() -> Any:
     return rl.budget(scenario, materials=[0.3, "white_paint", "black_paint"], tilt_deg=[0, 45]).figure()
 
 
+SHAPE_FROM = {  # where a model is looked at from; the others from ahead, the right and above
+    "tdrs": (0.5, -1.1, 0.8),
+    "juno": (0.6, -0.9, 0.9),
+    "envisat": (-0.8, 1.0, -0.55),
+    "zenit_stage": (-1.0, -1.2, 0.6),
+    "rocket_body": (-1.0, -1.2, 0.6),
+    "capsule": (0.7, -1.0, 0.6),
+    "debris_plate": (1.0, -1.2, -0.9),
+    "plate": (1.0, 0.7, 0.4),
+}
+SHAPE_PIXELS = (264, 198)  # of one model's picture
+
+
+def _shape(name: str) -> tuple[np.ndarray, float]:
+    """Return a model as an image (row, col, rgb), parts in the colour of their material, and its width [m]."""
+    import trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    entry = rl.scene.library.model(name)
+    mesh = rl.scene.load_mesh(entry.path)
+    known = rl.scene.library.materials()
+    colours = np.array([known[entry.parts[part]]["display_rgb"] for part in mesh.part_names])
+    toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
+    toward /= np.linalg.norm(toward)
+    right = np.cross((0.0, 0.0, 1.0), toward)
+    right /= np.linalg.norm(right)
+    seen_m = np.einsum("ij,kj->ik", mesh.vertices, [right, np.cross(toward, right), toward])
+    low, high = seen_m.min(axis=0), seen_m.max(axis=0)
+    n_cols, n_rows = (2 * n for n in SHAPE_PIXELS)
+    pixel_m = 1.06 * max((high[0] - low[0]) / n_cols, (high[1] - low[1]) / n_rows)
+    middle = 0.5 * (low + high)
+    x, y = np.meshgrid(
+        middle[0] + (np.arange(n_cols) + 0.5 - 0.5 * n_cols) * pixel_m,
+        middle[1] - (np.arange(n_rows) + 0.5 - 0.5 * n_rows) * pixel_m,
+    )
+    start = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, high[2] + 1.0)])
+    rays = RayMeshIntersector(trimesh.Trimesh(seen_m, mesh.facets, process=False))
+    hit = rays.intersects_first(start, np.tile([0.0, 0.0, -1.0], (len(start), 1)))
+    corners = seen_m[mesh.facets]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    lamp = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
+    shade = 0.33 + 0.20 * np.abs(normal[:, 2]) + 0.60 * np.clip(np.einsum("ij,j->i", normal, lamp), 0.0, 1.0)
+    lit = np.clip(colours[mesh.part] ** 0.8 * shade[:, None], 0.0, 1.0)
+    image = np.where((hit >= 0)[:, None], lit[hit], 1.0)
+    small = image.reshape(n_rows // 2, 2, n_cols // 2, 2, 3).mean(axis=(1, 3))
+    return np.round(small * 63.0) / 63.0, n_cols * pixel_m  # fewer colours, a smaller file
+
+
+def models() -> Any:
+    """Every shipped model from one side, with a bar of its own scale."""
+    names = list(rl.scene.library.models())
+    columns = 5
+    rows = -(-len(names) // columns)
+    figure = new_figure(
+        2.3 * columns,
+        2.05 * rows + 0.7,
+        "The shipped models",
+        "each at its own scale; parts in the display colour of their material",
+    )
+    for k, name in enumerate(names):
+        axes = figure.add_subplot(rows, columns, k + 1)
+        image, width_m = _shape(name)
+        axes.imshow(image, interpolation="none")
+        axes.set_axis_off()
+        axes.set_title(name, fontsize=9.5, color=hexed(INK), pad=2)
+        bar_m = nice_down(0.35 * width_m)
+        wide, high = SHAPE_PIXELS
+        axes.plot(
+            [4, 4 + bar_m / width_m * wide], [high - 3, high - 3], color=hexed(INK), lw=1.5, solid_capstyle="butt"
+        )
+        text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
+        axes.text(4, high - 8, text, fontsize=8, color=hexed(QUIET), va="bottom")
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -592,6 +669,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
     "link_budget": link_budget,
+    "models": models,
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar.craft import ShapeFamily, Taxonomy, size_class
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.shapes.model import Model, Piece
-from rso_lidar.shapes.solids import Solid, join
+from rso_lidar.shapes.solids import Solid, join, pipe
 
 Kind = Literal["plate", "shard", "panel", "foil"]
 
@@ -33,7 +33,7 @@ _ALUMINIUM_KG_M3 = 2700.0
 
 def debris_plate() -> Model:
     """Return a torn and bent plate, 0.6 m long: skin of a tank."""
-    return fragment(1, 0.60, "plate", name="debris_plate")
+    return fragment(3, 0.60, "plate", name="debris_plate")
 
 
 def debris_shard() -> Model:
@@ -58,7 +58,7 @@ def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None
     left, a "foil" a crumpled sheet. +x lies along the longest extent, +z across the thinnest; the origin is the middle of
     the bounds. Every part is closed; thickness grows with size.
 
-    >>> fragment(7, 0.4, "shard").size_m.max().round(9)
+    >>> float(fragment(7, 0.4, "shard").size_m.max().round(9))
     0.4
     """
     makers: dict[str, tuple[Callable[[np.random.Generator], dict[str, _Chunk]], ShapeFamily, float]] = {
@@ -109,9 +109,9 @@ def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, Piece]:
     centered = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centered, centered))
     order = np.argsort(-np.ptp(np.einsum("ij,jk->ik", points, axes), axis=0))
-    x, y = axes[:, order[0]], axes[:, order[1]]
-    x, y = (axis * (1.0 if axis[np.argmax(np.abs(axis))] > 0.0 else -1.0) for axis in (x, y))
-    turn = np.column_stack([x, y, np.cross(x, y)])
+    x, z = axes[:, order[0]], axes[:, order[2]]
+    x, z = (axis if axis[np.argmax(np.abs(axis))] > 0.0 else -axis for axis in (x, z))
+    turn = np.column_stack([x, np.cross(z, x), z])
     bounds = np.einsum("ij,jk->ik", points, turn)
     low, high = bounds.min(axis=0), bounds.max(axis=0)
     scale, middle = longest_m / (high - low).max(), 0.5 * (low + high)
@@ -141,21 +141,16 @@ def _sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
     layer = np.concatenate([np.zeros((1, 2)), (share[:, None, None] * outline).reshape(-1, 2)])
     m = len(layer)
     vertices = np.concatenate([np.column_stack([layer, np.full(m, z)]) for z in (-0.5 * thickness, 0.5 * thickness)])
-    top: list[tuple[int, int, int]] = []
-    k, after = np.arange(n), (np.arange(n) + 1) % n
-    top += [(0, 1 + a, 1 + b) for a, b in zip(k, after, strict=True)]
+    sides = [(a, (a + 1) % n) for a in range(n)]
+    top = [(0, 1 + a, 1 + b) for a, b in sides]
     for ring in range(rings - 1):
         here, out = 1 + ring * n, 1 + (ring + 1) * n
-        for a, b in zip(k, after, strict=True):
+        for a, b in sides:
             top += [(here + a, out + a, out + b), (here + a, out + b, here + b)]
     upper = np.array(top) + m
     lower = np.array(top)[:, ::-1]
     edge = 1 + (rings - 1) * n
-    rim = [
-        t
-        for a, b in zip(k, after, strict=True)
-        for t in ((edge + a, edge + b, m + edge + b), (edge + a, m + edge + b, m + edge + a))
-    ]
+    rim = [t for a, b in sides for t in ((edge + a, edge + b, m + edge + b), (edge + a, m + edge + b, m + edge + a))]
     return Solid(vertices, np.concatenate([lower, upper, np.array(rim)]))
 
 
@@ -186,19 +181,22 @@ def _bend(rng: np.random.Generator, solids: list[Solid], curl: float, folds: int
 
 
 def _plate(rng: np.random.Generator) -> dict[str, _Chunk]:
-    """Return a plate with a torn edge, rolled a little and creased, with a stiffener that has come half off."""
-    outline = _outline(rng, 6, 0.09, 0.62)
-    skin = _sheet(outline, 0.010, 8)
-    rib = _sheet(np.array([(-0.62, -0.02), (0.55, -0.02), (0.55, 0.02), (-0.62, 0.02)]), 0.07, 1)
-    turned = rib.moved(0.0, 0.12 * (2.0 * rng.random() - 1.0), 0.035)
-    skin, rib = _bend(rng, [skin, _refined(turned)], 0.55 + 0.5 * rng.random(), 4, 0.35)
+    """Return a plate with one cut edge, torn elsewhere, rolled and creased, with two stiffeners outside (-z)."""
+    outline = _outline(rng, 6, 0.14, 0.70)
+    outline[:, 1] = np.maximum(outline[:, 1], -0.40 + 0.004 * np.cos(9.0 * outline[:, 0]))
+    skin, inside = _sheet(outline, 0.010, 8), _polygon_test(outline)
+    ribs = []
+    for y in (-0.18, 0.20):
+        ends = [next(x for x in np.arange(0.9, 0.0, -0.05) if inside(side * x, y)) for side in (-1, 1)]
+        ribs.append(pipe([(x, y, -0.02) for x in np.linspace(-ends[0], ends[1], 25)], 0.035, 4))
+    skin, rib = _bend(rng, [skin, join(*ribs)], 0.8 + 0.5 * rng.random(), 4, 0.35)
     return {
         "skin": _Chunk(skin, "aluminium", _ALUMINIUM_KG_M3),
         "stiffener": _Chunk(rib, "aluminium", _ALUMINIUM_KG_M3),
     }
 
 
-def _refined(solid: Solid, longest: float = 0.12) -> Solid:
+def _refined(solid: Solid, longest: float = 0.10) -> Solid:
     """Return a solid with its long edges halved until none is longer than `longest`."""
     vertices, facets = solid.vertices, solid.facets
     for _ in range(8):
@@ -224,9 +222,9 @@ def _shard(rng: np.random.Generator) -> dict[str, _Chunk]:
         s = 2.0 * k / stations - 1.0
         size = (0.05 + 0.24 * (1.0 - abs(s) ** 1.6)) * (0.85 + 0.30 * rng.random())
         radius = size * shape * (0.85 + 0.30 * rng.random(n))
-        a = angle + twist * s
-        y = radius * np.cos(a) + sway[0] * (1.0 - s * s) * 2.0
-        z = 0.45 * radius * np.sin(a) + sway[1] * (1.0 - s * s) * 2.0
+        turned = angle + twist * s
+        y = radius * np.cos(turned) + sway[0] * (1.0 - s * s) * 2.0
+        z = 0.45 * radius * np.sin(turned) + sway[1] * (1.0 - s * s) * 2.0
         vertices.append(np.column_stack([np.full(n, s) + 0.03 * (rng.random(n) - 0.5), y, z]))
     vertices.append(np.array([[1.0, 0.0, 0.0]]))
     last = 1 + (stations - 1) * n
@@ -256,7 +254,7 @@ def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
             if lost or not all(inside(*corner) for corner in corners):
                 continue
             quad = np.array([corners[0], corners[2], corners[3], corners[1]])
-            cells.append(_sheet(quad - quad.mean(axis=0), 0.003, 1).moved(x, y, 0.016))
+            cells.append(_refined(_sheet(quad - quad.mean(axis=0), 0.005, 1)).moved(x, y, 0.0165))
     bent = _bend(rng, [slab, *([join(*cells)] if cells else [])], 0.10 + 0.15 * rng.random(), 2, 0.12)
     kinds = {"solar_substrate": ("cfrp", 120.0), "solar_array": ("solar_cell", 2500.0)}
     return {name: _Chunk(solid, *kinds[name]) for name, solid in zip(kinds, bent, strict=False)}
