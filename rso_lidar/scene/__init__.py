@@ -1,8 +1,9 @@
 """What is out there, and where rays meet it."""
 
 from rso_lidar.scene.articulated import Hinged, articulated
-from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
+from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Named, Phong, material_named
 from rso_lidar.scene.cast import cast
+from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.extent import extent
 from rso_lidar.scene.label import label
 from rso_lidar.scene.measured import TableBrdf
@@ -14,11 +15,13 @@ from rso_lidar.scene.surface import Surface, build_surface
 
 __all__ = [
     "ByWavelength",
+    "Crinkled",
     "Ggx",
     "Hinged",
     "Lambertian",
     "Material",
     "Mesh",
+    "Named",
     "OrenNayar",
     "Phong",
     "RetroReflector",
@@ -31,5 +34,6 @@ __all__ = [
     "extent",
     "label",
     "load_mesh",
+    "material_named",
     "warn_of_size",
 ]
