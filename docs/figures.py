@@ -31,6 +31,8 @@ from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.picture.scale import nice_down
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.hill import clohessy_wiltshire
+from rso_lidar.scenario.surfaces import surface_of
+from rso_lidar.scene.portrait import portrait
 from rso_lidar.study.timeline import course
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
@@ -596,38 +598,27 @@ SHAPE_PIXELS = (264, 198)  # of one model's picture
 
 def _shape(name: str) -> tuple[np.ndarray, float]:
     """Return a model as an image (row, col, rgb), parts in the colour of their material, and its width [m]."""
-    import trimesh
-    from trimesh.ray.ray_pyembree import RayMeshIntersector
+    from PIL import Image
 
-    entry = rl.scene.library.model(name)
-    mesh = rl.scene.load_mesh(entry.path)
-    known = rl.scene.library.materials()
-    colours = np.array([known[entry.parts[part]]["display_rgb"] for part in mesh.part_names])
-    toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
-    toward /= np.linalg.norm(toward)
-    right = np.cross((0.0, 0.0, 1.0), toward)
-    right /= np.linalg.norm(right)
-    seen_m = np.einsum("ij,kj->ik", mesh.vertices, [right, np.cross(toward, right), toward])
-    low, high = seen_m.min(axis=0), seen_m.max(axis=0)
-    n_cols, n_rows = (2 * n for n in SHAPE_PIXELS)
-    pixel_m = 1.06 * max((high[0] - low[0]) / n_cols, (high[1] - low[1]) / n_rows)
-    middle = 0.5 * (low + high)
-    x, y = np.meshgrid(
-        middle[0] + (np.arange(n_cols) + 0.5 - 0.5 * n_cols) * pixel_m,
-        middle[1] - (np.arange(n_rows) + 0.5 - 0.5 * n_rows) * pixel_m,
-    )
-    start = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, high[2] + 1.0)])
-    rays = RayMeshIntersector(trimesh.Trimesh(seen_m, mesh.facets, process=False))
-    hit = rays.intersects_first(start, np.tile([0.0, 0.0, -1.0], (len(start), 1)))
-    corners = seen_m[mesh.facets]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    lamp = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
-    shade = 0.33 + 0.20 * np.abs(normal[:, 2]) + 0.60 * np.clip(np.einsum("ij,j->i", normal, lamp), 0.0, 1.0)
-    lit = np.clip(colours[mesh.part] ** 0.8 * shade[:, None], 0.0, 1.0)
-    image = np.where((hit >= 0)[:, None], lit[hit], 1.0)
-    small = image.reshape(n_rows // 2, 2, n_cols // 2, 2, 3).mean(axis=(1, 3))
-    return np.round(small * 63.0) / 63.0, n_cols * pixel_m  # fewer colours, a smaller file
+    entry, known = rl.scene.library.model(name), rl.scene.library.materials()
+    surface = surface_of(rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9)
+    toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7))) / np.linalg.norm(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
+    view = portrait(surface, tuple(toward.tolist()), (0.0, 0.0, 1.0), cells=1200)
+    right = np.cross((0.0, 0.0, 1.0), toward) / math.hypot(toward[0], toward[1])
+    lamp = 0.70 * toward - 0.45 * right + 0.55 * np.cross(toward, right)
+    facing = np.einsum("i,irc->rc", lamp, np.stack([surface.planes[axis][view.facet] for axis in range(3)]))
+    shade = 0.33 + 0.20 * view.cosine + 0.60 * np.clip(facing, 0.0, 1.0)
+    colours = np.array([known[entry.parts[part]]["display_rgb"] for part in surface.mesh.part_names])
+    rgb = np.clip(colours[surface.part[view.facet]] ** 0.8 * shade[..., None], 0.0, 1.0)
+    image = np.where(view.covered[..., None], 255.0 * rgb, 255.0).astype(np.uint8)
+    rows, cols = (np.flatnonzero(view.covered.any(axis=axis)) for axis in (1, 0))
+    wide, high = SHAPE_PIXELS
+    times = 1.06 * max((cols[-1] - cols[0] + 1) / wide, (rows[-1] - rows[0] + 1) / high)  # cells to a pixel
+    left, top = 0.5 * (cols[0] + cols[-1] - times * wide), 0.5 * (rows[0] + rows[-1] - times * high)
+    padded = Image.fromarray(np.pad(image, ((1200, 1200), (1200, 1200), (0, 0)), constant_values=255))
+    window = (1200 + left, 1200 + top, 1200 + left + times * wide, 1200 + top + times * high)
+    small = np.asarray(padded.resize(SHAPE_PIXELS, Image.Resampling.BOX, box=window))
+    return small // 8 * 8 + small // 32, times * wide * view.cell_m  # fewer colours, a smaller file
 
 
 def models() -> Any:

@@ -14,11 +14,12 @@ DORIS_TIP_M = -1.725
 ALTIMETER_M = 1.2  # diameter of the altimeter's dish
 FACE_M = 1.25  # half the side of the platform
 LIFT_M = 0.13  # of the platform off the axis of the interface, away from the Earth
-_PUBLISHED = ("antenna_doris", "retroreflector")  # whose places are
+_PUBLISHED = ("antenna_doris", "retroreflector", "retroreflector_bracket")  # whose places are
 
 
 def pieces() -> dict[str, Piece]:
     """Return the instruments and antennas by the names of their parts."""
+    cubes, holder = _retroreflector()
     found = {
         "instrument_mipas": Piece(_mipas(), "mli_gold", 250.0),
         "instrument_sciamachy": Piece(_sciamachy(), "mli_silver", 170.0),
@@ -29,7 +30,8 @@ def pieces() -> dict[str, Piece]:
         "antenna_altimeter": Piece(_altimeter(), "white_paint", 60.0),
         "instrument_mwr": Piece(_microwave_radiometer(), "mli_silver", 25.0),
         "antenna_doris": Piece(_doris(), "white_paint", 10.0),
-        "retroreflector": Piece(_retroreflector(), "lens_glass", 2.0),
+        "retroreflector": Piece(cubes, "cube_corner", 0.5),
+        "retroreflector_bracket": Piece(holder, "aluminium", 1.5),
         "boom_ka_band": Piece(_ka_band_mast(), "cfrp", 30.0),
         "antenna_ka_band": Piece(_ka_band(), "white_paint", 30.0),
         "antenna_x_band": Piece(_x_band(), "white_paint", 12.0),
@@ -162,16 +164,14 @@ def _doris() -> Solid:
     return join(cone, tip, plate).turned("x", 180).moved(-6.75, 0.85, LIFT_M - FACE_M)
 
 
-def _retroreflector() -> Solid:
-    """Return the laser retroreflector: a cone with one corner cube on top and eight round it, on a bracket."""
-    cone = frustum(0.085, 0.045, -0.03, 0.035, 16)
+def _retroreflector() -> tuple[Solid, Solid]:
+    """Return the laser retroreflector, one corner cube below and eight round it, and the cone that holds them."""
     prism = frustum(0.019, 0.019, 0.0, 0.012, 12)
-    cubes = [prism.moved(z=0.034)]
-    for k in range(8):
-        a = 45.0 * k
-        cubes.append(prism.facing((math.cos(50 * DEG), 0, math.sin(50 * DEG))).moved(0.064, 0.0, 0.004).turned("z", a))
-    bracket = box((0.16, 0.16, 0.02), (0.0, -0.02, -0.035))
-    return join(cone, *cubes, bracket).turned("x", 180).moved(*RETROREFLECTOR_M)
+    leaning = prism.facing((math.cos(50 * DEG), 0, math.sin(50 * DEG))).moved(0.064, 0.0, 0.004)
+    cubes = join(prism.moved(z=0.034), *(leaning.turned("z", 45.0 * k) for k in range(8)))
+    holder = join(frustum(0.085, 0.045, -0.03, 0.035, 16), box((0.16, 0.16, 0.02), (0.0, -0.02, -0.035)))
+    placed = [solid.turned("x", 180).moved(*RETROREFLECTOR_M) for solid in (cubes, holder)]
+    return placed[0], placed[1]
 
 
 def _ka_band_mast() -> Solid:

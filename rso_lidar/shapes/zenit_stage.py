@@ -35,7 +35,7 @@ def zenit_stage() -> Model:
         "separation_motors": Piece(_separation_motors(), "white_paint", 200.0),
         "feed_lines": Piece(_lines(), "mli_silver", 60.0),
         "cable_tunnels": Piece(_tunnels(), "aluminium", 60.0),
-        "bottles": Piece(_bottles(), "aluminium", 150.0, hollow=True),
+        "bottles": Piece(_bottles(), "titanium_bare", 150.0, hollow=True),
         "antenna": Piece(_antennas(), "black_paint", 5.0),
     }
     pieces = {
