@@ -50,7 +50,7 @@ def test_envisat_weighs_what_is_published_where_it_is_published(envisat):
     # ESA: 2673 + 1021 + 2078 + 2118 kg without fuel, some of which was left; ILRS: (-3.86, -0.01, 0.00) m
     assert envisat.mass_kg == pytest.approx(2673 + 1021 + 2078 + 2118, rel=0.02)
     assert envisat.center_of_mass_m == pytest.approx([-3.86, -0.01, 0.00], abs=0.1)
-    # the tensor of ESA's e.Deorbit studies, 17023, 124826, 129112 kg m2; within a module we spread the mass by guess
+    # the tensor that public simulations of its removal use; within a module we spread the mass by guess
     assert np.diag(envisat.inertia_kg_m2) == pytest.approx([17023.3, 124825.7, 129112.2], rel=0.10)
 
 
