@@ -49,6 +49,7 @@ def pages() -> dict[Path, str]:
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
+        "models.md": {"models": shipped_models(), "sources": model_sources()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -473,6 +474,40 @@ def presets() -> str:
 
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
+
+
+def shipped_models() -> str:
+    """Return the models by class: what each is, its place in the taxonomy, size, facets and how it turns."""
+    rows = []
+    for name, entry in rl.scene.library.models().items():
+        of = entry.taxonomy
+        low, high = of.rate_deg_s
+        turns = of.stabilisation.replace("_", " ") + (f", {low:g} to {high:g}" if high else "")
+        size = " × ".join(f"{side:.3g}" for side in entry.size_m)
+        rows.append(
+            (
+                f"`{name}`",
+                entry.what,
+                f"{of.object_class}, {of.shape_family}, {of.size_class}",
+                size,
+                turns,
+                f"{entry.facets:,}",
+            )
+        )
+    return _table(("model", "what it is", "class, shape, size class", "size [m]", "turns [deg/s]", "facets"), rows)
+
+
+def model_sources() -> str:
+    """Return where the figures of each model come from, what of it is a guess, and its axes."""
+    told = []
+    for name, entry in rl.scene.library.models().items():
+        hinges = "; ".join(f"`{hinge.name}` turns {', '.join(f'`{p}`' for p in hinge.parts)}" for hinge in entry.hinges)
+        told.append(
+            f"- **`{name}`**. Axes: {entry.axes}. Estimated mass {entry.mass_kg:,.4g} kg. "
+            + (f"Hinges: {hinges}. " if hinges else "")
+            + f"*Source:* {entry.source.removesuffix('.')}. *Confidence:* {entry.confidence.removesuffix('.')}."
+        )
+    return "\n".join(told)
 
 
 def _is_a_value(field: Any) -> bool:

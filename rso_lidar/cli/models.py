@@ -1,16 +1,17 @@
 """`rso-lidar models`: what can be flown past."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library import model
 from rso_lidar.scene.library import models as catalogue
 
-_WIDE = 100  # columns that bounds to the millimetre need
+_WIDE = 112  # columns that the tables need
 
 
 def models(
@@ -21,19 +22,31 @@ def models(
     """List the models that ship with rso_lidar, or the parts of one."""
     console = Console()
     if name is not None:
-        Console(width=max(console.width, _WIDE)).print(_parts(name))
+        table = _parts(name)
+        console.print(f"{model(name).what}.\n", markup=False)
+        Console(width=max(console.width, _WIDE)).print(table)
         console.print(
             f'\nBody axes, from the centre of mass. A joint: parts = ["{next(iter(model(name).parts))}"].', markup=False
         )
         return
-    table = Table("name", "size, m", "facets", "parts", "what", box=None, header_style="bold")
-    for key, entry in catalogue().items():
-        size = " x ".join(f"{side:.4g}" for side in entry.size_m)
-        table.add_row(key, size, f"{entry.facets:,}", str(len(entry.parts)), entry.what)
-    console.print(table)
+    table = Table(box=None, header_style="bold", expand=True)
+    for title in ("name", "class", "size class", "size, m", "facets", "parts"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("what", ratio=1, no_wrap=True, overflow="ellipsis")
+    for key, entry in sorted(catalogue().items(), key=lambda item: _rank(item[1].taxonomy)):
+        size = " x ".join(f"{side:.3g}" for side in entry.size_m)
+        of = entry.taxonomy
+        table.add_row(key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), entry.what)
+    Console(width=max(console.width, _WIDE)).print(table)
     console.print(
         '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own.', markup=False
     )
+
+
+def _rank(taxonomy: Taxonomy) -> tuple[int, int]:
+    """Return where a model stands in the list: by class, then by size class."""
+    classes, sizes = get_args(ObjectClass), get_args(SizeClass)
+    return classes.index(taxonomy.object_class), -sizes.index(taxonomy.size_class)
 
 
 def _parts(name: str) -> Table:

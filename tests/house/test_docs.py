@@ -63,7 +63,14 @@ def generator():
 
 def test_generated_pages_are_up_to_date(generator):
     pages = generator["pages"]()
-    assert {page.name for page in pages} == {"scenario.md", "records.md", "physics.md", "instrument.md", "studies.md"}
+    assert {page.name for page in pages} == {
+        "scenario.md",
+        "records.md",
+        "physics.md",
+        "instrument.md",
+        "models.md",
+        "studies.md",
+    }
     for page, text in pages.items():
         assert text == page.read_text(encoding="utf-8"), f"{page.name} is stale: run python docs/generate.py"
 
@@ -146,7 +153,9 @@ PICTURES = sorted((DOCS / "pictures").iterdir())
 def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
-    told = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md"))
+    told = "".join(
+        (DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md", "models.md")
+    )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 
 

