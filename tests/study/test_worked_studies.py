@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rso_lidar.scene.library import models
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trading import plan_of
 
@@ -48,7 +49,7 @@ def test_the_trade_says_what_its_page_says():
         assert float(rms_m) == pytest.approx(merits["range_rms_m"], abs=0.00051)
 
 
-def test_silhouettes_are_those_of_the_shape(monkeypatch):
+def test_silhouettes_are_those_of_the_shape():
     """A sphere's is the same from everywhere, and its disc."""
     study = runpy.run_path(str(STUDIES / "classify.py"), run_name="study")
     turned = [Rotation.identity()]
@@ -57,10 +58,10 @@ def test_silhouettes_are_those_of_the_shape(monkeypatch):
     assert area == pytest.approx(0.25 * np.pi * side_m**2, rel=0.01)  # rays a tenth of a pixel apart, chords of facets
 
 
-def test_without_shared_meshes_the_shipped_models_are_asked_about(monkeypatch):
-    monkeypatch.delenv("RSO_LIDAR_SHARED", raising=False)
+def test_the_seven_are_asked_about_and_a_folder_of_meshes_where_one_is_given():
     study = runpy.run_path(str(STUDIES / "classify.py"), run_name="study")
-    assert set(study["craft"]()) == set(study["SHIPPED"])
+    assert set(study["craft"]()) == set(study["SEVEN"]) <= set(models())
+    assert study["craft"]("meshes")["lro"] == "meshes/lro.stl"
     (row,) = study["study"]({"cubesat_3u": "cubesat_3u"}, attitudes=3)
     assert row["worst_m"] <= row["mean_m"] <= row["best_m"] < row["light_m"]
     assert row["silhouette_m2"] < row["box_m2"] * 1.05
