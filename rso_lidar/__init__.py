@@ -8,6 +8,7 @@
 from importlib.metadata import version as _version
 
 from rso_lidar import orbit, rpo, study, track, units
+from rso_lidar.craft import Taxonomy
 from rso_lidar.detector import (
     Amplifier,
     Apd,
@@ -47,7 +48,6 @@ from rso_lidar.motion import (
     FixedPoint,
     FollowSun,
     Ideal,
-    Joint,
     LookAt,
     LvlhCcsds,
     Mount,
@@ -130,8 +130,8 @@ from rso_lidar.rpo import (
     Waypoints,
     YamanakaAnkersen,
 )
-from rso_lidar.scenario import Constraints, Corridor, Follower, Lidar, Scenario, Schedule, Target, Time, World
-from rso_lidar.scene import ByWavelength, Ggx, Lambertian, OrenNayar, Phong, RetroReflector, TableBrdf
+from rso_lidar.scenario import Constraints, Corridor, Follower, Joint, Lidar, Scenario, Schedule, Target, Time, World
+from rso_lidar.scene import ByWavelength, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
@@ -200,6 +200,7 @@ __all__ = [
     "MeshError",
     "Mount",
     "Nadir",
+    "Named",
     "Nonlinear",
     "Numerical",
     "Observation",
@@ -248,6 +249,7 @@ __all__ = [
     "Table",
     "TableBrdf",
     "Target",
+    "Taxonomy",
     "Teardrop",
     "Time",
     "Timeline",

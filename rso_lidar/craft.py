@@ -33,6 +33,14 @@ class Taxonomy(Part):
     stabilisation: Stabilisation
     rate_deg_s: tuple[NotNegative, NotNegative] = (0.0, 0.0)
 
+    @property
+    def in_words(self) -> str:
+        """Return the place in the taxonomy in one line."""
+        low, high = self.rate_deg_s
+        rates = f" at {low:g} to {high:g} deg/s" if high else ""
+        words = (self.object_class, self.subclass, self.shape_family, self.size_class, self.stabilisation)
+        return ", ".join(word.replace("_", " ") for word in words) + rates
+
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.rate_deg_s[0] > self.rate_deg_s[1]:

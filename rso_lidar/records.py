@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rso_lidar.craft import Taxonomy
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.record import ArraySpec, Record, array, locked, specs
 
@@ -38,6 +39,7 @@ class TargetEntry:
     parts: tuple[str, ...]  # the number in the label `part` is the place in this list
     materials: tuple[str, ...]  # one for each part, in words
     facets: int  # in the source file, before repairs
+    taxonomy: Taxonomy | None = None  # class, shape, size and how it turns; None where nobody has said
 
 
 @dataclass(frozen=True)

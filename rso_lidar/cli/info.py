@@ -53,6 +53,8 @@ def info(
             typer.echo(
                 f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}"
             )
+            if target.taxonomy:
+                typer.echo(f"            {target.taxonomy.in_words}")
             typer.echo(f"            mesh SHA-256 {target.mesh_sha256}")
         for line in _more(frames, first):
             typer.echo(line)

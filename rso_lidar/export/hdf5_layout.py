@@ -6,7 +6,6 @@ read the same names.
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
 import json
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
 from rso_lidar.export.datasets import FRAMES_PER_CHUNK, LENS, TIME, Variable, parents, sometimes, variables
+from rso_lidar.export.targets import tables
 from rso_lidar.records import SCHEMA_VERSION, Frame, Observation, Source, specs
 
 AXES = (
@@ -152,7 +152,7 @@ def root_attributes(source: Source) -> dict[str, Any]:
         "scenario": source.scenario,
         "seed": seed,
         "start_utc": source.start_utc,
-        "targets": json.dumps([dataclasses.asdict(target) for target in source.targets], indent=1),
+        "targets": json.dumps(tables(source.targets), indent=1),
         "quaternion_order": "xyzw",
         "axes": AXES,
     }

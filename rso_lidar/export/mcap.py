@@ -21,6 +21,7 @@ from rso_lidar.export.camera import Camera, camera_of
 from rso_lidar.export.coming import begun
 from rso_lidar.export.place import free_file
 from rso_lidar.export.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
+from rso_lidar.export.targets import tables
 from rso_lidar.export.trajectory import stamp_ns
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
@@ -80,7 +81,7 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
         "start_utc": source.start_utc,
         "seed": str(source.seed),
         "versions": json.dumps(dict(source.versions)),
-        "targets": json.dumps([{"name": one.name, "mesh_sha256": one.mesh_sha256} for one in source.targets]),
+        "targets": json.dumps(tables(source.targets)),
         "quaternion_order": "xyzw",
         "camera_model_error_px": f"{camera.error_px:.3g}",
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 from collections.abc import Callable, Iterable
@@ -16,6 +15,7 @@ from rso_lidar.export.coming import begun
 from rso_lidar.export.datasets import lidar_from
 from rso_lidar.export.hdf5_layout import AXES
 from rso_lidar.export.place import folder_beside, free_folder
+from rso_lidar.export.targets import tables
 from rso_lidar.records import Frame, Source
 
 
@@ -80,7 +80,7 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
         "seed": source.seed,
         "axes": AXES,
         "quaternion_order": "xyzw",
-        "targets": [dataclasses.asdict(target) for target in source.targets],
+        "targets": tables(source.targets),
         "versions": dict(source.versions),
         "scenario": source.scenario,
     }

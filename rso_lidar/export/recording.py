@@ -26,6 +26,7 @@ from rso_lidar.export.datasets import (
 )
 from rso_lidar.export.hdf5_file import TEMPORARY, opened
 from rso_lidar.export.stored import Frames, Stored
+from rso_lidar.export.targets import targets
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     SCHEMA_VERSION,
@@ -37,7 +38,6 @@ from rso_lidar.records import (
     Reading,
     Record,
     Source,
-    TargetEntry,
     Truth,
     specs,
 )
@@ -245,17 +245,13 @@ class Recording(Sequence[Frame]):
 
     def _source(self) -> Source:
         attributes = self._file.attrs
-        targets = [
-            TargetEntry(**{**entry, "parts": tuple(entry["parts"]), "materials": tuple(entry["materials"])})
-            for entry in json.loads(attributes["targets"])
-        ]
         return Source(
             scenario=attributes["scenario"],
             title=attributes["title"],
             start_utc=attributes["start_utc"],
             seed=int(attributes["seed"]),
             versions=json.loads(attributes["versions"]),
-            targets=tuple(targets),
+            targets=targets(json.loads(attributes["targets"])),
         )
 
     def _row(self, path: str, k: int) -> np.ndarray:

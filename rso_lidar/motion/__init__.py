@@ -6,7 +6,7 @@ from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spi
 from rso_lidar.motion.body import Axes, Body, working_order
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.joint import FixedAngle, FollowSun, Joint, PlannedAngle
+from rso_lidar.motion.joint import FixedAngle, FollowSun, HingeAxes, PlannedAngle
 from rso_lidar.motion.point import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.ptu import (
     FirstOrder,
@@ -38,8 +38,8 @@ __all__ = [
     "FixedAttitude",
     "FixedPoint",
     "FollowSun",
+    "HingeAxes",
     "Ideal",
-    "Joint",
     "LookAt",
     "LvlhCcsds",
     "Mount",

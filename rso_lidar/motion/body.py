@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.motion.attitude import LookAt, LvlhCcsds, Rtn
 from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.joint import Joint
+from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.motion.laws import Law, no_bare_lvlh
 from rso_lidar.motion.ptu import Mount
 from rso_lidar.motion.slew import Slew
@@ -89,11 +89,11 @@ class Body(Part):
         return isinstance(self.motion, Orbit | RelativeMotion)
 
     @property
-    def joints(self) -> tuple[Joint, ...]:
+    def joints(self) -> tuple[HingeAxes, ...]:
         """Return the hinges of the body; what has parts says which."""
         return ()
 
-    def joint_axes(self, joint: Joint) -> str:
+    def joint_axes(self, joint: HingeAxes) -> str:
         """Return the name of a hinge's axes."""
         return f"{self.name}.{joint.name}"
 

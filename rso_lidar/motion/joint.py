@@ -28,10 +28,11 @@ class FollowSun(Part):
     """A hinge that turns `normal` (body axes, at angle zero) toward the Sun as nearly as its axis allows.
 
     Where the Sun stands along the axis every angle is as good; the hinge then stands at zero. In eclipse it goes on.
+    `normal` may be left out where the model's index declares the hinge with one.
     """
 
     type: Literal["follow_sun"] = "follow_sun"
-    normal: Direction
+    normal: Direction | None = None
 
 
 class PlannedAngle(Part):
@@ -50,8 +51,11 @@ class PlannedAngle(Part):
         return self
 
 
-class Joint(Part):
-    """A hinge of a target: its `parts` turn about `axis` through `position_m`, both in body axes, right-handed.
+Angle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
+
+
+class HingeAxes(Part):
+    """A hinge of a body, wholly known: its `parts` turn about `axis` through `position_m`, both in body axes, right-handed.
 
     Its axes, named ``<body>.<name>``, have their origin at `position_m` and are the body's at angle zero.
     """
@@ -60,13 +64,17 @@ class Joint(Part):
     parts: Annotated[tuple[Text, ...], Field(min_length=1)]
     position_m: Vector = (0.0, 0.0, 0.0)
     axis: Direction
-    angle: Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="type")]
+    angle: Angle
 
     @model_validator(mode="after")
     def _named(self) -> Self:
         if self.name in ("rtn", "origin"):
             raise ValueError(f"name: '{self.name}' is the name of a body's own axes; choose another")
         if isinstance(self.angle, FollowSun):
+            if self.angle.normal is None:
+                raise ValueError(
+                    "angle.normal: is missing; give the direction, body axes at angle zero, that seeks the Sun"
+                )
             across = np.cross(self.axis, self.angle.normal)
             if np.linalg.norm(across) < 1e-6 * np.linalg.norm(self.axis) * np.linalg.norm(self.angle.normal):
                 raise ValueError("angle.normal: is along the hinge's axis, so that no angle turns it; give another")
@@ -98,6 +106,7 @@ class Joint(Part):
             return np.interp(time_s, times, angles), slopes[np.searchsorted(times, time_s, side="right")]
         if to_sun is None or sun_rate is None:
             raise ScenarioError(f"joint {self.name}: follows the Sun, and there is none; set world.sun_direction")
+        assert law.normal is not None  # or there would be no such hinge
         x = np.array(law.normal) - axis * (axis @ np.array(law.normal))
         x /= np.linalg.norm(x)
         y = np.cross(axis, x)

@@ -1,14 +1,18 @@
 """The parts of a scenario that join rooms: time, world, target, follower."""
 
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from rso_lidar.craft import Taxonomy
+from rso_lidar.errors import MeshError, ScenarioError
 from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
-from rso_lidar.motion.joint import Joint
+from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
+from rso_lidar.scenario.hinges import Joint, joints_of
 from rso_lidar.scene import Material
 
 _MOST_FRAMES = 5_000_000
@@ -65,7 +69,8 @@ class Target(Body):
     metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
     seed's Lambertian 0.30; `part_materials` overrides by part. `smooth_parts` are curved: normals are interpolated
     over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling. Each `joint` turns
-    some parts about a hinge.
+    some parts about a hinge; a hinge that the model declares needs no more than its name and an angle. `taxonomy` is
+    where the target belongs; a catalogue model brings its own.
     """
 
     model: Text
@@ -77,6 +82,7 @@ class Target(Body):
     smooth_parts: tuple[Text, ...] = ()
     center_of_mass_m: Vector | None = None
     joint: tuple[Joint, ...] = ()
+    taxonomy: Taxonomy | None = None
 
     @model_validator(mode="after")
     def _allowed(self) -> Self:
@@ -87,12 +93,16 @@ class Target(Body):
         names = [joint.name for joint in self.joint]
         if len(set(names)) < len(names):
             raise ValueError(f"joint: two have the same name ({', '.join(names)}); rename one")
+        try:
+            _ = self.joints
+        except (ScenarioError, MeshError) as error:
+            raise ValueError(str(error)) from None
         return self
 
-    @property
-    def joints(self) -> tuple[Joint, ...]:
-        """Return the hinges of the body."""
-        return self.joint
+    @cached_property
+    def joints(self) -> tuple[HingeAxes, ...]:
+        """Return the hinges of the body, those of its model completed."""
+        return joints_of(self)
 
     @property
     def is_path(self) -> bool:

@@ -16,6 +16,7 @@ from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.files import files_of
+from rso_lidar.scenario.surfaces import taxonomy_of
 from rso_lidar.scene.packets import engine
 
 if TYPE_CHECKING:
@@ -42,8 +43,9 @@ def source_of(scenario: Scenario) -> Source:
                 model=target.model,
                 mesh_sha256=surface.mesh.sha256,
                 parts=surface.mesh.part_names,
-                materials=tuple(_in_words(material) for material in surface.materials),
+                materials=tuple(_in_words(material) for material in surface.materials[: len(surface.mesh.part_names)]),
                 facets=surface.mesh.source_facets,
+                taxonomy=taxonomy_of(target),
             )
             for target, surface in _meshes(scenario)
         ),
@@ -62,6 +64,9 @@ def resolved(scenario: Scenario) -> str:
 
     _warn_of_nameless(scenario)
     tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
+    for table, target in zip(tree["target"], scenario.target, strict=True):
+        if target.joint:
+            table["joint"] = [joint.model_dump(exclude_none=True) for joint in target.joints]
     tables = [*tree["target"], tree["follower"]]
     for table, body in zip(tables, scenario.bodies, strict=True):
         written = _inline(body.motion, scenario.time.start_utc)

@@ -5,14 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
-from rso_lidar.errors import MeshError, RsoLidarWarning
+from rso_lidar.craft import Taxonomy
+from rso_lidar.errors import RsoLidarWarning
 from rso_lidar.scenario.parts import Target
-from rso_lidar.scene import Hinged, Material, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
-from rso_lidar.scene.library import ModelEntry, materials, model
-
-_MATERIAL: TypeAdapter[Scatterer] = TypeAdapter(Material)
+from rso_lidar.scene import Hinged, Named, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
+from rso_lidar.scene.library import ModelEntry, model
 
 
 def surfaces_of(target: Target, number: int, file: Callable[[str], Path], wavelength_m: float) -> tuple[Surface, ...]:
@@ -40,7 +37,7 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
         entry = model(target.model)
         path = entry.path
         if target.material is None:
-            own = {part: material_named(name, wavelength_m) for part, name in entry.parts.items()}
+            own = {part: Named(name=name) for part, name in entry.parts.items()}
     mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
@@ -61,19 +58,6 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     return surface
 
 
-def material_named(name: str, wavelength_m: float) -> Scatterer:
-    """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
-    fields = materials().get(name)
-    if fields is None:
-        raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
-    if wavelength_m > _BETWEEN_M:
-        fields = {**fields, **fields.get("at_1570_nm", {})}
-    known = {key: value for key, value in fields.items() if key not in _REMARKS}
-    try:
-        return _MATERIAL.validate_python(known)
-    except ValidationError as error:
-        raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; mend the entry") from None
-
-
-_BETWEEN_M = 1.29e-6  # midway, in ratio, between 1064 and 1570 nm
-_REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")
+def taxonomy_of(target: Target) -> Taxonomy | None:
+    """Return where a target belongs: what the scenario says, else its catalogue; None where nobody has said."""
+    return target.taxonomy or (None if target.is_path else model(target.model).taxonomy)

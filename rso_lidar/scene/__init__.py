@@ -1,7 +1,7 @@
 """What is out there, and where rays meet it."""
 
 from rso_lidar.scene.articulated import Hinged, articulated
-from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
+from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Named, Phong, material_named
 from rso_lidar.scene.cast import cast
 from rso_lidar.scene.extent import extent
 from rso_lidar.scene.label import label
@@ -19,6 +19,7 @@ __all__ = [
     "Lambertian",
     "Material",
     "Mesh",
+    "Named",
     "OrenNayar",
     "Phong",
     "RetroReflector",
@@ -31,5 +32,6 @@ __all__ = [
     "extent",
     "label",
     "load_mesh",
+    "material_named",
     "warn_of_size",
 ]

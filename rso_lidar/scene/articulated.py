@@ -58,4 +58,5 @@ def _some(surface: Surface, which: np.ndarray, name: str, origin_m: np.ndarray) 
     """Return the surface of some facets (a mask), in axes of that name at `origin_m` (xyz) of the surface's own."""
     mesh = surface.mesh
     fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])
-    return replace(surface, name=name, mesh=fewer, vertices=surface.vertices - origin_m)
+    material_of = None if surface.material_of is None else surface.material_of[which]
+    return replace(surface, name=name, mesh=fewer, vertices=surface.vertices - origin_m, material_of=material_of)

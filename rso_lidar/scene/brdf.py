@@ -1,14 +1,15 @@
 """How a surface sends light back toward the lidar: BRDFs without the cosine (seed eqs. 8-10)."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model_validator
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError
-from rso_lidar.part import Fraction, NotNegative, Positive
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.part import Fraction, NotNegative, Positive, Text
+from rso_lidar.scene import library
 from rso_lidar.scene.measured import TableBrdf
 from rso_lidar.scene.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.retro import RetroReflector
@@ -116,7 +117,56 @@ class ByWavelength(Scatterer):
         raise ScenarioError("by_wavelength: has no BRDF of its own; choose one by at(wavelength_m)")
 
 
-Material = Annotated[
-    Lambertian | Phong | OrenNayar | Ggx | RetroReflector | TableBrdf | ByWavelength,
-    Field(discriminator="type"),
-]
+class Named(Scatterer):
+    """A material of the catalogue (models/materials.toml) by its `name`; it may be written as the name alone.
+
+    It has one BRDF near 1064 nm and one near 1570 nm; the laser takes the nearer.
+    """
+
+    type: Literal["named"] = "named"
+    name: Text
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        known = library.materials()
+        if self.name not in known:
+            guess = did_you_mean(self.name, known)
+            raise ValueError(f"no material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
+        return self
+
+    def at(self, wavelength_m: float) -> Scatterer:
+        """Return the material as light of a wavelength [m] sees it."""
+        return material_named(self.name, wavelength_m)
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Refuse: which material it is, only a wavelength says."""
+        raise ScenarioError(f"{self.name}: has no BRDF of its own; choose one by at(wavelength_m)")
+
+
+_Any = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
+_ONE: TypeAdapter[Scatterer] = TypeAdapter(OneMaterial)
+_BETWEEN_M = 1.29e-6  # midway, in ratio, between 1064 and 1570 nm
+_REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")
+
+
+def _by_name(given: Any) -> Any:
+    return {"type": "named", "name": given} if isinstance(given, str) else given
+
+
+Material = Annotated[_Any, BeforeValidator(_by_name, json_schema_input_type=_Any | Text)]
+
+
+def material_named(name: str, wavelength_m: float) -> Scatterer:
+    """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
+    fields = library.materials().get(name)
+    if fields is None:
+        raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
+    if wavelength_m > _BETWEEN_M:
+        fields = {**fields, **fields.get("at_1570_nm", {})}
+    known = {key: value for key, value in fields.items() if key not in _REMARKS}
+    try:
+        return _ONE.validate_python(known).at(wavelength_m)
+    except ValidationError as error:
+        raise MeshError(f"models/materials.toml: {name}: {error.errors()[0]['msg']}; mend the entry") from None

@@ -69,19 +69,25 @@ def cast(
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
     if sun or laser.any() or any(surface.smooth for surface in surfaces):
         hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
-    return _gathered(hits, number, surfaces, laser, aperture_m)
+    return _gathered(hits, number, facet, surfaces, laser, aperture_m)
 
 
 def _gathered(
-    hits: Hits, number: np.ndarray, surfaces: Sequence[Surface], laser_from_m: np.ndarray, aperture_m: float
+    hits: Hits,
+    number: np.ndarray,
+    facet: np.ndarray,
+    surfaces: Sequence[Surface],
+    laser_from_m: np.ndarray,
+    aperture_m: float,
 ) -> Hits:
     """Return the hits with the lobes of retro-reflectors averaged over the lens."""
     retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.retro]
     if not retros or aperture_m <= 0.0:
         return hits
     brdf = hits.brdf_per_sr.copy()
-    for k, part, material in retros:
-        on = np.flatnonzero((number == k) & (hits.part == part))
+    for k, of, material in retros:
+        on = np.flatnonzero(number == k)
+        on = on[surfaces[k].finish[facet[on]] == of]
         direction, range_m = hits.rays.direction[hits.ray[on]], hits.range_m[on]
         to_laser = laser_from_m - direction * range_m[:, None]
         across = np.cross(direction, to_laser / np.linalg.norm(to_laser, axis=1, keepdims=True))

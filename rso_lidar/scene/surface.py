@@ -29,7 +29,8 @@ _FARTHEST_M = 1e7  # float32 still resolves a metre there
 class Surface:
     """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
 
-    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts. `smooth`
+    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts, then those that
+    only single facets are of; `material_of` (facet) says by index which facet is of which (None: that of its part). `smooth`
     are the numbers of parts that are curved in truth: their normals are interpolated over the facets. `target` is the
     target's number (None: the place among all surfaces); `name` are the axes that the surface is in: the target's, or
     those of a hinge, ``tdrs.array``.
@@ -41,6 +42,7 @@ class Surface:
     materials: tuple[Scatterer, ...]
     smooth: tuple[int, ...] = ()
     target: int | None = None
+    material_of: np.ndarray | None = None
 
     @property
     def body(self) -> str:
@@ -56,6 +58,11 @@ class Surface:
     def part(self) -> np.ndarray:
         """Return the part of each facet."""
         return self.mesh.part
+
+    @property
+    def finish(self) -> np.ndarray:
+        """Return the index of each facet's material (facet)."""
+        return self.part if self.material_of is None else self.material_of
 
     @cached_property
     def corners(self) -> np.ndarray:
@@ -129,8 +136,8 @@ class Surface:
     @cached_property
     def matt_per_sr(self) -> np.ndarray:
         """Return the BRDF [1/sr] of each facet (facet) whose material looks the same from everywhere, NaN of others."""
-        of_part = [m.reflectance / np.pi if isinstance(m, Lambertian) else np.nan for m in self.materials]
-        matt: np.ndarray = np.array(of_part)[self.part]
+        of_material = [m.reflectance / np.pi if isinstance(m, Lambertian) else np.nan for m in self.materials]
+        matt: np.ndarray = np.array(of_material)[self.finish]
         return matt
 
     def brdf_per_sr(
@@ -152,12 +159,12 @@ class Surface:
 
     def by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
         """Return what `ask` says of a material and of the hits on it, for all hits on the facets numbered `facet` (hit)."""
-        part = self.part[facet]
+        finish = self.finish[facet]
         answer = np.empty(len(facet))
         for number, material in enumerate(self.materials):
-            of_part = np.flatnonzero(part == number)
-            if len(of_part):
-                answer[of_part] = ask(material, of_part)
+            of_it = np.flatnonzero(finish == number)
+            if len(of_it):
+                answer[of_it] = ask(material, of_it)
         return answer
 
     @cached_property
@@ -198,6 +205,13 @@ def _build(corners: np.ndarray) -> Any:
     return scene
 
 
+def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
+    """Return vectors (…, xyz) of a mesh's own axes in body axes: "z_up" as they stand, "y_up" with the file's y up."""
+    if mesh_axes == "y_up":
+        return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+    return vectors
+
+
 def build_surface(
     name: str,
     mesh: Mesh,
@@ -223,9 +237,7 @@ def build_surface(
                 guess = did_you_mean(part, mesh.part_names)
                 known = ", ".join(mesh.part_names)
                 raise ScenarioError(f"{key}: no part '{part}' in {mesh.path.name}{guess} ({known})")
-    vertices = mesh.vertices * scale - np.asarray(center_of_mass_m)
-    if mesh_axes == "y_up":
-        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+    vertices = body_from_mesh(mesh.vertices * scale - np.asarray(center_of_mass_m), mesh_axes)
     if not float(np.abs(vertices).max()) < _FARTHEST_M:
         raise MeshError(
             f"{mesh.path.name} reaches beyond {_FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"

@@ -16,8 +16,7 @@ from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
-from rso_lidar.scenario.surfaces import material_named
-from rso_lidar.scene import Lambertian, Scatterer, TableBrdf
+from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
 from rso_lidar.scene.library import materials
 
 _RANGES = 121

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.joint import FixedAngle, FollowSun, Joint, PlannedAngle, sun_in_body
+from rso_lidar.motion.joint import FixedAngle, FollowSun, HingeAxes, PlannedAngle, sun_in_body
 
 HINGE = {"name": "array", "parts": ("solar_array",), "position_m": (0.0, 1.0, 0.0), "axis": (0.0, 2.0, 0.0)}
 
@@ -14,7 +14,7 @@ def angles(joint, time_s, to_sun=None, rate=None):
 
 
 def test_a_fixed_angle_turns_on_at_its_rate():
-    joint = Joint(**HINGE, angle=FixedAngle(angle_deg=30.0, rate_deg_s=2.0))
+    joint = HingeAxes(**HINGE, angle=FixedAngle(angle_deg=30.0, rate_deg_s=2.0))
     link, angle, rate = angles(joint, [0.0, 10.0])
     np.testing.assert_allclose(np.rad2deg(angle), [30.0, 50.0])
     np.testing.assert_allclose(np.rad2deg(rate), 2.0)
@@ -23,7 +23,7 @@ def test_a_fixed_angle_turns_on_at_its_rate():
 
 
 def test_planned_angles_are_linear_between_entries_and_still_outside():
-    joint = Joint(**HINGE, angle=PlannedAngle(time_s=(10.0, 20.0), angle_deg=(0.0, 90.0)))
+    joint = HingeAxes(**HINGE, angle=PlannedAngle(time_s=(10.0, 20.0), angle_deg=(0.0, 90.0)))
     _, angle, rate = angles(joint, [0.0, 10.0, 15.0, 20.0, 30.0])
     np.testing.assert_allclose(np.rad2deg(angle), [0.0, 0.0, 45.0, 90.0, 90.0], atol=1e-12)
     np.testing.assert_allclose(np.rad2deg(rate), [0.0, 9.0, 9.0, 0.0, 0.0], atol=1e-12)
@@ -31,7 +31,7 @@ def test_planned_angles_are_linear_between_entries_and_still_outside():
 
 def test_the_array_turns_its_normal_as_near_to_the_sun_as_the_axis_allows():
     """No other angle of the hinge has a smaller angle between normal and Sun: scanned at every tenth of a degree."""
-    joint = Joint(**HINGE, angle=FollowSun(normal=(0.0, 0.3, 1.0)))
+    joint = HingeAxes(**HINGE, angle=FollowSun(normal=(0.0, 0.3, 1.0)))
     suns = Rotation.random(20, rng=np.random.default_rng(5)).apply([1.0, 0.0, 0.0])
     link, _, _ = angles(joint, np.zeros(20), suns, np.zeros_like(suns))
     normal = np.array([0.0, 0.3, 1.0]) / np.hypot(0.3, 1.0)
@@ -41,7 +41,7 @@ def test_the_array_turns_its_normal_as_near_to_the_sun_as_the_axis_allows():
 
 
 def test_its_rate_is_that_of_its_angle():
-    joint = Joint(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
+    joint = HingeAxes(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
     body_rate = np.array([0.02, -0.03, 0.01])
     sun = np.array([0.4, 0.5, -0.3]) / np.sqrt(0.5)
     step = 1e-4
@@ -52,7 +52,7 @@ def test_its_rate_is_that_of_its_angle():
 
 
 def test_the_sun_along_the_axis_leaves_the_array_at_zero():
-    joint = Joint(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
+    joint = HingeAxes(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
     _, angle, rate = angles(joint, np.zeros(1), np.array([[0.0, 1.0, 0.0]]), np.array([[0.1, 0.0, 0.0]]))
     assert angle[0] == rate[0] == 0.0
 
@@ -71,11 +71,11 @@ def test_the_sun_along_the_axis_leaves_the_array_at_zero():
 )
 def test_bad_hinges(changes, words):
     with pytest.raises(ScenarioError, match=words):
-        Joint(**{**HINGE, "angle": FixedAngle(), **changes})
+        HingeAxes(**{**HINGE, "angle": FixedAngle(), **changes})
 
 
 def test_following_the_sun_without_one_is_an_error():
-    joint = Joint(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
+    joint = HingeAxes(**HINGE, angle=FollowSun(normal=(0.0, 0.0, 1.0)))
     with pytest.raises(
         ScenarioError, match=r"joint array: follows the Sun, and there is none; set world.sun_direction"
     ):

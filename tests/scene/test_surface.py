@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Lambertian, Phong
+from rso_lidar.scene import Hinged, Lambertian, Phong, articulated
 from rso_lidar.scene.brdf import ByWavelength
 from rso_lidar.scene.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
@@ -162,3 +164,19 @@ def test_corners_weigh_by_angle():
 def test_a_smooth_part_that_is_not_there():
     with pytest.raises(ScenarioError, match=r"smooth_parts: no part 'bdy' in sat\.stl; did you mean 'body'"):
         surface("sat", BOX, smooth_parts=("bdy",))
+
+
+def test_single_facets_may_be_of_another_material():
+    """Two facets of the bus are painted; in packets, in NumPy and on a hinge they stay so."""
+    dark, white = Lambertian(reflectance=0.1), Lambertian(reflectance=0.8)
+    part = np.array([0] * 8 + [1] * 4, dtype=np.int16)
+    sat = surface("sat", BOX, dark, part=part, part_names=("bus", "wing"))
+    painted = part.astype(np.int64)
+    painted[[2, 3]] = 2
+    sat = replace(sat, materials=(dark, dark, white), material_of=painted)
+    expected = np.where(np.isin(np.arange(12), (2, 3)), 0.8, 0.1) / np.pi
+    assert sat.matt_per_sr == pytest.approx(expected)
+    assert sat.brdf_per_sr(np.arange(12), np.ones(12)) == pytest.approx(expected)
+    still, turned = articulated(sat, [Hinged("sat.wing", ("wing",), (0.0, 0.0, 0.0))])
+    assert still.matt_per_sr == pytest.approx(expected[:8])
+    assert turned.matt_per_sr == pytest.approx(expected[8:])

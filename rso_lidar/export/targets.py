@@ -1,0 +1,34 @@
+"""The targets of a recording as tables, for files, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rso_lidar.craft import Taxonomy
+from rso_lidar.records import TargetEntry
+
+
+def tables(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
+    """Return each target as a table of what JSON can say."""
+    return [
+        {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
+        | {"taxonomy": one.taxonomy.model_dump() if one.taxonomy else None}
+        for one in targets
+    ]
+
+
+def targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
+    """Return the targets that a file holds as tables; files from before taxonomies have none."""
+    return tuple(
+        TargetEntry(
+            **{
+                **table,
+                "parts": tuple(table["parts"]),
+                "materials": tuple(table["materials"]),
+                "taxonomy": Taxonomy(**table["taxonomy"]) if table.get("taxonomy") else None,
+            }
+        )
+        for table in told
+    )
