@@ -46,7 +46,7 @@ app.command("info")(info.info)
 app.command("plot")(plot.plot)
 app.command("track")(track.track)
 app.command("animate")(animate.animate)
-app.command("models")(models.models)
+app.add_typer(models.app, name="models")
 app.command("schema")(schema.schema)
 
 

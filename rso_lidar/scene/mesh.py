@@ -3,7 +3,7 @@
 import hashlib
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,8 @@ class Mesh:
     """The triangles of one file, in its own coordinates.
 
     `vertices` (vertex, xyz) f8; `facets` (facet, 3) indices of vertices; `part` (facet) index into `part_names`;
-    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order.
+    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order. `degenerate` facets
+    of the file have no area and were dropped, `left_out` ones are no part of the craft.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class Mesh:
     source_facet: np.ndarray
     source_facets: int
     degenerate: int
+    left_out: int = 0
 
     @property
     def size_m(self) -> np.ndarray:
@@ -193,12 +195,46 @@ def _check_count(path: Path, blob: bytes, scene: Any) -> None:
         raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")
 
 
+def mended(mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()) -> Mesh:
+    """Return a mesh in metres, its y turned up to z where `mesh_axes` says so, without runs of facets of the file."""
+    if scale == 1.0 and mesh_axes == "z_up" and not left_out:
+        return mesh
+    kept = np.ones(len(mesh.facets), dtype=bool)
+    for first, last in left_out:
+        kept &= (mesh.source_facet < first) | (mesh.source_facet > last)
+    if not kept.any():
+        raise MeshError(f"{mesh.path.name}: all its facets are left out; name fewer in left_out")
+    vertices = mesh.vertices * scale
+    if mesh_axes == "y_up":
+        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+    return replace(
+        mesh,
+        vertices=vertices,
+        facets=mesh.facets[kept],
+        part=mesh.part[kept],
+        source_facet=mesh.source_facet[kept],
+        left_out=int(np.count_nonzero(~kept)),
+    )
+
+
+def likely_units(largest_m: float) -> dict[str, float]:
+    """Return the units, with their metres, in which a mesh of this size would be a spacecraft; none where metres will do."""
+    if plausible(largest_m):
+        return {}
+    return {unit: metres for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest_m * metres <= 120.0}
+
+
+def plausible(largest_m: float) -> bool:
+    """Return whether a spacecraft may be this large [m]."""
+    return _SMALLEST_M <= largest_m <= _LARGEST_M
+
+
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
     """Warn where a mesh, once scaled to metres, cannot be in metres, and say which unit is likely."""
     largest = float(mesh.size_m.max()) * scale
-    if _SMALLEST_M <= largest <= _LARGEST_M:
+    if plausible(largest):
         return
-    fits = [unit for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest * metres <= 120.0]
+    fits = list(likely_units(largest))
     guess = f"; it may be in {' or '.join(fits)} (scale = {_OTHER_UNITS[fits[0]] * scale:g})" if fits else ""
     warnings.warn(
         f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m",
