@@ -130,8 +130,20 @@ from rso_lidar.rpo import (
     Waypoints,
     YamanakaAnkersen,
 )
-from rso_lidar.scenario import Constraints, Corridor, Follower, Joint, Lidar, Scenario, Schedule, Target, Time, World
-from rso_lidar.scene import ByWavelength, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
+from rso_lidar.scenario import (
+    Constraints,
+    Corridor,
+    FacetMaterials,
+    Follower,
+    Joint,
+    Lidar,
+    Scenario,
+    Schedule,
+    Target,
+    Time,
+    World,
+)
+from rso_lidar.scene import ByWavelength, Crinkled, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
@@ -157,6 +169,7 @@ __all__ = [
     "Command",
     "Constraints",
     "Corridor",
+    "Crinkled",
     "Crosstalk",
     "Defects",
     "Drag",
@@ -165,6 +178,7 @@ __all__ = [
     "Ephemeris",
     "Epochs",
     "Extent",
+    "FacetMaterials",
     "FieldDependentPsf",
     "FieldPsf",
     "FirstOrder",

@@ -12,6 +12,7 @@ from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
 from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
+from rso_lidar.scenario.finishes import FacetMaterials
 from rso_lidar.scenario.hinges import Joint, joints_of
 from rso_lidar.scene import Material
 
@@ -67,10 +68,10 @@ class Target(Body):
 
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `scale` turns its unit into
     metres, or `size_m` sets its longest side. Without `material` a catalogue model keeps its own, another mesh is the
-    seed's Lambertian 0.30; `part_materials` overrides by part. `smooth_parts` are curved: normals are interpolated
-    over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling. Each `joint` turns
-    some parts about a hinge; a hinge that the model declares needs no more than its name and an angle. `taxonomy` is
-    where the target belongs; a catalogue model brings its own.
+    seed's Lambertian 0.30; `part_materials` overrides by part, and `facet_materials` by facet. `smooth_parts` are curved:
+    normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after
+    scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no more than its name and
+    an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
     """
 
     model: Text
@@ -79,6 +80,7 @@ class Target(Body):
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     material: Material | None = None
     part_materials: dict[Text, Material] = Field(default_factory=dict)
+    facet_materials: FacetMaterials | None = None
     smooth_parts: tuple[Text, ...] = ()
     center_of_mass_m: Vector | None = None
     joint: tuple[Joint, ...] = ()

@@ -83,6 +83,11 @@ def resolved(scenario: Scenario) -> str:
     listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in files_of(part)]
     sums += [f"# file {Path(file).name} of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
     sums += [
+        f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_sha256(str(scenario.file(labels.file)))}"
+        for target in scenario.target
+        if (labels := target.facet_materials)
+    ]
+    sums += [
         f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(scenario.instrument)
     ]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])

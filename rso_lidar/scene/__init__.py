@@ -3,6 +3,7 @@
 from rso_lidar.scene.articulated import Hinged, articulated
 from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Named, Phong, material_named
 from rso_lidar.scene.cast import cast
+from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.extent import extent
 from rso_lidar.scene.label import label
 from rso_lidar.scene.measured import TableBrdf
@@ -14,6 +15,7 @@ from rso_lidar.scene.surface import Surface, build_surface
 
 __all__ = [
     "ByWavelength",
+    "Crinkled",
     "Ggx",
     "Hinged",
     "Lambertian",

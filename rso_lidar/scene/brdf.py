@@ -10,10 +10,11 @@ from rso_lidar import units
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.part import Fraction, NotNegative, Positive, Text
 from rso_lidar.scene import library
+from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.measured import TableBrdf
 from rso_lidar.scene.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.retro import RetroReflector
-from rso_lidar.scene.scatter import Scatterer, both_ways
+from rso_lidar.scene.scatter import Scatterer, both_ways, phong_per_sr
 
 _NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
 _NEAR_FRACTION = 0.05  # of the wavelength: materials hold so far
@@ -68,14 +69,11 @@ class Phong(Scatterer):
     ) -> np.ndarray:
         """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
         cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
-        cos_phi = np.clip(2.0 * (cos_in * cos_out) - phase, 0.0, 1.0)
-        lobe = self.specular * (self.exponent + 2.0) / (2.0 * math.pi)
-        brdf: np.ndarray = self.diffuse / math.pi + lobe * cos_phi**self.exponent
-        return brdf
+        return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)
 
 
 OneMaterial = Annotated[
-    Lambertian | Phong | OrenNayar | Ggx | RetroReflector | TableBrdf,
+    Lambertian | Phong | Crinkled | OrenNayar | Ggx | RetroReflector | TableBrdf,
     Field(discriminator="type"),
 ]
 

@@ -67,7 +67,7 @@ def cast(
         brdf_per_sr=first.brdf_per_sr,
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
-    if sun or laser.any() or any(surface.smooth for surface in surfaces):
+    if sun or laser.any() or any(surface.bent for surface in surfaces):
         hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
     return _gathered(hits, number, facet, surfaces, laser, aperture_m)
 
@@ -116,8 +116,8 @@ def _relit(
         here = seen(surfaces, k, truth, direction, facet[on], hits.range_m[on], cosine[on])
         if laser_from_m.any():
             cosine[on], brdf[on] = from_laser(here, laser_from_m)
-        elif surface.smooth:
-            cosine[on], brdf[on] = here.cos_out, surface.brdf_per_sr(facet[on], here.cos_out)
+        elif surface.bent:
+            cosine[on], brdf[on] = here.base_cos_out, here.own_brdf_per_sr()
         if sunlight is not None:
             sunlight[on] = from_sun(here)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from rso_lidar.pose import ROOT, turned
 from rso_lidar.records import Truth
 from rso_lidar.scene import packets
+from rso_lidar.scene.crinkle import Crinkled, tilted, unhidden
 from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
 from rso_lidar.scene.surface import Surface
 
@@ -20,8 +22,10 @@ _OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so t
 class Seen:
     """What the lidar sees of one surface, hit by hit, in the surface's axes.
 
-    `point`, `to_viewer`, `facing` (the facet's normal) and `normal` (the one that the BRDF gets) are (xyz, hit); both
-    normals are on the viewer's side. `number` is the surface's place among all `surfaces`.
+    `point`, `to_viewer`, `facing` (the facet's normal), `base` (on smooth parts the interpolated one) and `normal` (the one
+    that the BRDF gets, on crinkled foil a cell's) are (xyz, hit); all are on the viewer's side, with cosines `base_cos_out`
+    and `cos_out` from the last two. `slope` is that of crinkled foil, 0 elsewhere. `number` is the surface's place among
+    all `surfaces`.
     """
 
     surfaces: Sequence[Surface]
@@ -32,13 +36,37 @@ class Seen:
     point: np.ndarray
     to_viewer: np.ndarray
     facing: np.ndarray
+    base: np.ndarray
+    base_cos_out: np.ndarray
     normal: np.ndarray
     cos_out: np.ndarray
+    slope: np.ndarray
 
     @property
     def surface(self) -> Surface:
         """Return the surface that is seen."""
         return self.surfaces[self.number]
+
+    @cached_property
+    def crinkled(self) -> np.ndarray:
+        """Return which hits are on crinkled foil."""
+        return np.flatnonzero(self.slope > 0.0)
+
+    @cached_property
+    def shown(self) -> np.ndarray:
+        """Return by how much (hit) more a cell shows to the viewer than a flat piece would; 1 where nothing is crinkled."""
+        shown = np.ones(len(self.facet))
+        on = self.crinkled
+        cos_out, cos_tilt = self.base_cos_out[on], _dot(self.normal[:, on], self.base[:, on])
+        shown[on] = self.cos_out[on] * unhidden(cos_out, self.slope[on]) / np.maximum(cos_out * cos_tilt, 1e-9)
+        return shown
+
+    def own_brdf_per_sr(self) -> np.ndarray:
+        """Return the BRDF [1/sr] (hit) for light from the lens: what the lens sees of a cell, light from there meets."""
+        brdf = self.surface.brdf_per_sr(self.facet, self.cos_out)
+        on = self.crinkled
+        brdf[on] *= self.shown[on] * self.cos_out[on] / np.maximum(self.base_cos_out[on], 1e-9)
+        return brdf
 
 
 def seen(
@@ -61,12 +89,34 @@ def seen(
     plane = np.stack([surface.planes[axis][facet] for axis in range(3)])
     side = np.where(_dot(plane, along) > 0.0, -1.0, 1.0)
     facing = side * plane
-    normal, cos_out = facing, cosine
+    base, base_cos_out = facing, cosine
     if surface.smooth:
-        normal = side * surface.shading_normals(facet, point.T).T
+        base = side * surface.shading_normals(facet, point.T).T
         smooth = surface.is_smooth[facet]
-        cos_out = np.where(smooth, np.clip(-_dot(normal, along), 0.0, 1.0), cosine)
-    return Seen(surfaces, number, truth, target_from_lidar, facet, point, -along, facing, normal, cos_out)
+        base_cos_out = np.where(smooth, np.clip(-_dot(base, along), 0.0, 1.0), cosine)
+    normal, cos_out, slope = base, base_cos_out, np.zeros(len(facet))
+    if surface.crinkled:
+        normal, cos_out, finish = base.copy(), base_cos_out.copy(), surface.finish[facet]
+        for of, material in surface.crinkled.items():
+            on = np.flatnonzero(finish == of)
+            slope[on] = material.slope
+            normal[:, on] = tilted(base[:, on], point[:, on], material)
+            cos_out[on] = np.clip(-_dot(normal[:, on], along[:, on]), 0.0, 1.0)
+    return Seen(
+        surfaces,
+        number,
+        truth,
+        target_from_lidar,
+        facet,
+        point,
+        -along,
+        facing,
+        base,
+        base_cos_out,
+        normal,
+        cos_out,
+        slope,
+    )
 
 
 def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,10 +128,16 @@ def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.nda
     laser = (origin + turned(turn, laser_from_m))[:, None] - hits.point
     distance_m = np.sqrt(_dot(laser, laser))
     to_laser = laser / distance_m
-    cos_in = np.where(_dot(hits.facing, to_laser) > 0.0, np.clip(_dot(hits.normal, to_laser), 0.0, 1.0), 0.0)
+    lit = _dot(hits.facing, to_laser) > 0.0
+    cos_in = np.where(lit, np.clip(_dot(hits.base, to_laser), 0.0, 1.0), 0.0)
     cos_in[_shaded(hits, cos_in > 0.0, to_laser, distance_m)] = 0.0
     cos_phase = np.clip(_dot(to_laser, hits.to_viewer), -1.0, 1.0)
-    return cos_in, hits.surface.brdf_per_sr(hits.facet, cos_in, hits.cos_out, cos_phase)
+    on = hits.crinkled
+    met = cos_in.copy()  # on crinkled foil, the cosine at which light meets the cell
+    met[on] = np.where(cos_in[on] > 0.0, np.clip(_dot(hits.normal[:, on], to_laser[:, on]), 0.0, 1.0), 0.0)
+    brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, cos_phase)
+    brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.shown[on]
+    return cos_in, brdf
 
 
 def from_sun(hits: Seen) -> np.ndarray:
@@ -111,6 +167,9 @@ def from_sun(hits: Seen) -> np.ndarray:
             cos_in = np.clip(_dot(normal, point), 0.0, 1.0)
             cos_phase = np.clip(_dot(to_viewer, point), -1.0, 1.0)
             total += cos_in * material.sunlight_brdf_per_sr(cos_in, cos_out, cos_phase)
+        slope = hits.slope[on[of]]
+        if isinstance(material, Crinkled):
+            total *= hits.shown[on[of]] * unhidden(np.clip(_dot(hits.base[:, on[of]], to_sun), 0.0, 1.0), slope)
         return total / len(points)
 
     lit[on] = share * hits.surface.by_material(hits.facet[on], ask)

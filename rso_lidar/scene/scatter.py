@@ -68,3 +68,17 @@ def half_way(
     """Return the cosines of the half-way direction's angles from the normal and from the light."""
     length = np.sqrt(np.maximum(2.0 + 2.0 * np.asarray(cos_phase), 1e-30))  # of the sum of the two unit vectors
     return np.minimum((cos_in + cos_out) / length, 1.0), np.minimum(0.5 * length, 1.0)
+
+
+def phong_per_sr(
+    diffuse: float,
+    specular: float,
+    exponent: float,
+    cos_in: np.ndarray,
+    cos_out: np.ndarray,
+    cos_phase: np.ndarray | float,
+) -> np.ndarray:
+    """Return ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ [1/sr] (seed eq. 10), cos φ = 2 cos θᵢ cos θₒ - cos Δ; cos φ < 0 counts 0."""
+    cos_phi = np.clip(2.0 * (cos_in * cos_out) - cos_phase, 0.0, 1.0)
+    brdf: np.ndarray = diffuse / math.pi + specular * (exponent + 2.0) / (2.0 * math.pi) * cos_phi**exponent
+    return brdf

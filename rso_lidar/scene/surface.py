@@ -13,6 +13,7 @@ import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.scene.brdf import Lambertian
+from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.mesh import Mesh
 from rso_lidar.scene.packets import Engine, PacketScene
 from rso_lidar.scene.scatter import Scatterer
@@ -171,6 +172,16 @@ class Surface:
     def is_smooth(self) -> np.ndarray:
         """Return whether a facet is of a smooth part (facet)."""
         return np.isin(self.part, self.smooth)
+
+    @cached_property
+    def crinkled(self) -> dict[int, Crinkled]:
+        """Return the materials that are crinkled, by index."""
+        return {number: one for number, one in enumerate(self.materials) if isinstance(one, Crinkled)}
+
+    @property
+    def bent(self) -> bool:
+        """Return whether somewhere the normal that the BRDF gets is not the facet's."""
+        return bool(self.smooth or self.crinkled)
 
     @cached_property
     def _corner_normals(self) -> tuple[np.ndarray, np.ndarray]:

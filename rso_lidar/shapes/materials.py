@@ -1,4 +1,4 @@
-"""The optical presets that the models name: statements for models/materials.toml, at 1064 nm and, where it differs, 1570 nm.
+"""The optical presets that the models name: statements for models/materials.toml, at 1064 and at 1570 nm.
 
 Each splits a total hemispherical reflectance into a diffuse share and a specular lobe of modified Phong (Lafortune &
 Willems 1994: kd/pi + ks (n+2)/(2 pi) cos^n). The totals lean on tabulated data, the splits are engineering defaults.
@@ -18,13 +18,15 @@ def _phong(
     lobe: tuple[float, float, float],
     rgb: tuple[float, float, float],
     at_1570_nm: tuple[float, float, float] | None = None,
+    crinkled: dict[str, float] | None = None,
 ) -> dict[str, Any]:
+    """Return the statement of a Phong lobe (k_d, k_s, n) at 1064 and at 1570 nm, the same where the second is left out."""
     keys = ("diffuse", "specular", "exponent")
-    other = {"at_1570_nm": dict(zip(keys, at_1570_nm, strict=True))} if at_1570_nm else {}
     return {
-        "type": "phong",
+        "type": "crinkled" if crinkled else "phong",
         **dict(zip(keys, lobe, strict=True)),
-        **other,
+        **(crinkled or {}),
+        "at_1570_nm": dict(zip(keys, at_1570_nm or lobe, strict=True)),
         "what": what,
         "source": source,
         "confidence": f"{confidence}; split and exponent: {UNCALIBRATED}",
@@ -32,10 +34,32 @@ def _phong(
     }
 
 
+def _lambertian(
+    what: str,
+    source: str,
+    confidence: str,
+    reflectance: tuple[float, float],
+    rgb: tuple[float, float, float],
+) -> dict[str, Any]:
+    """Return the statement of a Lambertian surface with its reflectance at 1064 and at 1570 nm."""
+    return {
+        "type": "lambertian",
+        "reflectance": reflectance[0],
+        "at_1570_nm": {"reflectance": reflectance[1]},
+        "what": what,
+        "source": source,
+        "confidence": confidence,
+        "display_rgb": list(rgb),
+    }
+
+
+_FOIL = {"tilt_deg": 7.5, "cell_mm": 50.0}  # slopes of 5 to 10 degrees; the size of a crease is assumed
+
 MATERIALS: dict[str, dict[str, Any]] = {
     "lambertian_30": {
         "type": "lambertian",
         "reflectance": 0.30,
+        "at_1570_nm": {"reflectance": 0.30},
         "what": "The default surface of the paper: Lambertian, reflectance 0.30 at every wavelength",
         "source": "Paper on Global Shutter Flash LiDAR simulation, section 5",
         "confidence": "a definition, not a measurement",
@@ -124,5 +148,96 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "medium",
         (0.01, 0.04, 3000.0),
         (0.20, 0.24, 0.30),
+    ),
+    "mli_gold_crinkled": _phong(
+        "The same as mli_gold, cell by cell: flat pieces of foil with slopes of 7.5 degrees; glints sparkle",
+        "Bare aluminium 0.95 (Rakic 1995, McPeak 2015 n,k) seen through Kapton",
+        "medium; tilt and size of the creases are assumed",
+        (0.15, 0.65, 300.0),
+        (0.83, 0.62, 0.22),
+        (0.16, 0.71, 300.0),
+        _FOIL,
+    ),
+    "mli_silver_crinkled": _phong(
+        "The same as mli_silver, cell by cell: flat pieces of foil with slopes of 7.5 degrees; glints sparkle",
+        "Bare aluminium 0.95 at 1064 nm (Rakic 1995, McPeak 2015 n,k)",
+        "medium; tilt and size of the creases are assumed",
+        (0.10, 0.80, 300.0),
+        (0.80, 0.81, 0.83),
+        (0.10, 0.86, 300.0),
+        _FOIL,
+    ),
+    "clear_anodise": _phong(
+        "Clear-anodised aluminium; total 0.50-0.60 at 1064 nm, 0.60 at 1570 nm",
+        "Published range for the class",
+        "medium",
+        (0.25, 0.30, 60.0),
+        (0.72, 0.73, 0.74),
+        (0.27, 0.33, 60.0),
+    ),
+    "aluminium_bare": _phong(
+        "Polished or vapour-deposited aluminium; total 0.95 at 1064 nm, 0.975 at 1570 nm",
+        "Normal reflectance from n,k: Rakic 1995 (0.950, 0.975), McPeak 2015 (0.954, 0.974)",
+        "high",
+        (0.05, 0.90, 300.0),
+        (0.78, 0.79, 0.81),
+        (0.05, 0.92, 300.0),
+    ),
+    "gold_bare": _phong(
+        "Polished or plated gold; total 0.975 at 1064 nm, 0.98 at 1570 nm",
+        "Normal reflectance from n,k: Johnson & Christy 1972 (0.979, 0.982), Ciesielski 2017 (0.972, 0.981)",
+        "high",
+        (0.05, 0.92, 300.0),
+        (0.90, 0.70, 0.25),
+        (0.05, 0.93, 300.0),
+    ),
+    "silver_bare": _phong(
+        "Polished or vapour-deposited silver; total 0.99 at 1064 and 1570 nm",
+        "Normal reflectance from n,k: Johnson & Christy 1972 (0.997, 0.996), Ciesielski 2017 (0.988, 0.989)",
+        "high",
+        (0.04, 0.95, 300.0),
+        (0.86, 0.87, 0.88),
+    ),
+    "titanium_bare": _phong(
+        "Bare titanium, as of bottles and nozzles; total 0.615 at 1064 nm, 0.66 at 1570 nm",
+        "Normal reflectance from n,k: Johnson & Christy 1974 (0.615, 0.661)",
+        "high",
+        (0.20, 0.41, 60.0),
+        (0.54, 0.53, 0.52),
+        (0.22, 0.44, 60.0),
+    ),
+    "ablator": _lambertian(
+        "Charred ablative heat shield: carbon char, matt",
+        "Range for carbon chars and black composites; no measurement at these wavelengths was found",
+        "low; uncalibrated engineering default",
+        (0.08, 0.09),
+        (0.16, 0.13, 0.11),
+    ),
+    "cube_corner": {
+        "type": "retro_reflector",
+        "diameter_mm": 12.7,
+        "reflectance": 0.85,
+        "fill_fraction": 0.6,
+        "diffuse": 0.05,
+        "at_1570_nm": {"reflectance": 0.85},
+        "what": "Array of cube corners of 12.7 mm, as on docking aids and small ranging arrays; coated back faces",
+        "source": "Degnan 1993 for the cross-section; reflectance and packing of common arrays are assumed",
+        "confidence": "high for the law, low for reflectance and packing; uncalibrated engineering default",
+        "display_rgb": [0.62, 0.80, 0.88],
+    },
+    "regolith_highland": _lambertian(
+        "Lunar highland soil as a lidar sees it, at zero phase: normal albedo 0.35 at 1064 nm",
+        "Lucey et al. 2014 (LOLA, J. Geophys. Res. Planets 119): global mean normal albedo near 0.33 at 1064 nm, "
+        "brighter on highlands; 1570 nm by the red slope of lunar spectra, assumed 15 % brighter",
+        "medium at 1064 nm, low at 1570 nm; falls off with phase, so too bright for a Sun away from the lens",
+        (0.35, 0.40),
+        (0.60, 0.59, 0.57),
+    ),
+    "regolith_mare": _lambertian(
+        "Lunar mare soil as a lidar sees it, at zero phase: normal albedo 0.20 at 1064 nm",
+        "Lucey et al. 2014 (LOLA, J. Geophys. Res. Planets 119): maria near 0.2 at 1064 nm; 1570 nm assumed 15 % brighter",
+        "medium at 1064 nm, low at 1570 nm; falls off with phase, so too bright for a Sun away from the lens",
+        (0.20, 0.23),
+        (0.42, 0.41, 0.40),
     ),
 }

@@ -19,6 +19,7 @@ NO_SUFFIX = {  # name: why it needs none
     "absolute_tolerance": "in the units of the state",
     "adc_bits": "a number of bits",
     "axis": "a direction, of any length",
+    "pattern": "a number that only names one of many alike",
     "camera_seed": "a number that only names a camera",
     "coefficient": "a ratio",
     "counts_per_photon": "a ratio whose name says both units",

@@ -11,11 +11,12 @@ from scipy import integrate, special
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
+from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Named, Phong
+from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.measured import TableBrdf
 from rso_lidar.scene.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.retro import RetroReflector
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD
+from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
 from tests.optics.bench_for_tests import look, place, plate
 
 DEG = math.pi / 180
@@ -28,6 +29,10 @@ PEAKED = TableBrdf(incidence_deg=(0.0, 1.0, 3.0, 30.0, 90.0), measured_per_sr=(3
 CASES = {
     "lambertian": [Lambertian(reflectance=1.0)],
     "phong": [Phong(diffuse=0.4, specular=0.6, exponent=n) for n in (0.0, 3.0, 300.0, 1e5)],
+    "crinkled": [
+        Crinkled(diffuse=0.4, specular=0.6, exponent=300.0, tilt_deg=8.0)
+    ],  # one flat cell; its mean: test_crinkle
+    "named": [Named(name="mli_gold")],
     "oren_nayar": [OrenNayar(reflectance=0.985, roughness_deg=s) for s in (0.0, 11.0, 30.0, 90.0)],
     "ggx": [
         Ggx(diffuse=1.0 - f, specular=f, roughness=a)
@@ -45,8 +50,12 @@ BOUND = [
 
 
 def test_no_material_is_left_out():
-    union = get_args(get_args(Material)[0])
-    assert {cls.model_fields["type"].default for cls in union} == set(CASES)
+    def types(annotation):
+        if isinstance(annotation, type) and issubclass(annotation, Scatterer):
+            return {annotation.model_fields["type"].default}
+        return set().union(*(types(inner) for inner in get_args(annotation)))
+
+    assert types(get_args(Material)[0]) == set(CASES)
 
 
 def around(axis, n_theta=500, n_azimuth=96):

@@ -8,6 +8,7 @@ import trimesh
 
 from rso_lidar.craft import size_class
 from rso_lidar.errors import ScenarioError
+from rso_lidar.scene import material_named
 from rso_lidar.scene.library import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
 from rso_lidar.shapes.write import glb, write
@@ -170,20 +171,43 @@ def test_inertia_is_that_of_a_possible_body(name):
     assert largest <= smallest + middle + 1e-4  # rounded to five digits behind the point
 
 
-def test_no_material_returns_more_light_than_comes():
+def test_materials_are_whole_and_conserve_energy():
+    """What a material itself checks (k_d + k_s at most 1, cubes and what is between them) at both wavelengths."""
     assert materials() == MATERIALS
-    for name, table in materials().items():
-        if table["type"] == "lambertian":
-            assert 0.0 < table["reflectance"] <= 1.0
-        else:
-            assert table["type"] == "phong"
-            assert table["diffuse"] >= 0.0
-            assert table["specular"] >= 0.0
-            assert table["diffuse"] + table["specular"] <= 1.0, name
-            assert table["exponent"] >= 1.0
-            assert "uncalibrated" in table["confidence"]
-        assert table["what"]
-        assert table["source"]
+    for name, table in MATERIALS.items():
+        for wavelength_m in (1064e-9, 1570e-9):
+            at = material_named(name, wavelength_m)
+            assert float(at.brdf_per_sr(np.array(1.0))) > 0.0
+        assert table["at_1570_nm"].keys() < table.keys(), name
+        for key in ("what", "source", "confidence"):
+            assert table[key]
+        if table["type"] != "lambertian":
+            assert "uncalibrated" in table["confidence"], name
+
+
+def test_presets_keep_to_the_published_totals():
+    """Total hemispherical reflectance at 1064 and 1570 nm of the classes, from the paper's notes on materials."""
+    ranges = {
+        "mli_gold": ((0.80, 0.88), (0.85, 0.90)),
+        "mli_silver": ((0.90, 0.95), (0.95, 0.97)),
+        "solar_cell": ((0.05, 0.15), (0.10, 0.25)),
+        "solar_cell_si": ((0.10, 0.30), (0.3, 0.6)),
+        "white_paint": ((0.80, 0.90), (0.65, 0.80)),
+        "black_paint": ((0.04, 0.05), (0.04, 0.05)),
+        "black_anodise": ((0.3, 0.6), (0.3, 0.6)),
+        "aluminium": ((0.60, 0.75), (0.75, 0.85)),
+        "clear_anodise": ((0.50, 0.60), (0.58, 0.62)),
+        "cfrp": ((0.05, 0.10), (0.06, 0.12)),
+        "osr": ((0.95, 0.97), (0.955, 0.965)),
+        "aluminium_bare": ((0.945, 0.955), (0.965, 0.98)),
+        "gold_bare": ((0.965, 0.98), (0.975, 0.985)),
+        "silver_bare": ((0.985, 1.0), (0.985, 1.0)),
+        "titanium_bare": ((0.60, 0.63), (0.65, 0.67)),
+    }
+    for name, bounds in ranges.items():
+        table = MATERIALS[name]
+        for (low, high), at in zip(bounds, (table, table["at_1570_nm"]), strict=True):
+            assert low - 1e-9 <= at["diffuse"] + at["specular"] <= high + 1e-9, name
 
 
 def test_writing_twice_writes_the_same(tmp_path, built):

@@ -1,0 +1,94 @@
+"""Materials of single facets: a file that says which facet of a mesh is of what."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
+from rso_lidar.part import Part, Text
+from rso_lidar.scene import Material, Named, Scatterer, Surface, library
+
+
+class FacetMaterials(Part):
+    """Which facet is of what material: overrides the materials of mesh and parts for the facets that `file` lists.
+
+    Facets have the numbers that they have in the mesh's file, from 0, counted over its parts in order: the label `facet`.
+    A .csv has the columns facet and material, a facet being a number or a span such as 10-19; a .npy holds an integer for
+    each facet, -1 for none of these. `materials` says what the words, or the integers, mean; names of the catalogue need
+    no entry.
+    """
+
+    file: Text
+    materials: dict[Text, Material] = Field(default_factory=dict)
+
+
+def finished(
+    surface: Surface, facet_materials: FacetMaterials, file: Callable[[str], Path], wavelength_m: float
+) -> Surface:
+    """Return the surface with the materials of single facets, as light of `wavelength_m` [m] sees them."""
+    with placed("facet_materials"):
+        path = file(facet_materials.file)
+        words = _words(path, surface.mesh.source_facets)
+        number, materials = surface.finish.astype(np.int64), list(surface.materials)
+        word_of = words[surface.mesh.source_facet]
+        for word in sorted(set(word_of) - {""}):
+            materials.append(_meant(word, facet_materials, path).at(wavelength_m))
+            number[word_of == word] = len(materials) - 1
+    return replace(surface, materials=tuple(materials), material_of=number)
+
+
+def _meant(word: str, facet_materials: FacetMaterials, path: Path) -> Scatterer:
+    if word in facet_materials.materials:
+        return facet_materials.materials[word]
+    known = [*facet_materials.materials, *library.materials()]
+    if word not in known:
+        cure = f"{did_you_mean(word, known) or ';'} say what it is in facet_materials.materials"
+        raise ScenarioError(f"{path.name}: no material '{word}'{cure}")
+    return Named(name=word)
+
+
+def _words(path: Path, facets: int) -> np.ndarray:
+    """Return the word of each facet of the mesh's file (facet), empty where the file says nothing of it."""
+    if path.suffix.lower() == ".npy":
+        return _of_array(path, facets)
+    if path.suffix.lower() == ".csv":
+        return _of_table(path, facets)
+    raise MeshError(f"{path.name}: '{path.suffix}' is not read; give a .csv (facet, material) or a .npy")
+
+
+def _of_array(path: Path, facets: int) -> np.ndarray:
+    try:
+        numbers = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        raise MeshError(f"{path.name}: is no array of NumPy's; write it with numpy.save") from None
+    if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
+        got = f"{numbers.dtype} {numbers.shape}" if isinstance(numbers, np.ndarray) else "an archive"
+        raise MeshError(f"{path.name}: holds {got}; give one integer for each of the {facets:,} facets of the mesh")
+    return np.where(numbers < 0, "", numbers.astype(str)).astype(object)
+
+
+def _of_table(path: Path, facets: int) -> np.ndarray:
+    words = np.full(facets, "", dtype=object)
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error):
+        raise MeshError(f"{path.name}: cannot be read; give a text with the columns facet, material") from None
+    for line, row in enumerate(rows, start=1):
+        if not row or (line == 1 and row[0].strip().lower() == "facet"):
+            continue
+        first, dash, last = row[0].strip().partition("-")
+        if len(row) != 2 or not first.isdecimal() or (dash and not last.isdecimal()) or not row[1].strip():
+            raise MeshError(f"{path.name}: line {line}: needs a facet, or a span such as 10-19, and a material")
+        start, end = int(first), int(last) if dash else int(first)
+        if start > end or end >= facets:
+            raise MeshError(
+                f"{path.name}: line {line}: no facets {row[0].strip()} in a mesh of {facets:,}; number them from 0"
+            )
+        words[start : end + 1] = row[1].strip()
+    return words

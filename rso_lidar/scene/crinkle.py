@@ -1,0 +1,108 @@
+"""Crinkled foil: a surface whose small cells are each tilted by an angle of their own, the same in every frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from rso_lidar import units
+from rso_lidar.part import Fraction, NotNegative, Positive, Whole
+from rso_lidar.scene.scatter import Scatterer, both_ways, phong_per_sr
+
+_Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
+_OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces stand at round coordinates, cells do not
+
+
+class Crinkled(Scatterer):
+    """Foil of many flat pieces: Phong (seed eq. 10) on cells of `cell_mm`, each tilted, so that glints sparkle as it turns.
+
+    The slopes of a cell along two directions of the surface are normal, each with the standard deviation tan(`tilt_deg`);
+    `pattern` picks another set. A cell's light counts by the area that it shows to light and viewer, cos θᵢ' cos θₒ' over
+    cos θᵢ cos θₒ cos τ (τ its tilt), less what its neighbours hide (Smith 1967, normal slopes; from a laser beside the
+    lens nothing more than from the lens); light that meets the foil twice is lost. Range and labels are those of the
+    facet. A ray meets one cell: where a ray's share of a pixel is much wider than a cell, frames sparkle more than they
+    should, and Phong with a lower exponent is the mean.
+    """
+
+    type: Literal["crinkled"] = "crinkled"
+    diffuse: Fraction
+    specular: Fraction
+    exponent: NotNegative
+    tilt_deg: _Tilt
+    cell_mm: Positive = 50.0
+    pattern: Whole = 0
+
+    @model_validator(mode="after")
+    def _conserve_energy(self) -> Self:
+        if self.diffuse + self.specular > 1.0 + 1e-12:
+            total = self.diffuse + self.specular
+            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
+        return self
+
+    @property
+    def slope(self) -> float:
+        """Return the standard deviation of a cell's slope along any direction of the surface."""
+        return math.tan(self.tilt_deg * units.DEG)
+
+    @property
+    def narrow(self) -> bool:
+        """Return True: a cell's lobe may change over the Sun's disc."""
+        return self.specular > 0.0
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr] of the foil itself, for cosines from the normal of one cell."""
+        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)
+
+
+def tilted(normal: np.ndarray, point: np.ndarray, material: Crinkled) -> np.ndarray:
+    """Return the unit normals of the cells that hold points [m] of a surface with normals, all (xyz, hit)."""
+    along, across = _slopes(point, material)
+    first = np.cross(normal.T, _least(normal)).T
+    first /= np.sqrt(np.einsum("ih,ih->h", first, first))
+    second = np.cross(normal.T, first.T).T
+    turned = normal + along * first + across * second
+    unit: np.ndarray = turned / np.sqrt(np.einsum("ih,ih->h", turned, turned))
+    return unit
+
+
+def unhidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
+    """Return the share of cells that their neighbours do not hide from a direction at that cosine (Smith 1967, G₁)."""
+    from scipy.special import erf
+
+    cosine = np.clip(cosine, 1e-9, 1.0)
+    a = cosine / (np.sqrt(np.maximum(1.0 - cosine**2, 1e-18)) * math.sqrt(2.0) * slope)
+    hidden = 0.5 * (erf(a) - 1.0) + np.exp(-np.minimum(a * a, 700.0)) / (2.0 * a * math.sqrt(math.pi))
+    share: np.ndarray = 1.0 / (1.0 + np.maximum(hidden, 0.0))
+    return share
+
+
+def _least(normal: np.ndarray) -> np.ndarray:
+    """Return the coordinate axis (hit, xyz) that each normal (xyz, hit) is farthest from."""
+    axis: np.ndarray = np.eye(3)[np.argmin(np.abs(normal), axis=0)]
+    return axis
+
+
+def _slopes(point: np.ndarray, material: Crinkled) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two slopes (hit) of the cells that hold points (xyz, hit): normal numbers drawn from the cell's place."""
+    cell = np.floor(point.T / (material.cell_mm * units.MM) + _OFF_THE_GRID).astype(np.int64).view(np.uint64)
+    key = np.full(len(cell), np.uint64(material.pattern % 2**63))
+    for axis in range(3):
+        key = _mixed(key ^ cell[:, axis])
+    first, second = ((_mixed(key + np.uint64(k)) >> np.uint64(11)).astype(float) * 2.0**-53 for k in (1, 2))
+    radius = material.slope * np.sqrt(-2.0 * np.log1p(-first))  # Box and Muller
+    return radius * np.cos(2.0 * math.pi * second), radius * np.sin(2.0 * math.pi * second)
+
+
+def _mixed(key: np.ndarray) -> np.ndarray:
+    """Return 64 bits (hit) with each bit of the key spread over all of them (the finaliser of SplitMix64, Steele 2014)."""
+    key = key + np.uint64(0x9E3779B97F4A7C15)
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    spread: np.ndarray = key ^ (key >> np.uint64(31))
+    return spread

@@ -1,0 +1,62 @@
+"""A surface seen from far away, without perspective: which facet stands where, for pictures and outlines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.scene.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Portrait:
+    """A surface as seen along a direction: what a grid of parallel rays meets, rows downward and columns rightward.
+
+    `facet` (row, col) is -1 where there is nothing; `cosine` (row, col) is that between the facet's normal and the viewer;
+    a cell is `cell_m` [m] wide.
+    """
+
+    facet: np.ndarray
+    cosine: np.ndarray
+    cell_m: float
+
+    @property
+    def covered(self) -> np.ndarray:
+        """Return where the surface is (row, col): its silhouette."""
+        covered: np.ndarray = self.facet >= 0
+        return covered
+
+    @property
+    def area_m2(self) -> float:
+        """Return the area of the silhouette [m²]."""
+        return float(self.covered.sum()) * self.cell_m**2
+
+
+def portrait(
+    surface: Surface,
+    toward: tuple[float, float, float],
+    up: tuple[float, float, float],
+    *,
+    side_m: float | None = None,
+    cells: int = 400,
+) -> Portrait:
+    """Return a surface as one sees it from the direction `toward` (xyz, its own axes), `up` upward in the picture.
+
+    The picture is a square of `side_m` [m] (None: what holds the surface from everywhere) about the middle of its bounds.
+    """
+    ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
+    right = np.cross(ahead, np.asarray(up, dtype=float))
+    right /= np.linalg.norm(right)
+    down = np.cross(ahead, right)
+    centre, radius = surface.sphere
+    side = 2.0 * radius if side_m is None else side_m
+    step = (np.arange(cells) + 0.5) / cells - 0.5
+    across, along = (grid.ravel() for grid in np.meshgrid(step * side, step * side))  # columns, rows
+    start = centre - 1.5 * radius * ahead + across[:, None] * right + along[:, None] * down
+    rays = np.broadcast_to(ahead.astype(np.float32), start.shape)
+    met = surface.embree.run(start.astype(np.float32), np.ascontiguousarray(rays), query="INTERSECT", output=1)
+    facet = np.asarray(met["primID"], dtype=np.int64).reshape(cells, cells)
+    normal = np.stack([surface.planes[axis][facet] for axis in range(3)])
+    cosine = np.where(facet >= 0, np.abs(np.einsum("i,irc->rc", ahead, normal)), 0.0)
+    return Portrait(facet, cosine, side / cells)

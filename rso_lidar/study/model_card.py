@@ -1,0 +1,169 @@
+"""One model on one page: how it looks from four sides, what it is made of, and how much light it sends back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import optics, scene, units
+from rso_lidar.motion import Fixed
+from rso_lidar.picture.model_card import CardView, model_card_figure
+from rso_lidar.picture.output import save_figure
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import Truth
+from rso_lidar.scenario import Lidar, Target
+from rso_lidar.scenario.surfaces import surface_of, taxonomy_of
+from rso_lidar.scene import Surface
+from rso_lidar.scene.library import materials, model
+from rso_lidar.scene.portrait import portrait
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+# What is seen, from which direction in body axes, and which axis points up in the picture.
+SIDES: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "from +x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "from +y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "from +z": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "oblique": ((1.0, 0.8, 0.7), (0.0, 0.0, 1.0)),
+}
+CAMERA = "gsfl_1064"
+WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, the energy kept
+RANGE_M = 1000.0
+_CELLS = 640  # along a side of each picture
+_GREY = (0.62, 0.62, 0.62)
+
+
+@dataclass(frozen=True)
+class Echo:
+    """What one flash of the seed's camera gets back from a side of a model: photons in all and in the brightest pixel."""
+
+    wavelength_nm: float
+    side: str
+    photons: float
+    brightest_photons: float
+    pixels: int
+
+
+@dataclass(frozen=True, eq=False)
+class ModelCard:
+    """A model as it stands in the catalogue or a file: `lines` tell it in words, `echoes` its light from `RANGE_M`."""
+
+    name: str
+    lines: tuple[str, ...]
+    views: tuple[CardView, ...]
+    echoes: tuple[Echo, ...]
+
+    def figure(self) -> Any:
+        """Return the page, a matplotlib Figure: four sides by part, four by material, and the text."""
+        return model_card_figure(self.name, self.views, self.lines)
+
+    def save(self, path: str | Path) -> Path:
+        """Return the path of the page, as .png, .pdf or .svg, written whole or not at all."""
+        return save_figure(self.figure(), path, dpi=110)
+
+
+def model_card(name: str, file: Callable[[str], Path] = Path, *, echoes: bool = True) -> ModelCard:
+    """Return the card of a model of the catalogue, or of the mesh that `name`, with a suffix or a slash, is the path of."""
+    target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
+    if target.is_path:
+        target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
+    surface = surface_of(target, file, WAVELENGTHS_NM[0] * units.NM)
+    seen = tuple(_echo(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if echoes else ()
+    words, colours = _finishes(target, surface)
+    parts = surface.part
+    finish = surface.finish
+    side_m = 1.04 * max(_extent(surface, *sight) for sight in SIDES.values())
+    views = []
+    for side, (toward, up) in SIDES.items():
+        picture = portrait(surface, toward, up, side_m=side_m, cells=_CELLS)
+        on = np.maximum(picture.facet, 0)
+        views.append(
+            CardView(
+                side=side,
+                part=np.where(picture.covered, parts[on], -1),
+                material=np.where(picture.covered, finish[on], -1),
+                cosine=picture.cosine,
+                cell_m=picture.cell_m,
+                part_names=surface.mesh.part_names,
+                material_names=words,
+                material_rgb=colours,
+            )
+        )
+    return ModelCard(name, tuple(_lines(target, surface, seen)), tuple(views), seen)
+
+
+def _extent(surface: Surface, toward: tuple[float, ...], up: tuple[float, ...]) -> float:
+    """Return twice the distance [m] of the farthest corner from the middle, up, down or sideways in a picture."""
+    ahead = -np.array(toward) / np.linalg.norm(toward)
+    right = np.cross(ahead, up)
+    right /= np.linalg.norm(right)
+    from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
+    return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, np.cross(ahead, right)))
+
+
+def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
+    """Return names and colours of the surface's materials."""
+    if target.is_path:
+        return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
+    named = model(target.model).parts
+    words = tuple(named.get(part, "") for part in surface.mesh.part_names)
+    table = materials()
+    return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
+
+
+def _echo(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> Echo:
+    lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
+    lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
+    surface = surface_of(target, file, lidar.laser.wavelength_m)
+    links = {"lidar": Link.still(), target.name: Link.still(_facing(*SIDES[side], RANGE_M))}
+    poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)
+    truth = Truth(0.0, poses, {}, np.full(3, np.nan))
+    rays = optics.pixel_rays(lidar.receiver, lidar.laser, scene.extent([surface], truth))
+    hits = scene.cast(rays, [surface], truth, aperture_m=lidar.receiver.aperture_m, laser_from_m=lidar.laser.offset)
+    light = optics.collect(hits, lidar.laser, lidar.receiver)
+    of_pixel = np.bincount(light.pixel, light.photons, 1)
+    return Echo(wavelength_nm, side, float(of_pixel.sum()), float(of_pixel.max()), int(np.count_nonzero(of_pixel)))
+
+
+def _facing(toward: tuple[float, ...], up: tuple[float, ...], range_m: float) -> RigidTransform:
+    """Return lidar_from_body of a body `range_m` [m] ahead that shows the side `toward` (xyz, body), `up` upward."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    ahead = -np.array(toward) / np.linalg.norm(toward)
+    right = np.cross(ahead, up)
+    right /= np.linalg.norm(right)
+    turn = Rotation.from_matrix(np.array([right, np.cross(ahead, right), ahead]))
+    return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
+
+
+def _lines(target: Target, surface: Surface, echoes: tuple[Echo, ...]) -> list[str]:
+    sides = surface.mesh.size_m
+    corners = surface.corners
+    area_m2 = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    kind = taxonomy_of(target)
+    lines = [kind.in_words] if kind else []
+    lines.append(
+        f"{' × '.join(f'{side:.4g}' for side in sides)} m, {surface.mesh.source_facets:,} facets, "
+        f"{area_m2:,.4g} m² of surface"
+    )
+    if not target.is_path:
+        entry = model(target.model)
+        inertia = np.linalg.eigvalsh(np.array(entry.inertia_kg_m2))
+        lines.append(
+            f"{entry.mass_kg:,.4g} kg, principal inertia {', '.join(f'{one:,.4g}' for one in inertia)} kg m² (estimated)"
+        )
+        if entry.hinges:
+            lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))
+    for nm in WAVELENGTHS_NM:
+        of = [echo for echo in echoes if echo.wavelength_nm == nm]
+        if of:
+            told = ", ".join(f"{echo.side} {echo.photons:.3g} ({echo.brightest_photons:.3g})" for echo in of)
+            lines.append(
+                f"photons at {RANGE_M / units.KM:g} km by {CAMERA}, {nm:g} nm, in all (brightest pixel): {told}"
+            )
+    return lines
