@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.scene.mesh import Mesh, likely_units, plausible
-from rso_lidar.scene.surface import build_surface
+from rso_lidar.scene.surface import Surface, build_surface
 
 _DIRECTIONS = 60
 _GRID = 96  # rays along each side of the square that they are cast from
@@ -106,6 +106,7 @@ class Examination:
 
 def examine(mesh: Mesh) -> Examination:
     """Return what is to be said of a mesh (in metres, where units are to make sense)."""
+    surface = build_surface("mesh", mesh)  # first: it refuses what reaches beyond all numbers
     facets = _merged(mesh)
     edges, ends = np.sort(_edges(facets), axis=1), _edges(facets)
     _, number, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
@@ -115,7 +116,7 @@ def examine(mesh: Mesh) -> Examination:
     corners = mesh.vertices[mesh.facets]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     strays = _strays(corners, component, area)
-    front_share, hidden = _looked_at(mesh, corners)
+    front_share, hidden = _looked_at(surface)
     x, y, z = (float(side) for side in mesh.size_m)
     return Examination(
         size_m=(x, y, z),
@@ -219,10 +220,10 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
     return np.flatnonzero(nearest > _STRAY * most)
 
 
-def _looked_at(mesh: Mesh, corners: np.ndarray) -> tuple[float, np.ndarray]:
+def _looked_at(surface: Surface) -> tuple[float, np.ndarray]:
     """Return the share of first hits that face their ray, and which facets (facet) cannot be seen from outside."""
-    surface = build_surface("mesh", mesh)
     center, radius = surface.sphere
+    corners = surface.corners
     normal = surface.planes[:3].T
     step = (np.arange(_GRID) + 0.5) / _GRID * 2.0 - 1.0
     across = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)

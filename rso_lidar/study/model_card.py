@@ -153,10 +153,9 @@ def _lines(target: Target, surface: Surface, echoes: tuple[Echo, ...]) -> list[s
     )
     if not target.is_path:
         entry = model(target.model)
-        inertia = np.linalg.eigvalsh(np.array(entry.inertia_kg_m2))
-        lines.append(
-            f"{entry.mass_kg:,.4g} kg, principal inertia {', '.join(f'{one:,.4g}' for one in inertia)} kg m² (estimated)"
-        )
+        if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # nobody says them of a user's own model
+            inertia = ", ".join(f"{one:,.4g}" for one in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
+            lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
         if entry.hinges:
             lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))
     for nm in WAVELENGTHS_NM:

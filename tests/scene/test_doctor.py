@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.doctor import counted, examine, helper_cube
 from rso_lidar.scene.library import model
@@ -137,3 +138,10 @@ def test_real_spacecraft_have_the_holes_that_their_manifest_says(name, shared):
 
 def test_counts_are_words():
     assert (counted(1, "facet"), counted(2000, "facet")) == ("1 facet", "2,000 facets")
+
+
+def test_a_mesh_beyond_all_numbers_is_one_line(tmp_path):
+    path = tmp_path / "far.stl"
+    path.write_bytes(binary_stl(box(1.0, 2.0, 3.0) * 1e30))
+    with pytest.raises(MeshError, match=r"reaches beyond 1e\+07 m as scaled"):
+        examine(load_mesh(path))
