@@ -13,7 +13,7 @@ from rso_lidar.scene.mesh import CAD_SUFFIXES, checked_file
 
 CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
 _MM = 1e-3
-_LONGEST_S = 300
+_LONGEST_S = 180
 _MOST_MEMORY = 8 * 2**30
 
 # In a process of its own: a broken solid may take it down, or never end, and its library talks to the terminal.

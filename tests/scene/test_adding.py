@@ -175,6 +175,7 @@ def test_half_of_the_real_groups_that_are_one_material_are_known(shared):
         if group["material"] not in ("unnamed",) and not any(word in group["material"] for word in ("tex", "AO"))
     ]
     assert len(materials_of(groups)) >= 0.5 * len(set(groups))
+    assert "MainBodyBottomLight" not in materials_of(groups), "mli is a word, not three letters"
     assert materials_of(groups).items() >= {"foil_gold": "mli_gold", "shiny_panel": "solar_cell"}.items()
 
 
@@ -239,6 +240,21 @@ def test_a_library_that_was_tampered_with_says_so(library, box):
         assert "\n" not in str(caught.value) and "index.toml" in str(caught.value)
 
 
+def test_what_an_index_leaves_out_is_told_before_a_run(library, tmp_path, text):
+    path = tmp_path / "two.stl"
+    path.write_bytes(binary_stl(np.concatenate([BOX, BOX * 0.5 + 9, np.zeros((1, 3, 3))])))
+    add_model(path)
+    index = library / "index.toml"
+    index.write_text(index.read_text().replace("left_out = []", "left_out = [[12, 23]]"))
+    mesh = model("two").mesh
+    assert (len(mesh.facets), mesh.left_out, mesh.degenerate, mesh.source_facets) == (12, 12, 1, 25)
+    said = rl.Scenario.loads(text.replace('model    = "plate"', 'model    = "two"')).describe()
+    assert "1 degenerate dropped, 12 left out" in said
+    index.write_text(index.read_text().replace("[[12, 23]]", "[[0, 24]]"))
+    with pytest.raises(MeshError, match=r"all its facets are left out"):
+        _ = model("two").mesh
+
+
 def test_a_shipped_name_wins_and_says_so(library, box):
     add_model(box())
     index = library / "index.toml"
@@ -248,7 +264,8 @@ def test_a_shipped_name_wins_and_says_so(library, box):
 
 
 def test_the_library_lies_where_the_platform_keeps_data(monkeypatch, tmp_path):
-    platformdirs = pytest.importorskip("platformdirs")
+    import platformdirs
+
     monkeypatch.delenv("RSO_LIDAR_MODELS")
     assert own_folder() == platformdirs.user_data_path("rso_lidar", appauthor=False) / "models"
     monkeypatch.setenv("RSO_LIDAR_MODELS", "~/meshes")
