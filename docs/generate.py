@@ -22,6 +22,8 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.export import hdf5_layout
+from rso_lidar.study.merits import MERITS
+from rso_lidar.study.trade_asked import Study
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
@@ -35,6 +37,7 @@ UNITS = {
 }  # fmt: skip
 UNITS_BY_NAME = {
     "counts_per_photon": "counts/photon", "electrons_per_count": "electrons/count", "adc_bits": "bits",
+    "low": "the field's", "high": "the field's",
 }  # fmt: skip
 
 
@@ -45,6 +48,7 @@ def pages() -> dict[Path, str]:
         "records.md": {"records": record_tables(), "layout": file_layout()},
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
+        "studies.md": {"merits": merits(), "study keys": study_keys()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -118,8 +122,12 @@ def _parts(annotation: Any) -> list[type[part.Part]]:
 
 def scenario_keys() -> str:
     """Return a section with a table of keys for each part of a scenario."""
-    found, meanings = sections(), _meanings()["keys"]
-    _complete(found, meanings)
+    found = sections()
+    _complete({**found, **_study_sections()}, _meanings()["keys"])
+    return _key_tables(found)
+
+
+def _key_tables(found: dict[type[part.Part], Section]) -> str:
     lines = []
     for cls, section in found.items():
         lines += [f"{'#' * section.level} {section.title}", ""]
@@ -163,6 +171,8 @@ def _meaning(cls: type[part.Part], name: str) -> str:
 
 
 def _type(field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
+    if field.description:
+        return str(field.description)
     parts = _parts(field.annotation)
     if parts:
         links = ", ".join(f"[{_word(each)}](#{_anchor(found[each].title)})" for each in parts)
@@ -262,6 +272,26 @@ def _toml(value: Any) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(inner) for inner in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# ------------------------------------------------------------------------------------------------- studies.md
+
+
+def _study_sections() -> dict[type[part.Part], Section]:
+    found: dict[type[part.Part], Section] = {Study: Section("the study file", 4, [], False)}
+    _collect(Study, "", 4, found)
+    return found
+
+
+def study_keys() -> str:
+    """Return a section with a table of keys for each part of a trade study."""
+    return _key_tables(_study_sections())
+
+
+def merits() -> str:
+    """Return what each figure of merit of a trade is."""
+    rows = [(f"`{merit.name}`", merit.unit, merit.better, merit.needs, merit.meaning) for merit in MERITS.values()]
+    return _table(("figure of merit", "unit", "better", "needs", "what it is"), rows)
 
 
 # -------------------------------------------------------------------------------------------------- records.md

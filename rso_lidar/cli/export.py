@@ -66,8 +66,7 @@ def export(
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
-        places = _places(read, frames)
-        chosen = files.Frames(read, places)
+        chosen = files.Frames(read, places(read, frames))
         options: dict[str, Any] = {"target": target, "lidar_in_target": lidar_in_target}
         if wanted.name == "oem":
             _oem(to, chosen, target, overwrite)
@@ -86,7 +85,7 @@ def export(
         typer.echo(_said(to, wanted, len(chosen), len(read)))
 
 
-def _places(read: files.Recording, frames: str | None) -> list[int]:
+def places(read: files.Recording, frames: str | None) -> list[int]:
     """Return which frames of a recording are wanted."""
     numbers = read.frame_index[:]
     if not numbers.size:

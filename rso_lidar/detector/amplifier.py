@@ -14,6 +14,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.arithmetic import compiled
 from rso_lidar.detector.alias import normal_table, words
+from rso_lidar.detector.overlap import Overlap
 from rso_lidar.detector.presets import DEFAULT
 from rso_lidar.part import NotNegative, Part, Positive
 
@@ -93,17 +94,25 @@ def filters(amplifier: Amplifier, n: int, step_s: float) -> Filters:
 
 
 def amplified(
-    filters: Filters, quiet: np.ndarray, excess: np.ndarray, gain: np.ndarray, rng: np.random.Generator
+    filters: Filters,
+    quiet: np.ndarray,
+    excess: np.ndarray,
+    gain: np.ndarray,
+    rng: np.random.Generator,
+    overlap: Overlap | None = None,
 ) -> np.ndarray:
     """Return the amplitude (row, step) [electrons] with noise, under the gain of each row.
 
-    `quiet` is the mean behind the amplifier, `excess` what the electrons before it are more than their mean.
+    `quiet` is the mean behind the amplifier, `excess` what the electrons before it are more than their mean; rows that
+    overlap in time share the amplifier's own noise.
     """
     if compiled():
         from rso_lidar.detector.amplifier_loops import amplified as amplified_by_loops
 
         amplitude: np.ndarray = np.empty(quiet.shape, np.float32)
         random = words(rng, quiet.size)
+        if overlap is not None:
+            overlap.carry(random.reshape(quiet.shape))
         amplified_by_loops(
             quiet, excess, gain, filters.taps, filters.noise_electrons, normal_table(), random, amplitude
         )
@@ -111,6 +120,8 @@ def amplified(
     from scipy.fft import irfft, rfft
 
     noise = rng.standard_normal(excess.shape, dtype=np.float32)
+    if overlap is not None:
+        overlap.carry(noise)
     noise *= filters.noise_electrons
     noise += excess * gain[:, None]
     amplitude = irfft(rfft(noise, axis=1, overwrite_x=True) * filters.shot, filters.n, axis=1, overwrite_x=True)

@@ -18,6 +18,7 @@ from rso_lidar.detector.apd import multiply
 from rso_lidar.detector.false_triggers import false_traces, first_false_s
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.noise import noise_rms
+from rso_lidar.detector.overlap import Overlap, blocks
 from rso_lidar.detector.trigger import NEAR, crossed_between, first_or_near, watched_steps
 from rso_lidar.detector.waveform import Laying, Plan, Rows, expected, laid, pulse_transfer, rows_about
 from rso_lidar.records import Photons, Waveforms
@@ -97,31 +98,34 @@ def analog(
     common = float(base.min(initial=np.inf)) if len(base) else 0.0
     pixel_gain = camera.gain[rows.pixel].astype(np.float32)
 
-    blocks = [slice(first, first + _ROWS_AT_ONCE) for first in range(0, len(light), _ROWS_AT_ONCE)]
+    overlap = Overlap.of(rows)
     wait = rng is not None and gsfl.droop is not None  # the whole array decides the gain
     waiting: list[tuple[np.ndarray, np.ndarray]] = []
-    for block in blocks:
+    for block in blocks(rows, _ROWS_AT_ONCE):
         primaries[block], quiet = laid(light[block], laying, _LEAST_PRIMARIES)
         if rng is None:
             amplitude[block] = quiet * pixel_gain[block, None]
             continue
+        again = overlap.part(block)
+        again.carry(primaries[block])
         excess = primaries[block] + base[block, None]
         electrons[block] = multiply(excess, gsfl.apd, rng, base=common)
+        again.carry(electrons[block])
         excess *= -gain
         excess += electrons[block]
         if wait:
             waiting.append((quiet, excess))
         else:
-            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng)
+            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng, again)
     relative = None
     if gsfl.maps is not None:
         relative = pixel_gain[:, None]
     if wait and rng is not None:
         sag = _droop(gsfl, rows, electrons, photons, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
-        for block, (quiet, excess) in zip(blocks, waiting, strict=True):
+        for block, (quiet, excess) in zip(blocks(rows, _ROWS_AT_ONCE), waiting, strict=True):
             excess += electrons[block] * sag[block]
-            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng)
+            amplitude[block] = amplified(amplifier, quiet, excess, pixel_gain[block], rng, overlap.part(block))
     if rng is None:
         electrons = gain * primaries
     if gsfl.saturation is not None:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.amplifier import Amplifier
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.detector.noise import false_alarm_rate, noise_rms
 
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
-_AT_ONCE = 256  # traces of noise, each with a covariance of its own
+_AT_ONCE = 4096  # traces of noise, so that what is worked on stays small
 _NIL = -250.0  # log of a rate that is none
 
 
@@ -141,29 +141,58 @@ def false_traces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what is stored of noise that crosses its threshold upward at `crossing_s`: amplitudes and first samples.
 
-    Given value and slope at an upcrossing, the slope Rayleigh-distributed, Gaussian noise is their regression and a rest
-    that they say nothing about (Slepian 1963; Leadbetter, Lindgren and Rootzén 1983, chapter 10).
+    At an upcrossing the slope is Rayleigh-distributed (Slepian 1963; Leadbetter, Lindgren and Rootzén 1983, chapter 10).
+    Behind two poles, value and slope at one moment are all that noise remembers: from there it is drawn sample by sample,
+    onward and, since it looks the same in reverse, back.
     """
     readout, amplifier = gsfl.readout, gsfl.amplifier
-    pole_s, correlation = amplifier.pole_s, amplifier.correlation
+    pole_s, lag = amplifier.pole_s, readout.sample_s / amplifier.pole_s
     sigma = noise_rms(gsfl.apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
-    first = np.floor(crossing_s / readout.sample_s).astype(np.int64) - readout.pretrigger_samples
+    sample = np.floor(crossing_s / readout.sample_s)  # the last before the latch
+    since = np.clip(crossing_s / pole_s - sample * lag, 0.0, lag)
+    before, n = readout.pretrigger_samples + 1, readout.samples
     slope = rng.rayleigh(1.0, len(crossing_s))
-    white = rng.standard_normal((len(crossing_s), readout.samples))
-    amplitude = np.zeros((len(crossing_s), readout.samples), np.float32)
-    sample = np.arange(readout.samples)
-    between = _between_samples(amplifier, readout.samples, readout.sample_s)
+    amplitude = np.zeros((len(crossing_s), n), np.float32)
     for start in range(0, len(crossing_s), _AT_ONCE):
         of = slice(start, start + _AT_ONCE)
-        lag_s = (first[of, None] + sample) * readout.sample_s - crossing_s[of, None]
-        value, rise = correlation(lag_s), lag_s / pole_s * np.exp(-np.abs(lag_s) / pole_s)
-        rest = between - value[:, :, None] * value[:, None] - rise[:, :, None] * rise[:, None]
-        noise = (np.linalg.cholesky(rest) * white[of, None]).sum(axis=2)
-        amplitude[of] = threshold[of, None] * value + sigma[of, None] * (slope[of, None] * rise + noise)
-    return amplitude, first
+        level, rising, past, scale = threshold[of] / sigma[of], slope[of], since[of], sigma[of, None]
+        amplitude[of, before:] = scale * _onward(level, rising, lag - past, lag, n - before, rng)
+        amplitude[of, :before] = scale * _onward(level, -rising, past, lag, before, rng)[:, ::-1]
+    return amplitude, sample.astype(np.int64) - readout.pretrigger_samples
 
 
-@lru_cache(maxsize=8)
-def _between_samples(amplifier: Amplifier, n: int, sample_s: float) -> np.ndarray:
-    lag_s = np.subtract.outer(np.arange(n), np.arange(n)) * sample_s
-    return amplifier.correlation(lag_s) + 1e-9 * np.eye(n)  # rounding may leave what is not foretold a hair below zero
+def _onward(
+    value: np.ndarray, slope: np.ndarray, first_lag: np.ndarray, lag: float, n: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return n samples (trace, sample) of noise behind two poles that has this value and slope before them.
+
+    Time is in poles, noise of rms 1. `slope` + `value` is what comes out of the first pole, an Ornstein-Uhlenbeck process of
+    variance 2; the second follows it. `first_lag` (trace) leads to the first sample, `lag` from each to the next.
+    """
+    samples, white = np.empty((n, len(value))), rng.standard_normal((n, 2, len(value)))
+    if compiled():
+        from rso_lidar.detector.false_triggers_loops import onward
+
+        known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)
+        onward(*known, lag, white, samples)
+        return samples.T
+    between, later, halfway = gained(first_lag), gained(lag), value + slope
+    for sample, (one, other) in zip(samples, white, strict=True):
+        decay, driven, rms, with_it, alone = between
+        sample[:] = decay * value + driven * halfway + with_it * one + alone * other
+        halfway = decay * halfway + rms * one
+        value, between = sample, later
+    return samples.T
+
+
+def gained(lag: np.ndarray | float) -> tuple[np.ndarray | float, ...]:
+    """Return what a lag [poles] does to noise behind two poles, as factors: what is left, and what is new.
+
+    The decay; the first pole's share in the second; the rms that the first gains; what the second gains along with it, and
+    alone.
+    """
+    decay = np.exp(-lag)
+    rms = np.sqrt(np.maximum(-2.0 * np.expm1(-2.0 * lag), 1e-30))
+    with_it = (1.0 - decay**2 * (1.0 + 2.0 * lag)) / rms
+    value = 1.0 - decay**2 * (1.0 + 2.0 * lag + 2.0 * lag**2)
+    return decay, lag * decay, rms, with_it, np.sqrt(np.maximum(value - with_it**2, 0.0))

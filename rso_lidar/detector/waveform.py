@@ -16,6 +16,7 @@ from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Photons
 
 _AT_ONCE = 32_768  # returns, so that what is worked on stays in the cache
+_LONGEST = 4.0  # pulses: of a return that is deeper, so much about its middle is watched on either side
 _WIDEST = 1.5  # steps: a return of a deeper facet is cut into several ...
 MOST_PIECES = 4096  # ... and at most so many
 
@@ -49,7 +50,8 @@ class Plan:
 class Rows:
     """Stretches of time of pixels: row r begins at step `start` of the axis that counts from emission.
 
-    Rows are ordered by pixel and, in a pixel, by time; the comparator watches steps `first` to `last` of a row.
+    Rows are ordered by pixel and, in a pixel, by time; the comparator watches steps `first` to `last` of a row. A row that
+    goes on where the one before ends begins with the last step that was watched there: what is between two steps counts.
     """
 
     pixel: np.ndarray
@@ -70,7 +72,7 @@ def rows_about(
     """
     if compiled():
         return _rows_by_loops(photons, plan, least_photons, sure_photons)
-    half_s = np.minimum(0.5 * photons.depth_spread_s, photons.pulse_fwhm_s)  # longer, it is too thin to trigger
+    half_s = np.minimum(0.5 * photons.depth_spread_s, _LONGEST * photons.pulse_fwhm_s)
     enough = np.bincount(photons.pixel, photons.photons, n_pixels) > least_photons
     left = np.flatnonzero((photons.photons > 0.0) & enough[photons.pixel])
     if not len(left):
@@ -85,13 +87,14 @@ def rows_about(
     while len(pixel):
         group = np.flatnonzero(np.diff(pixel, prepend=-1))
         made = pixel[group]
-        begin_s = np.maximum(np.minimum.reduceat(from_s, group), covered_s[made])
-        begin = np.floor(begin_s / plan.step_s + 1e-9).astype(np.int64)
+        lit_s = np.minimum.reduceat(from_s, group)
+        goes_on = lit_s <= covered_s[made]
+        begin = np.floor(np.maximum(lit_s, covered_s[made]) / plan.step_s + 1e-9).astype(np.int64)
         # Rows begin on a sample, so that samples fall on steps.
         watched = begin // plan.steps_per_sample * plan.steps_per_sample
         pixels.append(made)
         starts.append(watched - plan.before)
-        firsts.append(begin - watched + plan.before)
+        firsts.append(begin - watched + plan.before - goes_on)
         covered_s[made] = (watched + plan.watched) * plan.step_s
         later = to_s > covered_s[pixel]
         done[made] = np.add.reduceat(np.where(later, 0.0, light), group) > sure_photons
@@ -108,7 +111,7 @@ def rows_about(
 def _rows_by_loops(photons: Photons, plan: Plan, least_photons: float, sure_photons: float) -> Rows:
     from rso_lidar.detector.waveform_loops import rows_of
 
-    longest_s, step_s = float(photons.pulse_fwhm_s), plan.step_s
+    longest_s, step_s = _LONGEST * float(photons.pulse_fwhm_s), plan.step_s
     # No return reaches into more rows than this: each but the first and last is as long as what is watched.
     most = math.ceil(2.0 * longest_s / (plan.watched * step_s)) + 3
     made = np.empty((3, most * len(photons.pixel)), np.int64)

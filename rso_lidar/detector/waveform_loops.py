@@ -52,6 +52,8 @@ def rows_of(
             begin = math.floor(max(begin_s, covered_s) / step_s + 1e-9)
             watched = begin // per_sample * per_sample  # rows begin on a sample, so that samples fall on steps
             made[0, n_rows], made[1, n_rows], made[2, n_rows] = pixel[first], watched - before, begin - watched + before
+            if begin_s <= covered_s:  # goes on from the last step that was watched
+                made[2, n_rows] -= 1
             n_rows += 1
             ends_s = (watched + watched_steps) * step_s
             more, light = False, 0.0

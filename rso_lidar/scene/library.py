@@ -92,7 +92,7 @@ def models() -> dict[str, ModelEntry]:
     """Return every model of the catalogue by name.
 
     >>> sorted(models())
-    ['cubesat_3u', 'juno', 'plate', 'rocket_body', 'sphere', 'tdrs']
+    ['cubesat_3u', 'dawn', 'juno', 'lro', 'plate', 'rocket_body', 'rosetta', 'sphere', 'stardust', 'suomi_npp', 'tdrs']
     """
     return dict(_shipped_models())
 

@@ -38,7 +38,7 @@ _LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
 _REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
 _PHASES = 8  # of the clock, over which precision is averaged
 _FASTEST = 200.0  # of an amplifier's pole in a pulse's length
-_STRETCHES = 32  # depths told apart for each factor of two
+_STRETCHES = 128  # depths told apart in a pulse's length, and for each factor of two beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +107,10 @@ def false_alarms_before(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.n
 
 
 def _stretches(depth_s: np.ndarray, fwhm_s: float) -> np.ndarray:
-    """Return depths [s] (return) rounded to a few per cent of themselves; to none, far below the pulse's length."""
-    known = np.maximum(depth_s, 0.02 * fwhm_s) / fwhm_s
-    rounded = fwhm_s * 2.0 ** (np.round(_STRETCHES * np.log2(known)) / _STRETCHES)
-    stretches: np.ndarray = np.where(depth_s > 0.02 * fwhm_s, rounded, 0.0)
+    """Return depths [s] (return) rounded to 1/128 of the pulse's length, longer ones to half a per cent of themselves."""
+    known = depth_s / fwhm_s
+    longer = 2.0 ** (np.round(_STRETCHES * np.log2(np.maximum(known, 1.0))) / _STRETCHES)
+    stretches: np.ndarray = fwhm_s * np.where(known < 1.0, np.round(_STRETCHES * known) / _STRETCHES, longer)
     return stretches
 
 
@@ -186,7 +186,7 @@ class _Response:
         return found
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=1024)
 def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
     """Return what a pulse of these taps, stretched evenly over `stretch_s` [s], becomes behind the amplifier."""
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rso_lidar import arithmetic
 from rso_lidar.detector.chain import analog, armed, latched
 from rso_lidar.detector.false_triggers import crossings, false_traces, first_crossings, first_false_s, rates_per_s
+from rso_lidar.detector.false_triggers_loops import onward
 from rso_lidar.detector.gsfl import Gsfl
 from rso_lidar.detector.waveform import rows_about
 from tests.detector.returns_for_tests import nothing, returns
@@ -195,6 +197,44 @@ def test_far_from_the_latch_it_is_plain_noise():
         values = amplitude[:, sample].astype(float)
         assert abs(values.mean()) < 4.0 * sigma / math.sqrt(n) + 0.003 * 5300.0
         assert abs(values.std() / sigma - 1.0) < 4.0 / math.sqrt(2.0 * n)
+
+
+@pytest.mark.parametrize("path", arithmetic.CHOICES)
+@pytest.mark.parametrize("phase", [0.0, 1e-4, 0.37, 0.999])
+def test_the_law_of_a_trace_is_that_of_noise_given_a_crossing(path, phase):
+    """Slepian's regression on value and slope, and the rest's covariance, worked out as matrices; 5 standard errors.
+
+    Mean T r + σ (π/2)^½ s, covariance σ² (R − r rᵀ − s sᵀ + (2 − π/2) s sᵀ), with s = −τ r', whose factor is Rayleigh's.
+    """
+    n, part = 20_000, EASY
+    crossing_s = np.full(n, (500.0 + phase) * part.readout.sample_s)
+    base = np.full(n, part.apd.dark_electrons_per_s)
+    with arithmetic.using(path):
+        amplitude, first = false_traces(part, crossing_s, np.full(n, 5300.0), base, np.random.default_rng(16))
+    assert np.all(first == 492)
+    lag = (first[0] + np.arange(20)) * part.readout.sample_s - crossing_s[0]
+    r, s = part.amplifier.correlation(lag), lag / part.amplifier.pole_s * np.exp(-np.abs(lag) / part.amplifier.pole_s)
+    sigma = part.noise_electrons
+    between = part.amplifier.correlation(np.subtract.outer(lag, lag))
+    covariance = between - np.outer(r, r) + (1.0 - 0.5 * math.pi) * np.outer(s, s)
+    mean = 5300.0 / sigma * r + math.sqrt(0.5 * math.pi) * s
+    drawn = amplitude.astype(float) / sigma
+    rms = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5.0 * rms / math.sqrt(n) + 1e-6)
+    error = np.sqrt((np.outer(rms, rms) ** 2 + covariance**2) / n)
+    assert np.all(np.abs(np.cov(drawn.T) - covariance) < 5.0 * error + 1e-6)
+
+
+def test_both_paths_draw_the_same_traces():
+    """Rounding alone: float64, in terms that do not cancel but where samples nearly meet the latch."""
+    drawn = []
+    for path in arithmetic.CHOICES:
+        with arithmetic.using(path):
+            drawn += [traces(300), traces(7, samples=256, sample_ns=0.3)]
+    for (_, one, _), (_, other, _) in zip(drawn[:2], drawn[2:], strict=True):
+        assert one.dtype == other.dtype == np.float32 and one.shape == other.shape
+        assert np.abs(one - other).max() < 1e-3
+    assert len(onward.signatures) == 1
 
 
 def test_hot_pixels_fire_more():

@@ -74,7 +74,10 @@ def test_factors_and_lateness():
 
 
 def test_rows_cover_every_return_once():
-    """Near each other or far apart: what could latch on a return is watched, and no moment of a pixel is watched twice."""
+    """Near each other or far apart: what could latch on a return is watched, and no moment of a pixel is watched twice.
+
+    Only the seam is: a row that goes on from another begins with the last step watched there.
+    """
     rng = np.random.default_rng(1)
     pixel = np.sort(rng.integers(0, 50, 400))
     range_m = rng.choice([100.0, 1000.0, 4000.0], 400) + rng.choice([0.0, 5.0, 12.0], 400) * rng.random(400)
@@ -84,7 +87,7 @@ def test_rows_cover_every_return_once():
     assert len(rows.pixel) > 50  # some pixels have several
     begin, end = rows.start + rows.first, rows.start + rows.last
     same = np.flatnonzero(np.diff(rows.pixel) == 0)
-    assert np.all(begin[same + 1] >= end[same])
+    assert np.all(begin[same + 1] >= end[same] - 1) and np.any(begin[same + 1] == end[same] - 1)
     half_s = 0.5 * photons.depth_spread_s
     for k in range(400):
         of = rows.pixel == pixel[k]
@@ -95,7 +98,7 @@ def test_rows_cover_every_return_once():
         )
         assert np.isin(needed, watched).all()
     # A latch at any watched step finds all its samples in the row.
-    assert np.all(rows.first >= PLAN.before) and np.all(rows.last + PLAN.after <= rows.length)
+    assert np.all(rows.first >= PLAN.before - 1) and np.all(rows.last + PLAN.after <= rows.length)
 
 
 def test_dark_returns_make_no_rows():

@@ -52,11 +52,11 @@ def noise_covariance(n, sample_s, tau_s):
     return (1 + x) * np.exp(-x)
 
 
-def amplitudes(part, photons, fwhm_s, n, seed, step_s, span_s):
+def amplitudes(part, photons, fwhm_s, n, seed, step_s, span_s, depth_s=0.0):
     """Return times [s] about a pulse's middle and what n amplifiers give [electrons], noise of all kinds included.
 
-    In pieces of 1000 rows (row, step); every primary is a pulse of its own: x(t) = sum of gain x width x h(t - t_i) with
-    h(t) = t / tau^2 exp(-t / tau).
+    A surface spreads the pulse evenly over `depth_s`. In pieces of 1000 rows (row, step); every primary is a pulse of its
+    own: x(t) = sum of gain x width x h(t - t_i) with h(t) = t / tau^2 exp(-t / tau).
     """
     rng = np.random.default_rng(seed)
     tau, width = pole_s(part.amplifier.bandwidth_mhz * 1e6), part.amplifier.integration_ns * 1e-9
@@ -64,7 +64,9 @@ def amplitudes(part, photons, fwhm_s, n, seed, step_s, span_s):
     t = np.arange(-settle, math.ceil((span_s[1] - span_s[0]) / step_s)) * step_s + span_s[0]
     # A Gaussian of peak 1 has the area FWHM sqrt(pi / (4 ln 2)).
     area = fwhm_s / step_s * math.sqrt(math.pi / (4 * math.log(2)))
-    light = part.quantum_efficiency * photons * np.exp(-4 * math.log(2) * (t / fwhm_s) ** 2) / area
+    late_s = depth_s * ((np.arange(200) + 0.5) / 200 - 0.5) if depth_s else np.zeros(1)
+    bell = np.exp(-4 * math.log(2) * (np.subtract.outer(t, late_s) / fwhm_s) ** 2).mean(axis=1)
+    light = part.quantum_efficiency * photons * bell / area
     dark = part.apd.dark_current_na * 1e-9 / CHARGE_C * step_s
     number, p = single_gain(part.apd.gain, part.apd.ionisation_ratio)
     gains = number[np.searchsorted(np.cumsum(p), (np.arange(2**20) + 0.5) / 2**20)].astype(np.float32)
@@ -81,17 +83,18 @@ def amplitudes(part, photons, fwhm_s, n, seed, step_s, span_s):
         yield t[settle:], width * signal.lfilter(top, low, electrons, axis=1)[:, settle:]
 
 
-def peaks(part, photons, fwhm_s, n, seed):
+def peaks(part, photons, fwhm_s, n, seed, depth_s=0.0):
     """Return the greatest amplitude [electrons] that each of n comparators sees of a pulse."""
-    span_s = (-1.5 * fwhm_s, 1.5 * fwhm_s)
-    return np.concatenate([x.max(axis=1) for _, x in amplitudes(part, photons, fwhm_s, n, seed, 1e-10, span_s)])
+    half_s = 1.5 * fwhm_s + 0.5 * depth_s
+    pieces = amplitudes(part, photons, fwhm_s, n, seed, 1e-10, (-half_s, half_s), depth_s)
+    return np.concatenate([x.max(axis=1) for _, x in pieces])
 
 
-def detected(part, photons, fwhm_s, n, seed):
+def detected(part, photons, fwhm_s, n, seed, depth_s=0.0):
     """Return the share of n pixels whose comparator fires, thresholds spread from pixel to pixel."""
     spread = part.trigger.threshold_spread_fraction * np.random.default_rng(seed + 1).standard_normal(n)
     threshold = part.trigger.threshold_electrons * (1 + spread)
-    return float(np.mean(peaks(part, photons, fwhm_s, n, seed) >= threshold))
+    return float(np.mean(peaks(part, photons, fwhm_s, n, seed, depth_s) >= threshold))
 
 
 def discrete_upcrossings_per_s(sigmas, step_s, tau_s):

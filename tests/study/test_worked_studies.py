@@ -1,11 +1,15 @@
 """The worked studies under examples/studies run, and say what their pages say."""
 
+import re
 import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
+from rso_lidar.study.trade_asked import Study
+from rso_lidar.study.trading import plan_of
 
 STUDIES = Path(__file__).resolve().parents[2] / "examples" / "studies"
 
@@ -25,6 +29,23 @@ def test_the_widest_beam_detects_at_its_range_and_no_farther(divergence):
     beam_deg = divergence["widest_deg"](lidar, 10_000.0, None)
     assert beam_deg == pytest.approx(0.751, abs=0.002)  # as divergence.md says
     assert divergence["reach_m"](lidar, beam_deg, None) == pytest.approx(10_000.0, rel=2e-3)
+
+
+def test_the_trade_says_what_its_page_says():
+    """Two rows of the page, flown again: to the digits that are printed there."""
+    lines = (STUDIES / "trade_lens.md").read_text(encoding="utf-8").splitlines()
+    told = {int(cells[1]): cells[2:-1] for line in lines if re.match(r"\| \d", line) for cells in [line.split("|")]}
+    plan, _ = plan_of(Study.load(STUDIES / "trade_lens.toml"))
+    assert len(told) == 10
+    for row in (34, 14):
+        merits = plan.row(row)["merits"]
+        beam, lens, energy, photons, pixels, share, error_m, rms_m = (cell.strip(" %") for cell in told[row])
+        assert [float(text) for text in plan.settings(row).values()] == [float(beam), float(lens), float(energy)]
+        assert float(photons) == pytest.approx(merits["photons_per_pixel"], abs=0.51)
+        assert float(pixels) == pytest.approx(merits["returns_on_target"], abs=0.051)
+        assert float(share) == pytest.approx(100.0 * merits["detection_fraction"], abs=0.051)
+        assert float(error_m) == pytest.approx(merits["range_error_m"], abs=0.00051)
+        assert float(rms_m) == pytest.approx(merits["range_rms_m"], abs=0.00051)
 
 
 def test_silhouettes_are_those_of_the_shape(monkeypatch):

@@ -1,0 +1,57 @@
+"""Rows of a pixel that overlap in time hold one record of noise: what one row has drawn, the next does not draw again.
+
+Were it drawn anew, a return that reaches from one row into the next would have a chance to trigger in each.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rso_lidar.arithmetic import compiled
+from rso_lidar.detector.waveform import Rows
+
+
+class Overlap(NamedTuple):
+    """Rows that go on from the row before: their first `shared` steps are those `lag` steps later there.
+
+    Those reach to the step after the last that the comparator watched: what has been decided stays so, and what comes later
+    is drawn. Rows that are the first of their pixel, or far from the one before, are not among them.
+    """
+
+    row: np.ndarray
+    lag: np.ndarray
+    shared: np.ndarray
+
+    @staticmethod
+    def of(rows: Rows) -> "Overlap":
+        """Return which rows go on from another, and how."""
+        row = np.flatnonzero(rows.pixel[1:] == rows.pixel[:-1]) + 1
+        lag = rows.start[row] - rows.start[row - 1]
+        shared = np.minimum(rows.last[row - 1] + 1, rows.length) - lag
+        some = shared > 0
+        return Overlap(row[some], lag[some], shared[some])
+
+    def part(self, block: slice) -> "Overlap":
+        """Return that of some rows, counted from the first of them, which must be the first of a pixel."""
+        first, last = np.searchsorted(self.row, (block.start, block.stop))
+        return Overlap(self.row[first:last] - block.start, self.lag[first:last], self.shared[first:last])
+
+    def carry(self, drawn: np.ndarray) -> None:
+        """Write over what was drawn (row, step; 32 bits each) where the row before has drawn it already."""
+        if not len(self.row):
+            return
+        if not compiled():
+            for row, lag, shared in zip(*self, strict=True):
+                drawn[row, :shared] = drawn[row - 1, lag : lag + shared]
+            return
+        from rso_lidar.detector.overlap_loops import carry
+
+        carry(drawn.view(np.uint32), *self)
+
+
+def blocks(rows: Rows, at_once: int) -> list[slice]:
+    """Return slices of about so many rows, each of which begins with the first of a pixel."""
+    pixel = rows.pixel
+    edges = np.unique([*np.searchsorted(pixel, pixel[::at_once]), len(pixel)]).astype(int)
+    return [slice(a, b) for a, b in pairwise(edges.tolist())]
