@@ -50,7 +50,7 @@ app.command("plot")(plot.plot)
 app.command("track")(track.track)
 app.command("animate")(animate.animate)
 app.command("view")(view.view)
-app.command("models")(models.models)
+app.add_typer(models.app, name="models")
 app.command("schema")(schema.schema)
 
 

@@ -36,10 +36,9 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
             )
     else:
         entry = model(target.model)
-        path = entry.path
         if target.material is None:
             own = {part: Named(name=name) for part, name in entry.parts.items()}
-    mesh = load_mesh(path)
+    mesh = entry.mesh if entry else load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
         x, y, z = entry.center_of_mass_m
