@@ -196,7 +196,7 @@ def measured(frames: int, folder: Path) -> Iterator[tuple[str, str]]:
     yield "resumed run", f"exit {ended}; `info --follow`, exit {followed}"
     total_s = first.second[-1] + second.second[-1]
     yield "frames/s while flying, before and after", f"{first.rate_hz:.0f} and {second.rate_hz:.0f}"
-    yield "all of it", f"{total_s / 60.0:.1f} min for {frames / RATE_HZ / 60.0:.0f} min flown"
+    yield "all of it", f"{total_s / 60.0:.1f} min for {frames / RATE_HZ / 60.0:.1f} min flown"
     for word, seen in (("first", first), ("second", second)):
         early, late = seen.halves_mb()
         yield f"memory of the {word} run, a tenth of the way and at the end", f"{early:.0f} and {late:.0f} MB"
@@ -220,4 +220,5 @@ def run(*, quick: bool, frames: int | None = None) -> Findings:
     """Return the table of the long run."""
     with tempfile.TemporaryDirectory() as folder:
         rows = list(measured(frames or (2_000 if quick else FRAMES), Path(folder)))
-    return Findings({"orbit": table(("an orbit at 20 Hz", "measured"), rows)})
+    of = "" if (frames or FRAMES) == FRAMES and not quick else f", its first {frames or 2_000:,} frames"
+    return Findings({"orbit": table((f"an orbit at 20 Hz{of}", "measured"), rows)})
