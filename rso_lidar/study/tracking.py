@@ -1,7 +1,7 @@
 """Reference trackers run on a recording, from its points and the model mesh that it names, with their errors against truth.
 
-A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's) and its own
-orbit. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
+A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's), its own
+orbit and its own burns. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
 from rso_lidar.records import Frame, Source
 from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.study.burns import known_burns
 from rso_lidar.study.recorded import scenario_of, surfaces_of
 from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
 
@@ -102,6 +103,7 @@ def tracking(
     wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
     rows = [_row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in frames]
     time_s = np.array([row.time_s for row in rows])
+    burns = known_burns(scenario, time_s)
     table = _table(rows, model)
     tracks = {}
     for kind, mean_motion in _models(frames[0], local=scenario.local).items():
@@ -111,6 +113,7 @@ def tracking(
             np.array([row.spread_m2(kind) for row in rows]),
             mean_motion_rad_s=mean_motion,
             acceleration_m_s2_rthz=acceleration_m_s2_rthz,
+            kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
         table |= _errors(kind, made, rows)
     return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz)
@@ -179,6 +182,10 @@ class _Row:
     def lidar_from(self, kind: str) -> Rotation:
         """Return how a filter's axes are turned into the lidar's."""
         return (self.turns[kind] * self.seat.rotation).inv()
+
+    def from_rtn(self, kind: str) -> Rotation:
+        """Return how the follower's rtn axes are turned into a filter's."""
+        return self.turns[kind] * self.turns["cw"].inv()
 
     def place_m(self, kind: str) -> np.ndarray:
         """Return the measured position (xyz) [m] from the follower's origin in a filter's axes; NaN without one."""

@@ -21,7 +21,7 @@ def divergence():
 
 
 def test_each_budget_study_has_its_page():
-    for name in ("classify", "divergence"):
+    for name in ("classify", "divergence", "tumbling"):
         assert (STUDIES / f"{name}.py").is_file() and (STUDIES / f"{name}.md").is_file()
 
 
@@ -66,3 +66,20 @@ def test_the_seven_are_asked_about_and_a_folder_of_meshes_where_one_is_given():
     assert row["worst_m"] <= row["mean_m"] <= row["best_m"] < row["light_m"]
     assert row["silhouette_m2"] < row["box_m2"] * 1.05
     assert 50 < row["detected"] < 200
+
+
+def test_the_approach_to_a_tumbling_stage_is_the_one_that_is_told(tmp_path):
+    study = runpy.run_path(str(STUDIES / "tumbling.py"), run_name="study")
+    table, nis = study["flown"](study["ZOOM"], 0.01)
+    rows = study["bands"](table)
+    assert sum(row["frames"] for row in rows) == 27.0  # the bands hold all of it
+    assert table["true_range_m"][0] == pytest.approx(2000.0, rel=1e-3)
+    assert table["true_range_m"][-1] == pytest.approx(50.0, rel=0.1)
+    for row in rows:
+        assert -3.4 < row["ahead"] < -0.8  # half a diameter, to half of what a slanted stage hides behind it
+        assert row["cw_error"] < 1.0 < row["centroid_error"]  # the shape is known, and so are the burns
+    assert nis["cw"] < 5.0 < nis["cv"]
+    assert rows[0]["fewest"] < 100 < rows[-1]["fewest"]  # the zoom keeps the stage in the field
+    picture = study["save_figure"](study["figure"]({"zoom": table, "again": table}), tmp_path / "t.png")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "camera zoom; NIS" in study["told"]("zoom", table, nis)
