@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import dataset, growth, peers, report, stages, startup, workers
+from benchmarks import dataset, growth, orbit, peers, report, stages, startup, workers
 from benchmarks.report import HEADER, Findings, table
 
-PARTS = ("stages", "peers", "dataset", "workers", "startup", "growth")
+PARTS = ("stages", "peers", "dataset", "workers", "startup", "growth", "orbit")
 
 
 def main() -> None:
@@ -24,7 +24,7 @@ def main() -> None:
     )
     parser.add_argument("--write", type=Path, metavar="PAGE", help="put the tables between the markers of a page")
     parser.add_argument(
-        "--frames", type=int, metavar="N", help=f"follow memory over so many frames ({growth.FRAMES:,} by default)"
+        "--frames", type=int, metavar="N", help=f"so many in growth ({growth.FRAMES:,}) and orbit ({orbit.FRAMES:,})"
     )
     chosen = parser.parse_args()
     pictures = chosen.write.parent / "pictures" if chosen.write else None
@@ -35,6 +35,7 @@ def main() -> None:
         "workers": lambda: workers.run(quick=chosen.quick),
         "startup": lambda: startup.run(quick=chosen.quick),
         "growth": lambda: growth.run(quick=chosen.quick, frames=chosen.frames, pictures=pictures),
+        "orbit": lambda: orbit.run(quick=chosen.quick, frames=chosen.frames),
     }
     print(report.machine())
     found = Findings()

@@ -1,4 +1,4 @@
-"""Draw the figures of the instrument, orbits and studies pages: ``python docs/figures.py`` writes docs/pictures/.
+"""Draw the figures of the instrument, orbits, studies and models pages: ``python docs/figures.py`` writes docs/pictures/.
 
 It takes a minute or two on one core. Every curve of the instrument is what the detector's chain makes of a plate on the
 bench, with fixed seeds; nothing is drawn from a formula but what says so. A name or two on the command line draws these
@@ -28,8 +28,11 @@ from rso_lidar.detector.trial import Trial, plate, trial
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.scale import nice_down
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.hill import clohessy_wiltshire
+from rso_lidar.scenario.surfaces import surface_of
+from rso_lidar.scene.portrait import portrait
 from rso_lidar.study.timeline import course
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
@@ -580,6 +583,71 @@ def link_budget() -> Any:
     return rl.budget(scenario, materials=[0.3, "white_paint", "black_paint"], tilt_deg=[0, 45]).figure()
 
 
+SHAPE_FROM = {  # where a model is looked at from; the others from ahead, the right and above
+    "tdrs": (0.5, -1.1, 0.8),
+    "juno": (0.6, -0.9, 0.9),
+    "envisat": (-0.8, 1.0, -0.55),
+    "zenit_stage": (-1.0, -1.2, 0.6),
+    "rocket_body": (-1.0, -1.2, 0.6),
+    "capsule": (0.7, -1.0, 0.6),
+    "debris_plate": (1.0, -1.2, -0.9),
+    "plate": (1.0, 0.7, 0.4),
+}
+SHAPE_PIXELS = (264, 198)  # of one model's picture
+
+
+def _shape(name: str) -> tuple[np.ndarray, float]:
+    """Return a model as an image (row, col, rgb), parts in the colour of their material, and its width [m]."""
+    from PIL import Image
+
+    entry, known = rl.scene.library.model(name), rl.scene.library.materials()
+    surface = surface_of(rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9)
+    toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7))) / np.linalg.norm(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
+    view = portrait(surface, tuple(toward.tolist()), (0.0, 0.0, 1.0), cells=1200)
+    right = np.cross((0.0, 0.0, 1.0), toward) / math.hypot(toward[0], toward[1])
+    lamp = 0.70 * toward - 0.45 * right + 0.55 * np.cross(toward, right)
+    facing = np.einsum("i,irc->rc", lamp, np.stack([surface.planes[axis][view.facet] for axis in range(3)]))
+    shade = 0.33 + 0.20 * view.cosine + 0.60 * np.clip(facing, 0.0, 1.0)
+    colours = np.array([known[entry.parts[part]]["display_rgb"] for part in surface.mesh.part_names])
+    rgb = np.clip(colours[surface.part[view.facet]] ** 0.8 * shade[..., None], 0.0, 1.0)
+    image = np.where(view.covered[..., None], 255.0 * rgb, 255.0).astype(np.uint8)
+    rows, cols = (np.flatnonzero(view.covered.any(axis=axis)) for axis in (1, 0))
+    wide, high = SHAPE_PIXELS
+    times = 1.06 * max((cols[-1] - cols[0] + 1) / wide, (rows[-1] - rows[0] + 1) / high)  # cells to a pixel
+    left, top = 0.5 * (cols[0] + cols[-1] - times * wide), 0.5 * (rows[0] + rows[-1] - times * high)
+    padded = Image.fromarray(np.pad(image, ((1200, 1200), (1200, 1200), (0, 0)), constant_values=255))
+    window = (1200 + left, 1200 + top, 1200 + left + times * wide, 1200 + top + times * high)
+    small = np.asarray(padded.resize(SHAPE_PIXELS, Image.Resampling.BOX, box=window))
+    return small // 8 * 8 + small // 32, times * wide * view.cell_m  # fewer colours, a smaller file
+
+
+def models() -> Any:
+    """Every shipped model from one side, with a bar of its own scale."""
+    names = list(rl.scene.library.models())
+    columns = 5
+    rows = -(-len(names) // columns)
+    figure = new_figure(
+        2.3 * columns,
+        2.05 * rows + 0.7,
+        "The shipped models",
+        "each at its own scale; parts in the display colour of their material",
+    )
+    for k, name in enumerate(names):
+        axes = figure.add_subplot(rows, columns, k + 1)
+        image, width_m = _shape(name)
+        axes.imshow(image, interpolation="none")
+        axes.set_axis_off()
+        axes.set_title(name, fontsize=9.5, color=hexed(INK), pad=2)
+        bar_m = nice_down(0.35 * width_m)
+        wide, high = SHAPE_PIXELS
+        axes.plot(
+            [4, 4 + bar_m / width_m * wide], [high - 3, high - 3], color=hexed(INK), lw=1.5, solid_capstyle="butt"
+        )
+        text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
+        axes.text(4, high - 8, text, fontsize=8, color=hexed(QUIET), va="bottom")
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "counts": counts,
     "detection": detection,
@@ -592,6 +660,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,
     "link_budget": link_budget,
+    "models": models,
 }
 
 

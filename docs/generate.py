@@ -22,6 +22,8 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.export import hdf5_layout
+from rso_lidar.study.merits import MERITS
+from rso_lidar.study.trade_asked import Study
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
@@ -35,6 +37,7 @@ UNITS = {
 }  # fmt: skip
 UNITS_BY_NAME = {
     "counts_per_photon": "counts/photon", "electrons_per_count": "electrons/count", "adc_bits": "bits",
+    "low": "the field's", "high": "the field's",
 }  # fmt: skip
 
 
@@ -45,6 +48,8 @@ def pages() -> dict[Path, str]:
         "records.md": {"records": record_tables(), "layout": file_layout()},
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
+        "studies.md": {"merits": merits(), "study keys": study_keys()},
+        "models.md": {"models": shipped_models(), "sources": model_sources()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -118,8 +123,12 @@ def _parts(annotation: Any) -> list[type[part.Part]]:
 
 def scenario_keys() -> str:
     """Return a section with a table of keys for each part of a scenario."""
-    found, meanings = sections(), _meanings()["keys"]
-    _complete(found, meanings)
+    found = sections()
+    _complete({**found, **_study_sections()}, _meanings()["keys"])
+    return _key_tables(found)
+
+
+def _key_tables(found: dict[type[part.Part], Section]) -> str:
     lines = []
     for cls, section in found.items():
         lines += [f"{'#' * section.level} {section.title}", ""]
@@ -163,6 +172,8 @@ def _meaning(cls: type[part.Part], name: str) -> str:
 
 
 def _type(field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
+    if field.description:
+        return str(field.description)
     parts = _parts(field.annotation)
     if parts:
         links = ", ".join(f"[{_word(each)}](#{_anchor(found[each].title)})" for each in parts)
@@ -262,6 +273,26 @@ def _toml(value: Any) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_toml(inner) for inner in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# ------------------------------------------------------------------------------------------------- studies.md
+
+
+def _study_sections() -> dict[type[part.Part], Section]:
+    found: dict[type[part.Part], Section] = {Study: Section("the study file", 4, [], False)}
+    _collect(Study, "", 4, found)
+    return found
+
+
+def study_keys() -> str:
+    """Return a section with a table of keys for each part of a trade study."""
+    return _key_tables(_study_sections())
+
+
+def merits() -> str:
+    """Return what each figure of merit of a trade is."""
+    rows = [(f"`{merit.name}`", merit.unit, merit.better, merit.needs, merit.meaning) for merit in MERITS.values()]
+    return _table(("figure of merit", "unit", "better", "needs", "what it is"), rows)
 
 
 # -------------------------------------------------------------------------------------------------- records.md
@@ -443,6 +474,40 @@ def presets() -> str:
 
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)
+
+
+def shipped_models() -> str:
+    """Return the models by class: what each is, its place in the taxonomy, size, facets and how it turns."""
+    rows = []
+    for name, entry in rl.scene.library.models().items():
+        of = entry.taxonomy
+        low, high = of.rate_deg_s
+        turns = of.stabilisation.replace("_", " ") + (f", {low:g} to {high:g}" if high else "")
+        size = " × ".join(f"{side:.3g}" for side in entry.size_m)
+        rows.append(
+            (
+                f"`{name}`",
+                entry.what,
+                f"{of.object_class}, {of.shape_family}, {of.size_class}",
+                size,
+                turns,
+                f"{entry.facets:,}",
+            )
+        )
+    return _table(("model", "what it is", "class, shape, size class", "size [m]", "turns [deg/s]", "facets"), rows)
+
+
+def model_sources() -> str:
+    """Return where the figures of each model come from, what of it is a guess, and its axes."""
+    told = []
+    for name, entry in rl.scene.library.models().items():
+        hinges = "; ".join(f"`{hinge.name}` turns {', '.join(f'`{p}`' for p in hinge.parts)}" for hinge in entry.hinges)
+        told.append(
+            f"- **`{name}`**. Axes: {entry.axes}. Estimated mass {entry.mass_kg:,.4g} kg. "
+            + (f"Hinges: {hinges}. " if hinges else "")
+            + f"*Source:* {entry.source.removesuffix('.')}. *Confidence:* {entry.confidence.removesuffix('.')}."
+        )
+    return "\n".join(told)
 
 
 def _is_a_value(field: Any) -> bool:

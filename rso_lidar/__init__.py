@@ -150,6 +150,8 @@ from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
 from rso_lidar.study.tracking import Tracking, tracking
+from rso_lidar.study.trading import Trade, trade
+from rso_lidar.study.viewing import view
 
 __version__ = _version("rso-lidar")
 
@@ -275,6 +277,7 @@ __all__ = [
     "Tle",
     "TrackPoint",
     "Tracking",
+    "Trade",
     "Trigger",
     "Truth",
     "Tumble",
@@ -296,5 +299,7 @@ __all__ = [
     "timeline",
     "track",
     "tracking",
+    "trade",
     "units",
+    "view",
 ]

@@ -9,6 +9,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -53,6 +54,12 @@ class Processes:
     ) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._folder.cleanup()
+
+    def abandon(self) -> None:
+        """End the processes without waiting for what they are at."""
+        for process in list(getattr(self._pool, "_processes", None) or ()):
+            with suppress(OSError):
+                os.kill(process, signal.SIGTERM)
 
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Return the future result of the function, called with what is given."""

@@ -26,6 +26,14 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def no_library(tmp_path_factory):
+    """Let no test see the models that whoever runs it keeps in a library of their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RSO_LIDAR_MODELS", str(tmp_path_factory.mktemp("library") / "none"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def no_network():
     """Refuse every connection that leaves the machine, or could: only unix sockets connect."""
     with pytest.MonkeyPatch.context() as patch:

@@ -1,12 +1,12 @@
 """How far can the seed's camera classify? Its network needs some 100 pixels on the target (the paper's section 5, fig. 17).
 
-With RSO_LIDAR_SHARED naming a folder that holds `meshes`, the paper's seven spacecraft; without, those that are shipped.
+The paper's seven spacecraft, as they are shipped; given a folder of meshes of the same names, those.
 `python examples/studies/classify.py` prints the table; classify.md reads it.
 """
 
 import datetime
 import math
-import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +17,14 @@ from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library import model
 
 SEVEN = ("dawn", "juno", "lro", "rosetta", "stardust", "suomi_npp", "tdrs")
-SHIPPED = ("cubesat_3u", "juno", "rocket_body", "tdrs")
 NEEDED = 100.0  # pixels
 ATTITUDES = 40
 CAMERA = rl.Lidar(preset="gsfl_1064")
 
 
-def craft() -> dict[str, str]:
-    """Return the models to ask about by name: mesh files, or names of the catalogue."""
-    folder = Path(os.environ.get("RSO_LIDAR_SHARED", "")) / "meshes"
-    found = {name: folder / f"{name}.stl" for name in SEVEN}
-    if os.environ.get("RSO_LIDAR_SHARED") and all(file.is_file() for file in found.values()):
-        return {name: str(file) for name, file in found.items()}
-    return {name: name for name in SHIPPED}
+def craft(folder: str | None = None) -> dict[str, str]:
+    """Return the models to ask about by name: names of the catalogue, or the mesh files of a folder."""
+    return {name: name if folder is None else str(Path(folder) / f"{name}.stl") for name in SEVEN}
 
 
 def scene_of(mesh: str, range_m: float, attitude: Any, seed: int = 1) -> rl.Scenario:
@@ -116,7 +111,7 @@ def study(models: dict[str, str], attitudes: int = ATTITUDES) -> list[dict[str, 
 if __name__ == "__main__":
     print("                     silhouette [m²]   range of 100 pixels [m]          light   pixels that")
     print("craft       size [m]   mean     box   worst    mean    best     box      [m]   report there")
-    for row in study(craft()):
+    for row in study(craft(*sys.argv[1:2])):
         print(
             "{craft:<11}{longest_m:9.1f}{silhouette_m2:7.1f}{box_m2:8.1f}{worst_m:8.0f}{mean_m:8.0f}{best_m:8.0f}"
             "{box_range_m:8.0f}{light_m:9.0f}{detected:15.0f}".format(**row)

@@ -19,7 +19,9 @@ from rso_lidar.cli import (
     schema,
     timeline,
     track,
+    trade,
     truth,
+    view,
 )
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
@@ -38,6 +40,7 @@ app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("truth")(truth.truth)
 app.command("timeline")(timeline.timeline)
+app.command("trade")(trade.trade)
 app.command("catalog")(catalog.catalog)
 app.command("encounters")(encounters.encounters)
 app.command("run")(run.run)
@@ -46,7 +49,8 @@ app.command("info")(info.info)
 app.command("plot")(plot.plot)
 app.command("track")(track.track)
 app.command("animate")(animate.animate)
-app.command("models")(models.models)
+app.command("view")(view.view)
+app.add_typer(models.app, name="models")
 app.command("schema")(schema.schema)
 
 

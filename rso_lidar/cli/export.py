@@ -66,8 +66,7 @@ def export(
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
-        places = _places(read, frames)
-        chosen = files.Frames(read, places)
+        chosen = files.Frames(read, places(read, frames))
         options: dict[str, Any] = {"target": target, "lidar_in_target": lidar_in_target}
         if wanted.name == "oem":
             _oem(to, chosen, target, overwrite)
@@ -86,7 +85,7 @@ def export(
         typer.echo(_said(to, wanted, len(chosen), len(read)))
 
 
-def _places(read: files.Recording, frames: str | None) -> list[int]:
+def places(read: files.Recording, frames: str | None) -> list[int]:
     """Return which frames of a recording are wanted."""
     numbers = read.frame_index[:]
     if not numbers.size:
@@ -110,9 +109,15 @@ def _told(frames: Sequence[Frame], bar: Any) -> Iterator[Frame]:
 
 def _said(to: Path, wanted: Format, count: int, held: int) -> str:
     kept = f"{count} frames" if count == held else f"{count} of {held} frames"
-    size = sum(file.stat().st_size for file in to.rglob("*") if file.is_file()) if to.is_dir() else to.stat().st_size
+    size = held_bytes(to)
     text = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     return f"written     {to} ({wanted.name}, {kept}, {text}); lost: {wanted.loses}"
+
+
+def held_bytes(path: Path) -> int:
+    """Return the size of a file, or of all files in a folder."""
+    files_in = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files_in if file.is_file())
 
 
 # ------------------------------------------------------------------------------- what asks for time scales and the Earth

@@ -6,6 +6,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export
+from rso_lidar.cli.export import held_bytes
 from rso_lidar.cli.info_follow import follow
 from rso_lidar.cli.plot import RecordingFile
 from rso_lidar.errors import RecordingError
@@ -34,7 +35,7 @@ def info(
         raise RecordingError("--every and --timeout: are for --follow; add it, or leave them out")
     with export.open(recording) as frames:
         source, count = frames.source, len(frames)
-        size_mb = recording.stat().st_size / 1e6
+        size_mb = held_bytes(recording) / 1e6
         state = "complete" if frames.complete else "unfinished: run again with --resume"
         typer.echo(f"{source.title}")
         typer.echo(f"file        {recording.name}, {size_mb:.1f} MB, {state}")

@@ -1,50 +1,69 @@
-"""`rso-lidar models`: what can be flown past."""
+"""`rso-lidar models`: what can be flown past, shipped and of one's own."""
 
-from typing import Annotated
+from typing import Any, get_args
 
 import typer
 from rich.console import Console
 from rich.table import Table
+from typer.core import TyperGroup
 
-from rso_lidar.scene import load_mesh
-from rso_lidar.scene.library import model
+from rso_lidar.cli import models_add, models_check, models_show
+from rso_lidar.cli.models_show import WIDE
+from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene.library import models as catalogue
+from rso_lidar.scene.library import own_folder, own_models
 
-_WIDE = 100  # columns that bounds to the millimetre need
+
+class _NameOrCommand(TyperGroup):
+    """`models NAME` is `models show NAME`."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that the words begin with; a word that is none is the name of a model."""
+        known = args[0].startswith("-") or self.get_command(ctx, args[0]) is not None
+        return super().resolve_command(ctx, args if known else ["show", *args])
 
 
-def models(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Tell the parts of one model, and where they are.")
-    ] = None,
-) -> None:
-    """List the models that ship with rso_lidar, or the parts of one."""
+app = typer.Typer(cls=_NameOrCommand, rich_markup_mode="rich", pretty_exceptions_enable=False)
+
+
+@app.callback(invoke_without_command=True)
+def models(context: typer.Context) -> None:
+    """List the models that can be flown past, show one, or keep a library of your own."""
+    if context.invoked_subcommand is None:
+        listed()
+
+
+def listed() -> None:
+    """List the models that ship with rso_lidar, and those of your own library."""
     console = Console()
-    if name is not None:
-        Console(width=max(console.width, _WIDE)).print(_parts(name))
-        console.print(
-            f'\nBody axes, from the centre of mass. A joint: parts = ["{next(iter(model(name).parts))}"].', markup=False
-        )
-        return
-    table = Table("name", "size, m", "facets", "parts", "what", box=None, header_style="bold")
-    for key, entry in catalogue().items():
-        size = " x ".join(f"{side:.4g}" for side in entry.size_m)
-        table.add_row(key, size, f"{entry.facets:,}", str(len(entry.parts)), entry.what)
-    console.print(table)
-    console.print(
-        '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own.', markup=False
-    )
-
-
-def _parts(name: str) -> Table:
-    """Return the parts of a model with material and bounds."""
-    entry = model(name)
-    mesh = load_mesh(entry.path)
-    table = Table(box=None, header_style="bold")
-    for title in ("part", "material", "x, m", "y, m", "z, m"):
+    table = Table(box=None, header_style="bold", expand=True)
+    for title in ("name", "class", "size class", "size, m", "facets", "parts"):
         table.add_column(title, no_wrap=True)
-    for number, part in enumerate(mesh.part_names):
-        points = mesh.vertices[mesh.facets[mesh.part == number]].reshape(-1, 3) - entry.center_of_mass_m
-        bounds = [f"{low:.3f} to {high:.3f}" for low, high in zip(points.min(axis=0), points.max(axis=0), strict=True)]
-        table.add_row(part, entry.parts.get(part, ""), *bounds)
-    return table
+    table.add_column("what", ratio=1, no_wrap=True, overflow="ellipsis")
+    own = own_models()
+    for key, entry in [*sorted(catalogue().items(), key=lambda item: _rank(item[1].taxonomy)), *own.items()]:
+        size = " x ".join(f"{side:.3g}" for side in entry.size_m)
+        of, what = entry.taxonomy, ("yours: " if entry.own else "") + entry.what
+        table.add_row(key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), what)
+    Console(width=max(console.width, WIDE)).print(table)
+    console.print(
+        '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own;\n'
+        "`rso-lidar models add PATH` keeps it, with scale and materials, in your own library.",
+        markup=False,
+        highlight=False,
+    )
+    if own:
+        console.print(f"Yours are in {own_folder()}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _rank(taxonomy: Taxonomy) -> tuple[int, int]:
+    """Return where a model stands in the list: by class, then by size class."""
+    classes, sizes = get_args(ObjectClass), get_args(SizeClass)
+    return classes.index(taxonomy.object_class), -sizes.index(taxonomy.size_class)
+
+
+app.command("list")(listed)
+app.command("show")(models_show.show)
+app.command("add")(models_add.add)
+app.command("check")(models_check.check)
+app.command("remove")(models_add.remove)

@@ -8,7 +8,7 @@ import typer
 from rso_lidar import export, picture
 from rso_lidar.errors import RecordingError
 
-RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5).")]
+RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, or .zarr).")]
 
 
 def plot(

@@ -148,10 +148,10 @@ class Bar(Protocol):
 
 
 @contextmanager
-def progress(total: int, done: int, doing: str = "flying") -> Iterator[Bar]:
+def progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
     """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr is None or not sys.stderr.isatty():
-        yield _Lines(total, done)
+        yield _Lines(total, done, of)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -163,7 +163,7 @@ def progress(total: int, done: int, doing: str = "flying") -> Iterator[Bar]:
 
         class _Rich:
             def advance(self) -> None:
-                shown.update(task, advance=1, rate=f"{pace.count():.1f} frames/s")
+                shown.update(task, advance=1, rate=f"{pace.count():.1f} {of}s/s")
 
         yield _Rich()
 
@@ -191,8 +191,8 @@ class _Pace:
 
 
 class _Lines:
-    def __init__(self, total: int, done: int) -> None:
-        self._total, self._done = total, done
+    def __init__(self, total: int, done: int, of: str) -> None:
+        self._total, self._done, self._of = total, done, of
         self._said = time.monotonic()
         self._pace = _Pace()
 
@@ -206,7 +206,7 @@ class _Lines:
         self._said = now
         left = (self._total - self._done) / rate
         with suppress(OSError, AttributeError):  # nobody may be listening
-            typer.echo(f"frame {self._done}/{self._total}, {rate:.1f} frames/s, {left:.0f} s left", err=True)
+            typer.echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)
 
 
 class Tally:

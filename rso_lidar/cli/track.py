@@ -7,6 +7,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
+from rso_lidar.cli.export import places
 from rso_lidar.cli.plot import RecordingFile
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
@@ -23,6 +24,12 @@ def track(
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Picture (.png, .pdf, .svg) or table (.csv); none, the table alone."),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames", metavar="A:B", help="Frames A to B-1 only, by number in the scenario; A:B:C by steps."
+        ),
     ] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     range_noise_m: Annotated[
@@ -44,9 +51,9 @@ def track(
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:
         raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
-    with export.open(recording) as frames:
+    with export.open(recording) as read:
         made = tracking(
-            frames,
+            export.Frames(read, places(read, frames)),
             target,
             folder=recording.parent,
             range_noise_m=range_noise_m,

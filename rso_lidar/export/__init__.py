@@ -46,8 +46,8 @@ def save(
     """Return the path of the recording after writing frames to it, one at a time as they come.
 
     The suffix picks the format: .h5 is a recording that `open` reads and that holds all the frames have; what the others
-    keep stands in docs/exports.md. .zarr, .pcd, .ply and .bop name folders. What is written appears under its name when it
-    is complete.
+    keep stands in docs/exports.md. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. What is written appears under its
+    name when it is complete.
 
     Parameters
     ----------

@@ -32,6 +32,7 @@ class Format:
 
 
 _CLOUD = "the line of sight of pixels without a return, further returns of a pixel, photons and most labels"
+_MESSAGES = "labels but target and part, photons, further returns and kept records"
 _POSES = "all images, labels and settings: only where things were is kept"
 
 FORMATS = {
@@ -58,9 +59,8 @@ FORMATS = {
             "range finer than one step of 16 bits (depth_scale of each frame, in mm), what false triggers report far "
             "behind the targets, silhouettes behind other targets, further returns, photons and most labels",
         ),
-        Format(
-            "mcap", (".mcap",), "mcap:write_mcap", False, "labels, photons, further returns and kept records", "mcap"
-        ),
+        Format("mcap", (".mcap",), "mcap:write_mcap", False, _MESSAGES, "mcap"),
+        Format("rosbag2", (".rosbag2",), "rosbag2:write_rosbag2", True, _MESSAGES, "mcap"),
         Format("tum", (".tum",), "trajectory:write_tum", False, _POSES),
         Format("kitti", (".kitti",), "trajectory:write_kitti", False, f"{_POSES}, without times"),
         Format("csv", (".csv",), "trajectory:write_csv", False, _POSES),

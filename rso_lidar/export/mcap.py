@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,44 +34,72 @@ TOPICS = {
     "/lidar/range": IMAGE,
     "/lidar/intensity": IMAGE,
     "/lidar/points": POINT_CLOUD,
+    "/labels/target": IMAGE,
+    "/labels/part": IMAGE,
 }
 _FLOAT32 = 7  # PointField
 _FIELDS = ("x", "y", "z", "intensity")
 _LAST_S = 2**31 - 1  # of a stamp
-_CHUNK_BYTES = 80  # a pixel: four frames of 22 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
+_CHUNK_BYTES = 96  # a pixel: four frames of 26 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
 _LEAST_BYTES = 2**16
 
 
+@dataclass(frozen=True)
+class Span:
+    """What was written: the stamps of the first and last frame [ns since 1970], and how many frames."""
+
+    first_ns: int
+    last_ns: int
+    frames: int
+
+
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of an MCAP file with five messages a frame, on the topics of `TOPICS`.
+    """Return the path of an MCAP file with seven messages a frame, on the topics of `TOPICS`.
 
     `/lidar/points` is organised (height and width those of the focal plane, NaN where nothing came back) with x, y, z [m]
     and intensity [counts] as float32; `/lidar/range` is 32FC1, slant range [m] with NaN, `/lidar/intensity` mono16; `/tf`
-    holds the whole tree of axes, parent_from_child of each.
+    holds the whole tree of axes, parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: places in the
+    targets and their parts, -1 for sky.
     """
     place = free_file(path, overwrite=overwrite)
+    needs_extra(place)
+    first, coming = begun(place, frames)
+    with beside(place) as draft:
+        fill(place, draft, first, coming)
+    return place
+
+
+def needs_extra(place: Path) -> None:
+    """Refuse to go on without the library that writes MCAP."""
     try:
-        from mcap_ros2.writer import Writer
+        import mcap_ros2.writer  # noqa: F401
     except ImportError as error:
         raise RecordingError(
             f"{place}: MCAP needs an extra: pip install rso-lidar[mcap], or choose another format ({error.name} is missing)"
         ) from None
-    first, frames = begun(place, frames)
+
+
+def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Span:
+    """Return what was written, after writing frames to a file; `place` is what messages call it."""
+    from mcap_ros2.writer import Writer
+
     sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
-    with beside(place) as draft, draft.open("wb") as file:
+    stamps = [_stamp(place, first.source, first)] * 2
+    number = -1
+    with draft.open("wb") as file:
         writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
         schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
         writer.add_metadata("rso_lidar", _provenance(first.source, camera))
         for number, frame in enumerate(frames):
             if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
                 sight, camera = frame.line_of_sight, camera_of(frame.line_of_sight)
-            at_ns = _stamp(place, first.source, frame)
+            at_ns = stamps[1] = _stamp(place, first.source, frame)
             messages = _messages(frame, at_ns, camera)
             for topic, kind in TOPICS.items():
                 writer.write_message(topic, schemas[kind], messages[topic], at_ns, at_ns, number)
             file.flush()
         writer.finish()
-    return place
+    return Span(stamps[0], stamps[1], number + 1)
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:
@@ -129,6 +158,8 @@ def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, A
             "data": cloud.tobytes(),
             "is_dense": False,
         },
+        "/labels/target": _image(size, "16SC1", frame.labels.target.astype("<i2")),
+        "/labels/part": _image(size, "16SC1", frame.labels.part.astype("<i2")),
     }
 
 

@@ -12,9 +12,11 @@ from pathlib import Path
 
 from rso_lidar.errors import RecordingError, RunError
 
-MARKS = ("source.json", "zarr.json")  # a folder that we wrote has one of these,
+MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,
 MARK = "rso_lidar_version"  # with this in it
-_OURS = re.compile(r"source\.json|frames\.jsonl|camera\.json|zarr\.json|000000|\d{6,}\.(pcd|ply)")
+_OURS = re.compile(
+    r"source\.json|frames\.jsonl|camera\.json|zarr\.json|metadata\.yaml|.+_0\.mcap|000000|\d{6,}\.(pcd|ply)"
+)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""An HDF5 recording read back: frames one by one, and arrays of which only what is asked for is read."""
+"""A recording read back, from HDF5 or Zarr: frames one by one, and arrays of which only what is asked for is read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from rso_lidar.export.datasets import (
 from rso_lidar.export.hdf5_file import TEMPORARY, opened
 from rso_lidar.export.stored import Frames, Stored
 from rso_lidar.export.targets import targets
+from rso_lidar.export.zarr_file import SUFFIX, opened_zarr
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import (
     SCHEMA_VERSION,
@@ -53,7 +54,8 @@ class Recording(Sequence[Frame]):
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.complete = TEMPORARY.search(self.path.name) is None
-        self._file = opened(self.path, swmr=not self.complete)
+        zarr = self.path.suffix.lower() == SUFFIX
+        self._file: Any = opened_zarr(self.path) if zarr else opened(self.path, swmr=not self.complete)
         self._rows: dict[str, tuple[int, np.ndarray]] = {}
         try:
             with self.watched():
@@ -200,7 +202,7 @@ class Recording(Sequence[Frame]):
         """Read what is not per frame, and make sure that all else is there."""
         attributes = self._file.attrs
         if "schema_version" not in attributes or "rso_lidar_version" not in attributes:
-            raise RecordingError(f"{self.path}: is an HDF5 file but no recording of rso_lidar; give one made by `run`")
+            raise RecordingError(f"{self.path}: holds arrays but is no recording of rso_lidar; give one made by `run`")
         schema = int(attributes["schema_version"])
         if schema > SCHEMA_VERSION:
             version = attributes["rso_lidar_version"]
@@ -229,9 +231,9 @@ class Recording(Sequence[Frame]):
             group: {name: float(self._file[group].attrs[name]) for name in kept.CONSTANTS.get(group, ())}
             for group in self.kept
         }
-        self._count = len(self._datasets["time"])
+        self._count = int(self._datasets["time"].shape[0])
         for path, dataset in self._datasets.items():
-            if len(dataset) < self._count:
+            if dataset.shape[0] < self._count:
                 raise RecordingError(f"{self.path}: {path} ends before /time; copy or record it again")
         self._sight: tuple[int, np.ndarray] | None = None
         if not self.changes_lens:
@@ -317,7 +319,7 @@ class Recording(Sequence[Frame]):
         if self._sight is None or self._sight[0] != number:
             with self.watched():
                 tables = self._file["line_of_sight"]
-                self._sight = number, tables[_index(number, len(tables))] if self.changes_lens else tables[:]
+                self._sight = number, tables[_index(number, tables.shape[0])] if self.changes_lens else tables[:]
         return self._sight[1]
 
     def _link(self, group: str, k: int) -> Link:

@@ -55,10 +55,10 @@ def frame_figure(frame: Frame) -> Figure:
     numbered as in the arrays. Limits of colour leave out one per cent at either end.
     """
     window = crop(around(sighted(frame)))
-    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, _summary(frame), tuple(_geometry(frame)))
+    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summary(frame), tuple(_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
-    _range_panel(panels[0, 0], frame, window)
-    _intensity_panel(panels[0, 1], frame, window)
+    range_panel(panels[0, 0], frame, window)
+    intensity_panel(panels[0, 1], frame, window)
     _part_panel(panels[1, 0], frame, window)
     _error_panel(panels[1, 1], frame, window)
     for axes in panels.flat:
@@ -70,8 +70,8 @@ def frame_figure(frame: Frame) -> Figure:
     return figure
 
 
-def _summary(frame: Frame) -> str:
-    """Return the line under the title."""
+def summary(frame: Frame) -> str:
+    """Return a frame in one line: number, instant, range, returns, photons."""
     words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {started(frame)}"]
     returned = on_target(frame)
     if returned.any():
@@ -141,14 +141,21 @@ def _head(axes: Axes, text: str, note: str = "") -> None:
     axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
 
 
-def _range_panel(axes: Axes, frame: Frame, window: Window) -> None:
-    from matplotlib import colormaps
-
+def range_limits_m(frame: Frame) -> tuple[float, float]:
+    """Return the ends [m] of the range's colours: those of the target's returns, one per cent at either end left out."""
     seen = frame.range_m[on_target(frame)]
     seen = seen if seen.size else frame.range_m[frame.valid]
     low, high = np.percentile(seen, [1, 99]) if seen.size else (0.0, 1.0)
     if high - low < 0.1:  # a flat target: its noise does not fill the ramp
         low, high = low - 0.05, high + 0.05
+    return float(low), float(high)
+
+
+def range_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    """Draw the measured range of a frame."""
+    from matplotlib import colormaps
+
+    low, high = range_limits_m(frame)
     colours = colormaps[RANGE_RAMP].with_extremes(bad=hexed(NO_RETURN))
     drawn = _show(axes, frame.range_m, window, colours, low, high)
     shown = window.cut(frame.range_m)
@@ -173,7 +180,8 @@ def _locate(axes: Axes, window: Window) -> None:
         spine.set_linewidth(0.7)
 
 
-def _intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
+def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    """Draw the measured intensity of a frame, with a bar that tells the size of things at the target."""
     from matplotlib.colors import ListedColormap
 
     counts = frame.intensity_counts.astype(float)

@@ -39,7 +39,11 @@ class CardView:
 def model_card_figure(title: str, views: Sequence[CardView], lines: Sequence[str]) -> Figure:
     """Return the page: parts above, materials below, each with its names."""
     wrapped = tuple(part for line in lines for part in textwrap.wrap(line, 165))
-    figure = new_figure(14.0, 7.9 + 0.17 * len(wrapped), title, "", wrapped)
+    tall_m = _half_height_m(views)
+    first_half_m = 0.5 * views[0].cell_m * views[0].part.shape[1]
+    figure = new_figure(
+        14.0, 1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + 0.17 * len(wrapped), title, "", wrapped
+    )
     grid: Any = figure.subplots(2, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
     first = views[0]
     shown = _by_area(views, len(first.part_names))
@@ -53,13 +57,14 @@ def model_card_figure(title: str, views: Sequence[CardView], lines: Sequence[str
             axes.imshow(
                 _shaded(index, rgb, view.cosine), extent=(-half_m, half_m, -half_m, half_m), interpolation="antialiased"
             )
+            axes.set_ylim(-tall_m, tall_m)
             axes.set_xticks([])
             axes.set_yticks([])
             for spine in axes.spines.values():
                 spine.set_visible(False)
             if row == 0:
                 axes.set_title(view.side, fontsize=10, color=hexed(INK))
-    _bar(grid[1, 0], views[0])
+    _bar(grid[1, 0], views[0], tall_m)
     names = [first.part_names[part] for part in shown[: len(PARTS)]]
     others = len(shown) - len(names)
     _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(PARTS)]], others)
@@ -86,15 +91,26 @@ def _rgb(colour: str) -> tuple[float, float, float]:
     return to_rgb(colour)
 
 
-def _bar(axes: Any, view: CardView) -> None:
+def _half_height_m(views: Sequence[CardView]) -> float:
+    """Return half the height [m] that holds what stands in every view, with room for the bar."""
+    tallest = 0.0
+    for view in views:
+        rows = np.flatnonzero((view.part >= 0).any(axis=1))
+        middle = 0.5 * (view.part.shape[0] - 1)
+        tallest = max(tallest, float(np.abs(rows - middle).max(initial=0.0)) * view.cell_m)
+    half_m = 0.5 * views[0].cell_m * views[0].part.shape[0]
+    return float(min(1.06 * tallest + 0.14 * half_m, half_m))
+
+
+def _bar(axes: Any, view: CardView, tall_m: float) -> None:
     """Draw a bar of a round length at the foot of a view."""
     half_m = 0.5 * view.cell_m * view.part.shape[1]
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
-    left, low = -0.97 * half_m, -0.94 * half_m
+    left, low = -0.97 * half_m, -tall_m + 0.03 * half_m
     axes.plot([left, left + length], [low, low], color=hexed(INK), lw=2.0, solid_capstyle="butt")
     said = f"{length:g} m" if length >= 1.0 else f"{length * 100:g} cm"
-    axes.text(left, low + 0.05 * half_m, said, fontsize=9, color=hexed(INK), va="bottom")
+    axes.text(left, low + 0.03 * half_m, said, fontsize=9, color=hexed(INK), va="bottom")
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:

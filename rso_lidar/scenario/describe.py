@@ -59,6 +59,7 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
     facets = sum(len(one.facets) for one in surfaces)
     sides = " x ".join(f"{side:.2f}" for side in size.max(axis=0) - size.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
+    dropped += f", {surface.mesh.left_out} left out" if surface.mesh.left_out else ""
     parts = len(surface.mesh.part_names)
     off = sight.off_boresight_rad.max() / units.DEG
     return [

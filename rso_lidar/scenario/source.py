@@ -17,6 +17,7 @@ from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.files import files_of
 from rso_lidar.scenario.surfaces import taxonomy_of
+from rso_lidar.scene.library import model
 from rso_lidar.scene.packets import engine
 
 if TYPE_CHECKING:
@@ -72,7 +73,9 @@ def resolved(scenario: Scenario) -> str:
         written = _inline(body.motion, scenario.time.start_utc)
         if written is not body.motion:
             table["motion"] = written.model_dump(exclude_none=True)
-    sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in _meshes(scenario)]
+    sums = [
+        f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}{_of(target)}" for target, surface in _meshes(scenario)
+    ]
     parts: list[tuple[str, Part]] = [
         (body.name, part) for body in scenario.bodies for part in (body.motion, body.attitude) if part is not None
     ]
@@ -123,6 +126,15 @@ def _sha256(file: str) -> str:
 
 def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
     return [(target, scenario.surfaces_of(number)[0]) for number, target in enumerate(scenario.target)]
+
+
+def _of(target: Target) -> str:
+    """Return what a user's own library makes of the mesh file; nothing for a shipped model, or a path."""
+    entry = None if target.is_path else model(target.shape)
+    if entry is None or not entry.own:
+        return ""
+    without = "".join(f", without facets {first} to {last}" for first, last in entry.left_out)
+    return f", of the user's library: scale {entry.scale!r}, {entry.mesh_axes}{without}"
 
 
 def _in_words(material: Any) -> str:

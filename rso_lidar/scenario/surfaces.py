@@ -37,13 +37,12 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
                 RsoLidarWarning,
                 stacklevel=2,
             )
+        mesh = load_mesh(path)
     else:
         entry = model(target.shape)
-        path = entry.path
+        mesh = entry.mesh
         if target.material is None:
             own = {part: Named(name=name) for part, name in entry.parts.items()}
-    if target.terrain is None:
-        mesh = load_mesh(path)
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if center_of_mass_m is None and entry is not None:
         x, y, z = entry.center_of_mass_m

@@ -3,7 +3,7 @@
 import hashlib
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning
+from rso_lidar.scene.gltf import MOST_FACETS, check_gltf
 from rso_lidar.scene.obj import read_obj
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
+CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
 
 # The ISS is 109 m across and a marble-sized target is not a spacecraft: outside these sizes metres are doubtful.
 _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
+_MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 
 
@@ -26,7 +29,8 @@ class Mesh:
     """The triangles of one file, in its own coordinates.
 
     `vertices` (vertex, xyz) f8; `facets` (facet, 3) indices of vertices; `part` (facet) index into `part_names`;
-    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order.
+    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order. `degenerate` facets
+    of the file have no area and were dropped, `left_out` ones are no part of the craft.
     """
 
     path: Path
@@ -38,6 +42,7 @@ class Mesh:
     source_facet: np.ndarray
     source_facets: int
     degenerate: int
+    left_out: int = 0
 
     @property
     def size_m(self) -> np.ndarray:
@@ -59,34 +64,54 @@ def load_mesh(path: Path) -> Mesh:
     that holds vertices that are not finite.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        known = ", ".join(SUFFIXES)
-        raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}")
+    status = checked_file(path, SUFFIXES).stat()
+    try:
+        return _read_cached(path.resolve(), (status.st_mtime_ns, status.st_size))
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read ({error.strerror or error}); check its permissions") from None
+    except MemoryError:
+        raise MeshError(f"{path}: takes more memory than there is; decimate it and export it again") from None
+
+
+def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
+    """Return `path` once it is a plain file of one of these suffixes, and of a size that can be read."""
+    if path.suffix.lower() not in suffixes:
+        known = ", ".join(suffixes)
+        cad = " (STEP and IGES come in through `rso-lidar models add`)" if path.suffix.lower() in CAD_SUFFIXES else ""
+        raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}{cad}")
+    if path.is_dir():
+        raise MeshError(f"{path}: is a folder; give a mesh file in it")
     if not path.is_file():
+        if path.exists():
+            raise MeshError(f"{path}: is not a plain file; give a mesh file")
         raise MeshError(f"{path}: no such mesh file; check the name, or give a model of the catalogue")
-    status = path.stat()
-    return _read_cached(path.resolve(), (status.st_mtime_ns, status.st_size))
+    if (size := path.stat().st_size) > _MOST_BYTES:
+        most = f"{_MOST_BYTES / 2**20:.0f} MiB"
+        raise MeshError(f"{path}: has {size / 2**20:,.0f} MiB, over {most}; decimate the mesh and export it again")
+    return path
 
 
 def _read(path: Path) -> Mesh:
     blob = path.read_bytes()
     if not blob:
         raise MeshError(f"{path.name}: the file is empty; export the mesh again")
-    pieces = _pieces(path)
-    if not pieces or not sum(len(facets) for _, _, facets in pieces):
+    pieces = _pieces(path, blob)
+    total = sum(len(facets) for _, _, facets in pieces)
+    if total > MOST_FACETS:
+        raise MeshError(f"{path.name}: holds {total:,} facets, over {MOST_FACETS:,}; decimate it and export it again")
+    if not total:
         raise MeshError(f"{path.name}: no triangles in it; export the mesh again as a triangulated surface")
-    names: list[str] = []
+    numbers: dict[str, int] = {}
     vertices, facets, part = [], [], []
     base = 0
     for name, piece_vertices, piece_facets in pieces:
-        if name not in names:
-            names.append(name)
+        number = numbers.setdefault(name, len(numbers))
+        if number >= _MOST_PARTS:
+            raise MeshError(f"{path.name}: has over {_MOST_PARTS:,} parts; join some and export it again")
         vertices.append(piece_vertices)
         facets.append(piece_facets + base)
-        part.append(np.full(len(piece_facets), names.index(name), dtype=np.int16))
+        part.append(np.full(len(piece_facets), number, dtype=np.int16))
         base += len(piece_vertices)
-        if len(names) > _MOST_PARTS:
-            raise MeshError(f"{path.name}: has over {_MOST_PARTS:,} parts; join some and export it again")
     all_vertices, all_facets = np.concatenate(vertices), np.concatenate(facets)
     if all_facets.size and (all_facets.min() < 0 or all_facets.max() >= len(all_vertices)):
         raise MeshError(f"{path.name}: a facet names a vertex that is not in the file; export the mesh again")
@@ -97,9 +122,10 @@ def _read(path: Path) -> Mesh:
             f"the first is facet {int(np.argmax(bad))}; mend the mesh and export it again"
         )
     corners = all_vertices[all_facets]
-    twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    sound = np.flatnonzero(twice_area > 1e-12 * np.maximum(longest, 1e-300) ** 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that are finite and have no square
+        twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        sound = np.flatnonzero(twice_area > 1e-12 * np.maximum(longest, 1e-300) ** 2)
     if not len(sound):
         raise MeshError(f"{path.name}: all {len(all_facets)} facets are without area; export the mesh again")
     return Mesh(
@@ -108,33 +134,41 @@ def _read(path: Path) -> Mesh:
         vertices=all_vertices,
         facets=all_facets[sound],
         part=np.concatenate(part)[sound],
-        part_names=tuple(names),
+        part_names=tuple(numbers),
         source_facet=sound.astype(np.int32),
         source_facets=len(all_facets),
         degenerate=len(all_facets) - len(sound),
     )
 
 
-def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Return name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
-    if path.suffix.lower() == ".obj":
-        return read_obj(path)  # trimesh splits groups too, but loses the order of facets that labels count in
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        return read_obj(path, blob, _MOST_PARTS)  # trimesh splits groups too, but loses the order that labels count in
+    if suffix in (".glb", ".gltf"):
+        check_gltf(path, blob)
     import trimesh
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
-            scene = trimesh.load_scene(path, process=False)
+            scene = trimesh.load_scene(path, process=False, skip_materials=True)  # pictures beside it are not opened
+            _check_count(path, blob, scene)
+            return _placed(scene, single=suffix in (".stl", ".off", ".ply"))
+    except (MeshError, MemoryError):
+        raise
     except Exception as error:
         cut = isinstance(error, ImportError) or not str(error)  # trimesh gave up guessing what this is
-        reason = "cut short, or something else" if cut else str(error).splitlines()[0]
-        raise MeshError(
-            f"{path.name}: cannot be read as {path.suffix[1:].upper()} ({reason}); export it again"
-        ) from None
-    _check_count(path, scene)
+        reason = "cut short, or something else" if cut else " ".join(str(error).split())[:120]
+        raise MeshError(f"{path.name}: cannot be read as {suffix[1:].upper()} ({reason}); export it again") from None
+
+
+def _placed(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Return the named geometries of trimesh's scene, each where its node puts it; a `single` one is the body."""
     pieces = []
-    order = list(scene.geometry)
-    for node in sorted(scene.graph.nodes_geometry, key=lambda node: order.index(scene.graph[node][1])):
+    order = {name: number for number, name in enumerate(scene.geometry)}
+    for node in sorted(scene.graph.nodes_geometry, key=lambda node: order[scene.graph[node][1]]):
         parent_from_node, geometry_name = scene.graph[node]
         geometry = scene.geometry[geometry_name]
         facets = getattr(geometry, "faces", None)
@@ -143,19 +177,17 @@ def _pieces(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
         vertices = np.asarray(geometry.vertices, dtype=float)
         if not np.array_equal(parent_from_node, np.eye(4)):
             vertices = vertices @ parent_from_node[:3, :3].T + parent_from_node[:3, 3]
-        name = "body" if path.suffix.lower() in (".stl", ".off", ".ply") else str(geometry_name)
-        pieces.append((name, vertices, np.asarray(facets, dtype=np.int64)))
+        pieces.append(("body" if single else str(geometry_name), vertices, np.asarray(facets, dtype=np.int64)))
     return pieces
 
 
-def _check_count(path: Path, scene: Any) -> None:
+def _check_count(path: Path, blob: bytes, scene: Any) -> None:
     """Refuse a PLY or OFF that holds fewer facets than its header says: trimesh reads what is there, and is silent."""
     if path.suffix.lower() == ".ply":
-        head, _, _ = path.read_bytes().partition(b"end_header")
-        said = re.search(rb"element\s+face\s+(\d+)", head)
+        head, _, _ = blob.partition(b"end_header")
+        said = re.search(rb"element\s+face\s+(\d{1,18})", head)
     elif path.suffix.lower() == ".off":
-        bare = re.sub(rb"#[^\n]*", b"", path.read_bytes())
-        said = re.match(rb"\s*\w*OFF\s+\d+\s+(\d+)", bare)
+        said = re.match(rb"\s*\w*OFF\s+\d+\s+(\d{1,18})", re.sub(rb"#[^\n]*", b"", blob))
     else:
         return
     found = sum(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values())
@@ -163,12 +195,46 @@ def _check_count(path: Path, scene: Any) -> None:
         raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")
 
 
+def mended(mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()) -> Mesh:
+    """Return a mesh in metres, its y turned up to z where `mesh_axes` says so, without runs of facets of the file."""
+    if scale == 1.0 and mesh_axes == "z_up" and not left_out:
+        return mesh
+    kept = np.ones(len(mesh.facets), dtype=bool)
+    for first, last in left_out:
+        kept &= (mesh.source_facet < first) | (mesh.source_facet > last)
+    if not kept.any():
+        raise MeshError(f"{mesh.path.name}: all its facets are left out; name fewer in left_out")
+    vertices = mesh.vertices * scale
+    if mesh_axes == "y_up":
+        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+    return replace(
+        mesh,
+        vertices=vertices,
+        facets=mesh.facets[kept],
+        part=mesh.part[kept],
+        source_facet=mesh.source_facet[kept],
+        left_out=int(np.count_nonzero(~kept)),
+    )
+
+
+def likely_units(largest_m: float) -> dict[str, float]:
+    """Return the units, with their metres, in which a mesh of this size would be a spacecraft; none where metres will do."""
+    if plausible(largest_m):
+        return {}
+    return {unit: metres for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest_m * metres <= 120.0}
+
+
+def plausible(largest_m: float) -> bool:
+    """Return whether a spacecraft may be this large [m]."""
+    return _SMALLEST_M <= largest_m <= _LARGEST_M
+
+
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
     """Warn where a mesh, once scaled to metres, cannot be in metres, and say which unit is likely."""
     largest = float(mesh.size_m.max()) * scale
-    if _SMALLEST_M <= largest <= _LARGEST_M:
+    if plausible(largest):
         return
-    fits = [unit for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest * metres <= 120.0]
+    fits = list(likely_units(largest))
     guess = f"; it may be in {' or '.join(fits)} (scale = {_OTHER_UNITS[fits[0]] * scale:g})" if fits else ""
     warnings.warn(
         f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m",

@@ -1,5 +1,7 @@
 """OBJ files: triangles in the order of the file, by group."""
 
+from array import array
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -7,40 +9,66 @@ import numpy as np
 
 from rso_lidar.errors import MeshError
 
+_LONGEST = 1_000_000  # characters of a line: a polygon of 100,000 corners
 
-def read_obj(path: Path) -> list[tuple[str, np.ndarray, np.ndarray]]:
+
+def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Return name, vertices (vertex, xyz) and facets (facet, 3) of each run of facets under one group or object.
 
     A polygon becomes a fan of triangles, counted one by one. Of the rest of the format nothing bears on range and
     intensity: textures, normals, smoothing and materials are passed over.
     """
-    vertices: list[list[float]] = []
-    runs: list[tuple[str, list[list[int]]]] = []
+    vertices = array("d")
+    runs: list[tuple[str, array]] = []
+    names: set[str] = set()
     name = "body"
-    text = path.read_bytes().decode("utf-8", errors="replace").replace("\\\n", " ")
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in _lines(path, blob):
         words = line.partition("#")[0].split()
         if not words:
             continue
         try:
             if words[0] == "v":
                 x, y, z = (float(word) for word in words[1:4])
-                vertices.append([x, y, z])
+                vertices.extend((x, y, z))
             elif words[0] in ("g", "o"):
                 name = "_".join(words[1:]) or "body"
             elif words[0] == "f":
-                corners = [_index(word, len(vertices)) for word in words[1:]]
+                corners = [_index(word, len(vertices) // 3) for word in words[1:]]
                 if len(corners) < 3:
                     raise ValueError
                 if not runs or runs[-1][0] != name:
-                    runs.append((name, []))
-                runs[-1][1].extend([corners[0], b, c] for b, c in pairwise(corners[1:]))
+                    runs.append((name, array("q")))
+                    names.add(name)
+                    if len(names) > most_parts:
+                        raise MeshError(f"{path.name}: has over {most_parts:,} parts; join some and export it again")
+                for b, c in pairwise(corners[1:]):
+                    runs[-1][1].extend((corners[0], b, c))
+        except MeshError:
+            raise
         except ValueError:
             raise MeshError(
                 f"{path.name}: line {number}: cannot be read as OBJ ({line.strip()[:40]}); mend it"
             ) from None
     points = np.array(vertices, dtype=float).reshape(-1, 3)
-    return [(name, *_used(points, np.array(facets))) for name, facets in runs]
+    return [(name, *_used(points, np.array(facets, dtype=np.int64).reshape(-1, 3))) for name, facets in runs]
+
+
+def _lines(path: Path, blob: bytes) -> Iterator[tuple[int, str]]:
+    """Return the lines of a file by number, those that end in a backslash joined to the next, one at a time."""
+    start, number, held = 0, 0, b""
+    blob = blob.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in blob else blob
+    while start < len(blob):
+        end = blob.find(b"\n", start)
+        end = len(blob) if end < 0 else end
+        number += 1
+        if end - start + len(held) > _LONGEST:
+            raise MeshError(f"{path.name}: line {number}: is over {_LONGEST:,} characters long; export it again")
+        line = held + blob[start:end]
+        start, held = end + 1, b""
+        if line.endswith(b"\\") and start < len(blob):
+            held = line[:-1] + b" "
+            continue
+        yield number, line.decode("utf-8", errors="replace")
 
 
 def _index(word: str, count: int) -> int:

@@ -73,7 +73,7 @@ def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
         divided = _divided
     low, high = packed(low), packed(high)
     root = _Node(np.arange(len(low)))
-    heap: list[tuple[float, int, _Node]] = [(-_box_area(low.min(axis=0), high.max(axis=0)), 0, root)]
+    heap: list[tuple[float, int, _Node]] = [(-float(_box_area(low.min(axis=0), high.max(axis=0))), 0, root)]
     number = 1
     while heap and number < _MOST:
         node = heapq.heappop(heap)[2]

@@ -1,8 +1,10 @@
 """Parametric builders of the models that travel with the package; `python -m rso_lidar.shapes.write` writes models/."""
 
 from rso_lidar.shapes.build import build, builders
+from rso_lidar.shapes.cubesat import cubesat
+from rso_lidar.shapes.fragment import fragment
 from rso_lidar.shapes.materials import MATERIALS
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import Solid
 
-__all__ = ["MATERIALS", "Model", "Piece", "Solid", "build", "builders"]
+__all__ = ["MATERIALS", "Model", "Piece", "Solid", "build", "builders", "cubesat", "fragment"]

@@ -6,20 +6,55 @@ from collections.abc import Callable
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.shapes.bench import plate, sphere
-from rso_lidar.shapes.cubesat import cubesat_3u
+from rso_lidar.shapes.capsule import capsule
+from rso_lidar.shapes.comsat import comsat
+from rso_lidar.shapes.cubesat import cubesat_1u, cubesat_3u, cubesat_6u, cubesat_12u
+from rso_lidar.shapes.dawn import dawn
+from rso_lidar.shapes.envisat import envisat
+from rso_lidar.shapes.fragment import debris_foil, debris_panel, debris_plate, debris_shard
 from rso_lidar.shapes.juno import juno
+from rso_lidar.shapes.lro import lro
 from rso_lidar.shapes.model import Model
 from rso_lidar.shapes.rocket_body import rocket_body
+from rso_lidar.shapes.rosetta import rosetta
+from rso_lidar.shapes.stardust import stardust
+from rso_lidar.shapes.suomi_npp import suomi_npp
 from rso_lidar.shapes.tdrs import tdrs
+from rso_lidar.shapes.zenit_stage import zenit_stage
+
+_BUILDERS: tuple[Callable[[], Model], ...] = (
+    tdrs,
+    juno,
+    dawn,
+    rosetta,
+    stardust,
+    lro,
+    suomi_npp,
+    envisat,
+    comsat,
+    cubesat_1u,
+    cubesat_3u,
+    cubesat_6u,
+    cubesat_12u,
+    rocket_body,
+    zenit_stage,
+    capsule,
+    debris_plate,
+    debris_shard,
+    debris_panel,
+    debris_foil,
+    plate,
+    sphere,
+)
 
 
 def builders() -> dict[str, Callable[[], Model]]:
     """Return every builder by the name of its model.
 
-    >>> sorted(builders())
-    ['cubesat_3u', 'juno', 'plate', 'rocket_body', 'sphere', 'tdrs']
+    >>> [name for name in builders() if name.startswith("cubesat")]
+    ['cubesat_1u', 'cubesat_3u', 'cubesat_6u', 'cubesat_12u']
     """
-    return {builder.__name__: builder for builder in (tdrs, juno, cubesat_3u, rocket_body, plate, sphere)}
+    return {builder.__name__: builder for builder in _BUILDERS}
 
 
 def build(name: str) -> Model:

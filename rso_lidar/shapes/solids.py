@@ -260,3 +260,27 @@ def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point =
     tile = (step_x - gap_m, step_y - gap_m, size_m[2])
     places = [((i - 0.5 * (nx - 1)) * step_x, (j - 0.5 * (ny - 1)) * step_y) for i in range(nx) for j in range(ny)]
     return join(*(box(tile, (x, y, 0.0)) for x, y in places)).moved(*center_m)
+
+
+def skin(outlines_m: Sequence[Sequence[Point]]) -> Solid:
+    """Return the solid that a skin over several outlines encloses, closed by fans over the first and the last one.
+
+    Parameters
+    ----------
+    outlines_m
+        Outlines of equally many points (x, y, z) [m], corner by corner beside each other; the last one is seen
+        counter-clockwise from where it faces, or all of them clockwise: the solid is wound outward either way.
+    """
+    outlines = np.asarray(outlines_m, dtype=float)
+    number, corners = outlines.shape[:2]
+    facets = []
+    for ring_index in range(number - 1):
+        low, high = ring_index * corners, (ring_index + 1) * corners
+        for k in range(corners):
+            after = (k + 1) % corners
+            facets += [(low + k, low + after, high + after), (low + k, high + after, high + k)]
+    last = (number - 1) * corners
+    for k in range(1, corners - 1):
+        facets += [(0, k + 1, k), (last, last + k, last + k + 1)]
+    solid = Solid(outlines.reshape(-1, 3), np.array(facets))
+    return solid if solid.volume_m3() > 0.0 else Solid(solid.vertices, solid.facets[:, ::-1])

@@ -258,6 +258,15 @@ def _carried(
     return table
 
 
+def in_field_fraction(scenario: Scenario, truth: Truth, number: int) -> np.ndarray:
+    """Return the share (time) of a target's projected bounds that is in the field; 0 where nothing of them is."""
+    edge = np.array([scenario.instrument.at(float(at)).receiver.field_edge for at in truth.time_s])
+    sides, inside = _inside(*_bounds(scenario, truth, number), edge)
+    sides = np.where(np.isfinite(sides), sides, 2.0 * edge)
+    fraction: np.ndarray = np.prod(inside / np.where(sides > 0.0, sides, np.inf), axis=1)
+    return fraction
+
+
 def _bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Return least and greatest x/z and y/z (time, 2) of a target, or of all (None); low > high where it is behind.
 

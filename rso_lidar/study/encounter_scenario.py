@@ -27,8 +27,12 @@ _MARGIN_S = 5.0
 
 # By words in an object's name; the model is a guess, and the file says so.
 _HINTS = (
+    (r"\bDEB\b|DEBRIS|\bFRAG", "debris_plate"),
+    (r"\bSL-16\b|ZENIT", "zenit_stage"),
     (r"\bR/B\b|ROCKET|STAGE|CENTAUR|BREEZE|FREGAT|\bH-2A\b|\bSL-\d|\bCZ-\d", "rocket_body"),
-    (r"\bTDRS\b|INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "tdrs"),
+    (r"\bTDRS\b", "tdrs"),
+    (r"ENVISAT", "envisat"),
+    (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
     (r"JUNO", "juno"),
 )
 

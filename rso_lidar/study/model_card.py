@@ -49,18 +49,43 @@ class Echo:
     pixels: int
 
 
-@dataclass(frozen=True, eq=False)
-class ModelCard:
-    """A model as it stands in the catalogue or a file: `lines` tell it in words, `echoes` its light from `RANGE_M`."""
+@dataclass(frozen=True)
+class PartBounds:
+    """A part, what it is of, and the corners (xyz) [m] of the box about it, in body axes."""
 
     name: str
+    material: str
+    low_m: tuple[float, ...]
+    high_m: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ModelCard:
+    """A model as it stands in the catalogue or a file: `what` and `lines` in words, `echoes` its light from `RANGE_M`."""
+
+    name: str
+    what: str
+    parts: tuple[PartBounds, ...]
     lines: tuple[str, ...]
     views: tuple[CardView, ...]
     echoes: tuple[Echo, ...]
 
     def figure(self) -> Any:
         """Return the page, a matplotlib Figure: four sides by part, four by material, and the text."""
-        return model_card_figure(self.name, self.views, self.lines)
+        return model_card_figure(self.name, self.views, [*self.lines, *self._light_lines])
+
+    @property
+    def _light_lines(self) -> list[str]:
+        lines = []
+        for nm in WAVELENGTHS_NM:
+            of = [echo for echo in self.echoes if echo.wavelength_nm == nm]
+            told = ", ".join(f"{echo.side} {echo.photons:.3g} ({echo.brightest_photons:.3g})" for echo in of)
+            lines += (
+                [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}, {nm:g} nm, in all (brightest pixel): {told}"]
+                if of
+                else []
+            )
+        return lines
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the page, as .png, .pdf or .svg, written whole or not at all."""
@@ -94,7 +119,13 @@ def model_card(name: str, file: Callable[[str], Path] = Path, *, echoes: bool = 
                 material_rgb=colours,
             )
         )
-    return ModelCard(name, tuple(_lines(target, surface, seen)), tuple(views), seen)
+    bounds = []
+    for number, (part, word) in enumerate(zip(surface.mesh.part_names, words, strict=True)):
+        corners = surface.corners[parts == number].reshape(-1, 3)
+        if len(corners):
+            bounds.append(PartBounds(part, word, tuple(corners.min(axis=0)), tuple(corners.max(axis=0))))
+    what = f"a mesh of {surface.mesh.path.name}" if target.is_path else model(name).what
+    return ModelCard(name, what, tuple(bounds), tuple(_lines(target, surface)), tuple(views), seen)
 
 
 def _extent(surface: Surface, toward: tuple[float, ...], up: tuple[float, ...]) -> float:
@@ -141,7 +172,7 @@ def _facing(toward: tuple[float, ...], up: tuple[float, ...], range_m: float) ->
     return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
 
 
-def _lines(target: Target, surface: Surface, echoes: tuple[Echo, ...]) -> list[str]:
+def _lines(target: Target, surface: Surface) -> list[str]:
     sides = surface.mesh.size_m
     corners = surface.corners
     area_m2 = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
@@ -153,17 +184,9 @@ def _lines(target: Target, surface: Surface, echoes: tuple[Echo, ...]) -> list[s
     )
     if not target.is_path:
         entry = model(target.shape)
-        inertia = np.linalg.eigvalsh(np.array(entry.inertia_kg_m2))
-        lines.append(
-            f"{entry.mass_kg:,.4g} kg, principal inertia {', '.join(f'{one:,.4g}' for one in inertia)} kg m² (estimated)"
-        )
+        if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # nobody says them of a user's own model
+            inertia = ", ".join(f"{one:,.4g}" for one in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
+            lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
         if entry.hinges:
             lines.append("hinges: " + ", ".join(hinge.name for hinge in entry.hinges))
-    for nm in WAVELENGTHS_NM:
-        of = [echo for echo in echoes if echo.wavelength_nm == nm]
-        if of:
-            told = ", ".join(f"{echo.side} {echo.photons:.3g} ({echo.brightest_photons:.3g})" for echo in of)
-            lines.append(
-                f"photons at {RANGE_M / units.KM:g} km by {CAMERA}, {nm:g} nm, in all (brightest pixel): {told}"
-            )
     return lines

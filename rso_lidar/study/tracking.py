@@ -1,13 +1,13 @@
 """Reference trackers run on a recording, from its points and the model mesh that it names, with their errors against truth.
 
-A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's) and its own
-orbit. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
+A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's), its own
+orbit and its own burns. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +16,16 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.detector.trial import plate, trial
 from rso_lidar.draft import write_columns
-from rso_lidar.errors import RecordingError, did_you_mean, unwarned
+from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.tracking import tracking_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
-from rso_lidar.records import Frame
+from rso_lidar.records import Frame, Source
 from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.study.burns import known_burns
+from rso_lidar.study.recorded import scenario_of, surfaces_of
 from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
 
 if TYPE_CHECKING:
@@ -92,16 +94,16 @@ def tracking(
     if not len(frames):
         raise RecordingError("track: the recording holds no frames; record some")
     source = frames[0].source
-    with unwarned():
-        scenario = Scenario.loads(source.scenario, folder=folder, where="recording")
+    scenario = scenario_of(source, folder)
     number = _number([entry.name for entry in source.targets], target)
     name = source.targets[number].name
-    model, size_m = _model(scenario, number, source.targets[number].mesh_sha256)
+    model, size_m = _model(scenario, source, number)
     noise_m = _range_noise_m(scenario.instrument) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
     rows = [_row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in frames]
     time_s = np.array([row.time_s for row in rows])
+    burns = known_burns(scenario, time_s)
     table = _table(rows, model)
     tracks = {}
     for kind, mean_motion in _models(frames[0], local=scenario.local).items():
@@ -111,6 +113,7 @@ def tracking(
             np.array([row.spread_m2(kind) for row in rows]),
             mean_motion_rad_s=mean_motion,
             acceleration_m_s2_rthz=acceleration_m_s2_rthz,
+            kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
         table |= _errors(kind, made, rows)
     return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz)
@@ -126,16 +129,10 @@ def _number(names: list[str], target: str | None) -> int:
     return 0 if target is None else names.index(target)
 
 
-def _model(scenario: Scenario, number: int, sha256: str) -> tuple[Model, float]:
+def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
     """Return the target's model, hinges unturned, and its greatest extent [m]."""
-    with unwarned():
-        surfaces = scenario.surfaces_of(number)
-    target = scenario.target[number]
-    if surfaces[0].mesh.sha256 != sha256:
-        raise RecordingError(
-            f"track: {target.shape} is not the mesh that was recorded (SHA-256 {sha256[:12]}...); put that one in its place"
-        )
-    seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in target.joints)]
+    surfaces, joints = surfaces_of(scenario, source, number, "track"), scenario.target[number].joints
+    seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in joints)]
     corners = np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
     model = sampled(corners)
     return model, 2.0 * model.radius_m
@@ -171,7 +168,8 @@ class _Row:
     """
 
     time_s: float
-    fix: Fix | None
+    fix: Fix | None  # without its points, of which a long run has many
+    points: int
     middle_m: np.ndarray
     covariance_m2: np.ndarray
     seat: RigidTransform
@@ -184,6 +182,10 @@ class _Row:
     def lidar_from(self, kind: str) -> Rotation:
         """Return how a filter's axes are turned into the lidar's."""
         return (self.turns[kind] * self.seat.rotation).inv()
+
+    def from_rtn(self, kind: str) -> Rotation:
+        """Return how the follower's rtn axes are turned into a filter's."""
+        return self.turns[kind] * self.turns["cw"].inv()
 
     def place_m(self, kind: str) -> np.ndarray:
         """Return the measured position (xyz) [m] from the follower's origin in a filter's axes; NaN without one."""
@@ -230,7 +232,11 @@ def _row(
         middle = fix.position_m - before_m * toward
         across_m = float(np.hypot(across_m, _pointing_rad(scenario) * fix.range_m))
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
-    return _Row(truth.time_s, fix, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found)
+    kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
+    points = 0 if fix is None else len(fix.points_m)
+    return _Row(
+        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found
+    )
 
 
 def _seat(scenario: Scenario, frame: Frame) -> RigidTransform:
@@ -261,7 +267,7 @@ def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:
     true = np.array([row.true_pose.translation for row in rows])
     table = {
         "time_s": np.array([row.time_s for row in rows]),
-        "points": np.array([0 if row.fix is None else len(row.fix.points_m) for row in rows]),
+        "points": np.array([row.points for row in rows]),
         "found_fraction": np.array([np.nan if row.fix is None else row.fix.found_fraction for row in rows]),
         "true_range_m": np.linalg.norm(true, axis=1),
         "centroid_range_m": np.linalg.norm(middle, axis=1),

@@ -7,6 +7,7 @@ innovation squared (NIS) of a filter whose noises are what it believes is chi-sq
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -68,6 +69,7 @@ def kalman(
     mean_motion_rad_s: float | None = None,
     acceleration_m_s2_rthz: float = 1e-4,
     speed_m_s: float = 30.0,
+    kicks: Sequence[tuple[float, np.ndarray]] = (),
 ) -> Track:
     """Return what a Kalman filter makes of measured positions.
 
@@ -81,6 +83,8 @@ def kalman(
     acceleration_m_s2_rthz : process noise: the root of the two-sided spectral density of white acceleration, each axis
         [m/s²/√Hz]; velocity then wanders by its product with √t.
     speed_m_s : how fast [m/s] the target may move before anything is known, one standard deviation of each axis.
+    kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], rising: the observer's own burns,
+        with the sign that they have on what is tracked. One that falls on an instant is in the velocity there.
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     n = time_s.size
@@ -95,10 +99,14 @@ def kalman(
     seen = np.isfinite(position_m).all(axis=1)
     state, covariance = np.zeros(2 * AXES), np.zeros((2 * AXES, 2 * AXES))
     begun = False
+    kick_s = np.array([at for at, _ in kicks], dtype=float)
     for k in range(n):
         if begun:
             forward, noise = _discrete(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - time_s[k - 1]))
             state, covariance = forward @ state, forward @ covariance @ forward.T + noise
+            for j in range(*np.searchsorted(kick_s, time_s[k - 1 : k + 1], side="right").tolist()):
+                onward, _ = _discrete(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - kick_s[j]))
+                state = state + onward[:, AXES:] @ kicks[j][1]
             if seen[k]:
                 innovation_m[k] = position_m[k] - state[:AXES]
                 spread = covariance[:AXES, :AXES] + covariance_m2[k]

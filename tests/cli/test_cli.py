@@ -38,6 +38,8 @@ def test_models(call):
     assert status == 0
     for name in ["tdrs", "juno", "cubesat_3u", "rocket_body"]:
         assert name in out
+    line = next(line for line in out.splitlines() if line.split()[:1] == ["envisat"])
+    assert line.split()[1:3] == ["payload", "large"]
 
 
 def test_schema_is_what_the_files_fill(call):

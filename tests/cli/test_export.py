@@ -178,6 +178,18 @@ def test_mcap(call, bench, tmp_path):
     assert all(line.startswith("frame ") for line in errors)  # how far it is
 
 
+def test_a_folder_for_ros_and_one_of_zarr(call, bench, tmp_path, capsys):
+    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("zarr", reason="the extra zarr is not installed")
+    status, said, _ = call(bench, "--to", tmp_path / "out.rosbag2", "--frames", "2:5")
+    assert status == 0 and "(rosbag2, 3 of 10 frames, " in said
+    assert call(bench, "--to", tmp_path / "out.zarr")[0] == 0
+    assert call(tmp_path / "out.zarr", "--to", tmp_path / "again.tum")[0] == 0  # a store is a recording, too
+    assert left(["info", tmp_path / "out.zarr"]) == 0
+    held = sum(file.stat().st_size for file in (tmp_path / "out.zarr").rglob("*") if file.is_file())
+    assert f"file        out.zarr, {held / 1e6:.1f} MB, complete" in capsys.readouterr().out
+
+
 def test_an_unfinished_recording(call, bench, tmp_path):
     unfinished = bench.rename(tmp_path / "bench.h5.tmp-1a2b3c4d")
     assert call(unfinished, "--to", tmp_path / "out.tum")[0] == 0

@@ -29,6 +29,8 @@ def test_a_table_and_a_picture(call, bench, tmp_path):
     assert lines[-1] == f"{tmp_path / 't.png'}"
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
     assert "icp" not in call(bench, "--no-icp")[1]
+    assert call(bench, "--no-icp", "--frames", "2:8:2")[1].startswith("plate: 3 of 3 frames with a fix")
+    assert call(bench, "--frames", "20:30")[0] == 2
 
 
 @pytest.mark.parametrize(

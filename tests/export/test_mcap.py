@@ -64,6 +64,9 @@ def test_every_message_comes_back(written):
             stamp = message.transforms[0].header.stamp if topic == "/tf" else message.header.stamp
             assert stamp.sec * 10**9 + stamp.nanosec == START_NS + k * 100_000_000
             assert topic == "/tf" or message.header.frame_id == "lidar"
+        for name in ("target", "part"):
+            assert ours[f"/labels/{name}"].encoding == "16SC1"
+            np.testing.assert_array_equal(pixels(ours[f"/labels/{name}"], "<i2"), getattr(frame.labels, name))
         np.testing.assert_array_equal(pixels(ours["/lidar/range"], "<f4"), frame.range_m)
         np.testing.assert_array_equal(pixels(ours["/lidar/intensity"], "<u2"), frame.intensity_counts)
         assert (ours["/lidar/range"].encoding, ours["/lidar/intensity"].encoding) == ("32FC1", "mono16")
@@ -139,6 +142,7 @@ def test_it_says_where_it_comes_from(written):
     assert record.metadata["scenario"] == SOURCE.scenario and record.metadata["seed"] == "20240917"
     told = json.loads(record.metadata["targets"])[0]
     assert (told["name"], told["mesh_sha256"]) == ("tdrs", "ab" * 32)
+    assert told["parts"] == list(SOURCE.targets[0].parts)
     assert json.loads(record.metadata["versions"]) == SOURCE.versions
 
 

@@ -211,7 +211,7 @@ def test_what_is_no_recording_is_said_in_one_line(tmp_path, saved):
     assert "only the unfinished hop.h5.tmp-1a2b3c4d: open that, or go on with --resume" in one_line(tmp_path / "hop.h5")
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.create_dataset("x", data=np.zeros(3), dtype="f8")
-    assert "is an HDF5 file but no recording" in one_line(tmp_path / "other.h5")
+    assert "holds arrays but is no recording" in one_line(tmp_path / "other.h5")
 
 
 def test_newer_schema_and_missing_datasets_are_named(tmp_path, saved):

@@ -10,6 +10,7 @@ from test_npz import filled
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import zarr_store
+from rso_lidar.export.datasets import values
 
 HOW = {"returns": True, "keep": KEEP}
 NEEDED = "the extra `zarr` is not installed"
@@ -87,3 +88,50 @@ def test_without_the_extra_it_is_named(tmp_path, monkeypatch):
     with pytest.raises(RecordingError, match=r"Zarr needs an extra: pip install rso-lidar\[zarr\], or write \.h5"):
         export.save(tmp_path / "run.zarr", make_frames(1))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_it_opens_as_a_recording_like_the_file(tmp_path, monkeypatch):
+    pytest.importorskip("zarr", reason=NEEDED)
+    monkeypatch.setattr(zarr_store, "FRAMES_PER_SHARD", 3)
+    lens = {"zoom": lambda k: 1.0 + (k % 3)}
+    with (
+        export.open(export.save(tmp_path / "run.h5", make_frames(7, **lens, **HOW))) as file,
+        export.open(export.save(tmp_path / "run.zarr", make_frames(7, **lens, **HOW))) as store,
+    ):
+        assert (len(store), store.complete, store.kept) == (7, True, file.kept)
+        assert store.source == file.source
+        np.testing.assert_array_equal(store.line_of_sight, file.line_of_sight)
+        for key in (5, -2, slice(1, 6, 2), slice(5, 0, -2), [4, 0, 4], (slice(2, 4), 3, slice(1, 9))):
+            np.testing.assert_array_equal(store.range_m[key], file.range_m[key])
+            np.testing.assert_array_equal(store.labels.target[key], file.labels.target[key])
+        for ours, theirs in zip(store[2:], file[2:], strict=True):
+            there = values(theirs)
+            for name, value in values(ours).items():
+                np.testing.assert_array_equal(value, there[name], err_msg=name)
+            assert ours.index == theirs.index and ours.source.scenario == theirs.source.scenario
+        with pytest.raises(IndexError, match="it has 7"):
+            store[7]
+        again = export.save(tmp_path / "again.h5", store)
+    with export.open(again) as copy, export.open(tmp_path / "run.h5") as file:
+        np.testing.assert_array_equal(copy.range_m[:], file.range_m[:])
+    with pytest.raises(RecordingError, match="is closed"):
+        store.range_m[0]
+
+
+def test_what_is_no_store_of_ours_is_one_line(tmp_path, monkeypatch):
+    zarr = pytest.importorskip("zarr", reason=NEEDED)
+    with pytest.raises(RecordingError, match="there is no such folder"):
+        export.open(tmp_path / "no.zarr")
+    (tmp_path / "empty.zarr").mkdir()
+    with pytest.raises(RecordingError, match="is no Zarr store of version 3"):
+        export.open(tmp_path / "empty.zarr")
+    zarr.open_group(tmp_path / "other.zarr", mode="w")
+    with pytest.raises(RecordingError, match="no recording of rso_lidar"):
+        export.open(tmp_path / "other.zarr")
+    path = export.save(tmp_path / "run.zarr", make_frames(2))
+    (path / "zarr.json").write_text("{")
+    with pytest.raises(RecordingError, match="is damaged"):
+        export.open(path)
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(RecordingError, match=r"pip install rso-lidar\[zarr\]"):
+        export.open(tmp_path / "other.zarr")

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.study.trade_asked import Study
+from rso_lidar.study.trading import plan_of
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -61,7 +63,14 @@ def generator():
 
 def test_generated_pages_are_up_to_date(generator):
     pages = generator["pages"]()
-    assert {page.name for page in pages} == {"scenario.md", "records.md", "physics.md", "instrument.md"}
+    assert {page.name for page in pages} == {
+        "scenario.md",
+        "records.md",
+        "physics.md",
+        "instrument.md",
+        "models.md",
+        "studies.md",
+    }
     for page, text in pages.items():
         assert text == page.read_text(encoding="utf-8"), f"{page.name} is stale: run python docs/generate.py"
 
@@ -114,7 +123,10 @@ def test_code_of_the_pages_runs(page, tmp_path, monkeypatch):
 @pytest.mark.parametrize("page", WRITTEN, ids=NAMES)
 def test_scenarios_of_the_pages_fly(page):
     for block in fenced(page.read_text(encoding="utf-8"), "toml"):
-        if "version" not in tomllib.loads(block):
+        if "version" not in (said := tomllib.loads(block)):
+            continue
+        if "merits" in said:
+            plan_of(Study.loads(block, folder=ROOT / "examples"))
             continue
         frame = next(rl.simulate(rl.Scenario.loads(block), threads=1))
         assert frame.valid.any()
@@ -141,7 +153,9 @@ PICTURES = sorted((DOCS / "pictures").iterdir())
 def test_every_picture_is_shown_and_every_figure_drawn():
     figures = set(runpy.run_path(str(DOCS / "figures.py"), run_name="figures")["FIGURES"])
     assert {file.stem for file in PICTURES} == figures | {"tdrs_approach", "growth"}
-    told = "".join((DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md"))
+    told = "".join(
+        (DOCS / page).read_text(encoding="utf-8") for page in ("instrument.md", "orbits.md", "studies.md", "models.md")
+    )
     assert {name for name in figures if f"](pictures/{name}.png)" in told} == figures
 
 

@@ -39,7 +39,8 @@ def burgled(tmp_path_factory):
     faults = {
         "units": "from rso_lidar.records import Frame",  # up the stairs
         "pose": "import rso_lidar",  # the root
-        "optics/planted": "from rso_lidar import orbit, scene\nimport h5py, embreex, trimesh, skyfield, matplotlib, typer",
+        "optics/planted": "from rso_lidar import orbit, scene\n"
+        "import h5py, embreex, trimesh, skyfield, matplotlib, typer, rerun",
     }
     for module, fault in faults.items():
         with (folder / "rso_lidar" / f"{module}.py").open("a") as file:
@@ -60,6 +61,7 @@ def burgled(tmp_path_factory):
         "Light and files know nothing of orbits: rooms beside motion take records",
         "h5py and its like live in export",
         "matplotlib and Pillow live in picture; a measured pattern, a depth map and heights are images too",
+        "Rerun lives in one module of picture",
         "typer and rich live in cli",
     ],
 )

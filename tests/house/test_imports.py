@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-HEAVY = ["trimesh", "embreex", "skyfield", "sgp4", "h5py", "matplotlib", "PIL", "typer", "rich"]
+HEAVY = ["trimesh", "embreex", "skyfield", "sgp4", "h5py", "matplotlib", "PIL", "rerun", "typer", "rich"]
 AT_HOME = {"rso_lidar.cli": {"typer", "rich"}, "rso_lidar.__main__": {"typer", "rich"}}  # nothing imports these
 
 

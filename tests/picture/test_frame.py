@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frame import _free_corner, _geometry, _summary
+from rso_lidar.picture.frame import _free_corner, _geometry, summary
 from rso_lidar.records import Reading
 
 
@@ -91,7 +91,7 @@ def test_many_parts_share_the_last_colour(handmade):
 
 def test_words_say_time_returns_and_geometry(handmade):
     frame = handmade.make_frame(1350.0, 900.0, index=4)
-    text = _summary(frame)
+    text = summary(frame)
     assert "frame 4" in text
     assert "1,350.000 s after 2024-09-17T12:00:00Z" in text
     assert f"{frame.valid.sum()} returns" in text

@@ -30,6 +30,8 @@ SOLIDS = {
     "lattice": (L_SHAPE, 1.5),
     "frame": (solids.lattice([0, 1, 3, 4], [0, 1, 3, 4], [(1, 1)], 0.1), 1.2),
     "tiles": (solids.tiles((3.2, 2.1, 0.5), (3, 2), 0.1), 3 * 2 * 1.0 * 1.0 * 0.5),
+    "skin": (solids.skin([[(0, 0, z), (w, 0, z), (w, w, z), (0, w, z)] for z, w in ((0, 1), (1, 2), (3, 2))]), 31 / 3),
+    "skin, the other way round": (solids.skin([[(0, 0, z), (0, 2, z), (1, 0, z)] for z in (0, 3)]), 3.0),
     "turned": (solids.box((1, 2, 3)).turned("y", 30).turned("z", -70).moved(1, 2, 3), 6.0),
     "facing": (solids.box((1, 2, 3)).facing((1, -2, 0.5)), 6.0),
     "mirrored": (solids.frustum(1.0, 2.0, 0.0, 3.0, 16).moved(5, 0, 0).mirrored("x"), 7 * polygon_area(16)),

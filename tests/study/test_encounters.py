@@ -382,3 +382,21 @@ def test_an_unknown_follower_is_told_with_a_guess():
 def test_a_row_that_is_not_there(table, number, message):
     with pytest.raises(ScenarioError, match=message):
         scenario_text(table, number)
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        ("ENVISAT", "envisat"),
+        ("SL-16 R/B", "zenit_stage"),
+        ("SL-8 R/B", "rocket_body"),
+        ("SL-16 DEB", "debris_plate"),
+        ("INTELSAT 901", "comsat"),
+        ("TDRS 3", "tdrs"),
+        ("NOBODY KNOWS", "cubesat_3u"),
+    ],
+)
+def test_an_object_is_drawn_as_its_name_suggests(name, model):
+    from rso_lidar.study.encounter_scenario import _model
+
+    assert _model(name)[0] == model

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,25 @@ def test_before_the_first_position_there_is_nothing():
 def test_refused(time_s, places, given):
     with pytest.raises(rl.ScenarioError, match="kalman"):
         kalman(np.array(time_s), np.zeros(places), np.zeros((2, 3, 3)), **given)
+
+
+@pytest.mark.parametrize("mean_motion", [None, N_RAD_S])
+def test_a_known_kick_moves_the_estimate_and_not_the_innovation(mean_motion):
+    """Without noise: a kick between two instants, and one on an instant, which is in the velocity there already."""
+    time_s, kick = np.arange(40.0), np.array([0.3, -0.2, 0.1])
+    start, velocity = np.array([10.0, -500.0, 5.0]), np.array([0.05, 0.4, -0.02])
+    kicks = [(20.4, kick), (30.0, -kick)]
+    places, speeds = np.empty((40, 3)), np.empty((40, 3))
+    edges = [0.0, *[at for at, _ in kicks], np.inf]
+    for (begin, end), given in zip(itertools.pairwise(edges), [np.zeros(3), kick, -kick], strict=True):
+        velocity = velocity + given
+        of = (time_s >= begin) & (time_s < end)
+        n = mean_motion or 1e-12
+        places[of], speeds[of] = clohessy_wiltshire(start, velocity, time_s[of] - begin, n)
+        if np.isfinite(end):
+            (start,), (velocity,) = clohessy_wiltshire(start, velocity, np.array([end - begin]), n)
+    spread = np.broadcast_to(np.eye(3) * 1e-6, (40, 3, 3))
+    made = kalman(time_s, places, spread, mean_motion_rad_s=mean_motion, acceleration_m_s2_rthz=0.0, kicks=kicks)
+    assert np.abs(made.innovation_m[2:]).max() < 1e-6  # metres; a kick that is not told of gives 0.3
+    np.testing.assert_allclose(made.velocity_m_s[-1], speeds[-1], atol=1e-6)
+    assert np.abs(kalman(time_s, places, spread, mean_motion_rad_s=mean_motion).innovation_m[21:]).max() > 0.1

@@ -1,0 +1,98 @@
+"""`rso-lidar models add` and `remove`: the user's own library."""
+
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+import typer
+
+from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
+from rso_lidar.errors import MeshError, did_you_mean
+from rso_lidar.scene.adding import Wanted, add_model, remove_model
+from rso_lidar.scene.library import own_folder
+
+MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
+
+
+def add(
+    path: MeshFile,
+    name: Annotated[str | None, typer.Option("--name", help="What scenarios call it; else the file's name.")] = None,
+    scale: Annotated[float | None, typer.Option("--scale", help="Metres in one unit of the file.")] = None,
+    size_m: Annotated[float | None, typer.Option("--size-m", help="Longest side (m), instead of --scale.")] = None,
+    y_up: Annotated[bool, typer.Option("--y-up", help="The file's y is up: turn it to z.")] = False,
+    material: Annotated[str | None, typer.Option("--material", help="Material of all parts.")] = None,
+    part_material: Annotated[
+        list[str] | None,
+        typer.Option("--part-material", metavar="PART=NAME", help="Material of one part; again for more."),
+    ] = None,
+    center_of_mass: Annotated[
+        str | None, typer.Option("--center-of-mass", metavar="X,Y,Z", help="In metres, in the mesh's axes.")
+    ] = None,
+    object_class: Annotated[
+        str | None, typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.")
+    ] = None,
+    subclass: Annotated[str | None, typer.Option("--subclass", help="Any word, such as relay_satellite.")] = None,
+    shape: Annotated[str | None, typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.")] = None,
+    stabilisation: Annotated[
+        str | None, typer.Option("--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.")
+    ] = None,
+    what: Annotated[str | None, typer.Option("--what", help="A line for the list.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a model of yours of that name.")] = False,
+) -> None:
+    """Bring a mesh into your own library; what is guessed is said."""
+    axes: Literal["z_up", "y_up"] = "y_up" if y_up else "z_up"
+    wanted = Wanted(
+        name=name,
+        scale=scale,
+        size_m=size_m,
+        mesh_axes=axes,
+        material=material,
+        part_materials=_pairs(part_material or []),
+        center_of_mass_m=_point(center_of_mass),
+        what=what,
+        taxonomy={
+            "object_class": _one_of("--class", object_class, ObjectClass),
+            "subclass": subclass,
+            "shape_family": _one_of("--shape", shape, ShapeFamily),
+            "stabilisation": _one_of("--stabilisation", stabilisation, Stabilisation),
+        },
+    )
+    entry, said = add_model(path, wanted, overwrite=overwrite)
+    size = " x ".join(f"{side:.4g}" for side in entry.size_m)
+    typer.echo(
+        f"{entry.name}: {size} m, {entry.facets:,} facets, {len(entry.parts)} part{'s' * (len(entry.parts) > 1)}"
+    )
+    for line in said:
+        typer.echo(f"  {line}")
+    typer.echo(f'in {own_folder()}; in a scenario: model = "{entry.name}"')
+
+
+def remove(name: Annotated[str, typer.Argument(metavar="NAME", help="A model of your own library.")]) -> None:
+    """Take a model out of your own library."""
+    typer.echo(f"removed {remove_model(name)}")
+
+
+def _one_of(option: str, value: str | None, words: object) -> str | None:
+    known = get_args(words)
+    if value is not None and value not in known:
+        raise MeshError(f"{option} {value}: is none{did_you_mean(value, known)} (known: {', '.join(known)})")
+    return value
+
+
+def _pairs(texts: list[str]) -> dict[str, str]:
+    pairs = {}
+    for text in texts:
+        part, equals, material = text.rpartition("=")
+        if not equals or not part or not material:
+            raise MeshError(f"--part-material {text}: is not PART=NAME; write for example bus=mli_gold")
+        pairs[part] = material
+    return pairs
+
+
+def _point(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise MeshError(f"--center-of-mass {text}: is not X,Y,Z; write for example 0.1,0,-0.4") from None
+    return x, y, z

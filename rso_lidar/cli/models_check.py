@@ -1,0 +1,52 @@
+"""`rso-lidar models check`: what is to be known of a mesh before it flies."""
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.cli.models_add import MeshFile
+from rso_lidar.errors import MeshError
+from rso_lidar.scene import Mesh, load_mesh
+from rso_lidar.scene.adding import known_meshes
+from rso_lidar.scene.cad import is_cad, tessellated
+from rso_lidar.scene.doctor import examine
+from rso_lidar.scene.library import model
+from rso_lidar.scene.mesh import mended
+
+
+def check(
+    path: MeshFile,
+    scale: Annotated[float | None, typer.Option("--scale", help="Metres in one unit of the file.")] = None,
+) -> None:
+    """Examine a mesh: units, holes, winding, strays, what lies hidden, and what was repaired on loading.
+
+    PATH may be the name of a model, too. Nothing is changed; whatever can be loaded can be flown.
+    """
+    if scale is not None and not 0.0 < scale < float("inf"):
+        raise MeshError(f"--scale {scale:g}: is no scale; give a number over 0")
+    mesh = _mesh(path)
+    known = known_meshes().get(mesh.sha256) if path.exists() else None
+    unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)
+    lines = examine(mended(mesh, unit_m)).lines()
+    typer.echo(f"{path}")
+    if known:
+        typer.echo(
+            f"known       {known['file']} of NASA's printable models: one unit is {unit_m:.6g} m; `models add` mends it"
+        )
+    for line in lines:
+        typer.echo(line)
+
+
+def _mesh(path: Path) -> Mesh:
+    """Return the mesh of a file, of a solid, or of a model by name."""
+    if is_cad(path):
+        blob, unit_m = tessellated(path)
+        with tempfile.TemporaryDirectory() as folder:
+            place = Path(folder) / f"{path.stem}.glb"
+            place.write_bytes(blob)
+            return mended(load_mesh(place), unit_m)
+    if path.suffix or path.exists() or len(path.parts) > 1:
+        return load_mesh(path)
+    return model(str(path)).mesh

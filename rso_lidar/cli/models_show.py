@@ -1,0 +1,66 @@
+"""`rso-lidar models show`: one model on one page, in words and as a picture."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from rso_lidar import units
+from rso_lidar.draft import free
+from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.study.model_card import RANGE_M, WAVELENGTHS_NM, ModelCard, model_card
+
+WIDE = 112  # columns that the tables need
+
+
+def show(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="A model of the catalogue or of your own library, or the path of a mesh."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Picture of four sides by part and by material (.png, .pdf, .svg)."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+) -> None:
+    """Tell what a model is, the light it sends back from 1 km, and its parts; draw it from four sides."""
+    if output is not None:
+        free(output, FIGURE_SUFFIXES, overwrite=overwrite)
+    card = model_card(name)
+    console = Console()
+    for line in (card.what, *card.lines):
+        console.print(line, markup=False, highlight=False)
+    console.print()
+    console.print(_light(card))
+    console.print()
+    Console(width=max(console.width, WIDE)).print(_parts(card))
+    console.print(f'\nBody axes, from the centre of mass. A joint: parts = ["{card.parts[0].name}"].', markup=False)
+    if output is not None:
+        typer.echo(str(card.save(output)))
+
+
+def _parts(card: ModelCard) -> Table:
+    """Return the parts of a model with material and bounds."""
+    table = Table(box=None, header_style="bold")
+    for title in ("part", "material", "x, m", "y, m", "z, m"):
+        table.add_column(title, no_wrap=True)
+    for part in card.parts:
+        spans = zip(part.low_m, part.high_m, strict=True)
+        table.add_row(part.name, part.material, *(f"{low:.3f} to {high:.3f}" for low, high in spans))
+    return table
+
+
+def _light(card: ModelCard) -> Table:
+    """Return the photons that each side sends back, in all and in the brightest pixel."""
+    table = Table(box=None, header_style="bold")
+    table.add_column(f"photons at {RANGE_M / units.KM:g} km", no_wrap=True)
+    for nm in WAVELENGTHS_NM:
+        table.add_column(f"{nm:g} nm, in all", justify="right")
+        table.add_column("brightest pixel", justify="right")
+    for side in dict.fromkeys(echo.side for echo in card.echoes):
+        of = [echo for echo in card.echoes if echo.side == side]
+        table.add_row(side, *(f"{value:.3g}" for echo in of for value in (echo.photons, echo.brightest_photons)))
+    return table

@@ -1,0 +1,96 @@
+"""`rso-lidar trade`: a trade study worked through, as a table and a report; what was cut off goes on."""
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rso_lidar.arithmetic import on_compiling
+from rso_lidar.cli.run import progress
+from rso_lidar.draft import beside, free
+from rso_lidar.errors import RecordingError
+from rso_lidar.study import report
+from rso_lidar.study.ranking import summary
+from rso_lidar.study.trade_asked import Study
+from rso_lidar.study.trading import Rows, Trade, plan_of, tabled, work, working_file
+
+_INTERRUPTED = 130
+
+
+def trade(
+    file: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Folder, or .csv, .html or .parquet; table and report go beside each other."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=1, max=256, help="Processes that work through points at once; changes no result."
+        ),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace outputs that exist.")] = False,
+) -> None:
+    """Work through a trade study: fields of a scenario against figures of merit, as a table (.csv) and a report (.html)."""
+    study = Study.load(file)
+    places = _places(file, output)
+    for place in places:
+        free(place, report.SUFFIXES, overwrite=overwrite)
+    if not os.access(places[0].parent, os.W_OK):
+        raise RecordingError(f"{places[0]}: the folder may not be written to; choose another")
+    report.check(places)
+    many = workers is not None and workers > 1
+    plan, base = plan_of(study, threads=1 if many else None)
+    kept = working_file(places[0], plan, base)
+    _tell_of_others(kept)
+    rows = Rows(kept, study.n_rows)
+    on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
+    try:
+        with rows.opened():
+            if rows.known:
+                typer.echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
+            with progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
+                for row in work(plan, rows.known, workers):
+                    rows.add(row)
+                    bar.advance()
+            made = tabled(plan, base, rows.known)
+            _write(made, places)
+            kept.unlink(missing_ok=True)
+    except KeyboardInterrupt:
+        told = f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}"
+        typer.echo(f"interrupted: {told}; the same command goes on", err=True)
+        raise SystemExit(_INTERRUPTED) from None
+    for line in (*summary(made), *map(str, places)):
+        typer.echo(line)
+
+
+def _places(file: Path, output: Path | None) -> list[Path]:
+    """Return the table's place first, then the report's, and that of another table where one is asked for."""
+    if output is None or output.is_dir():
+        stem = (output or file.parent) / file.stem
+        return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
+    if output.suffix.lower() not in report.SUFFIXES:
+        free(output, report.SUFFIXES)
+    places = [output.with_suffix(".csv"), output.with_suffix(".html")]
+    return [*places, output] if output.suffix.lower() == ".parquet" else places
+
+
+def _write(made: Trade, places: list[Path]) -> None:
+    """Write all outputs, each under another name until the last is whole."""
+    with ExitStack() as drafts:
+        for place in places:
+            made.save(drafts.enter_context(beside(place)))
+
+
+def _tell_of_others(kept: Path) -> None:
+    """Say what stands beside an output that this study cannot go on from."""
+    start = kept.name.rpartition("-")[0]
+    others = [
+        one.name for one in sorted(kept.parent.iterdir()) if one.name.startswith(f"{start}-") and one.name != kept.name
+    ]
+    if others and not kept.exists():
+        typer.echo(f"starting afresh: {', '.join(others)} is of another study, scenario or version", err=True)

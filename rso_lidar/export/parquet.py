@@ -1,0 +1,35 @@
+"""A table of columns as Parquet, for data frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.draft import beside
+from rso_lidar.errors import RecordingError
+
+
+def check_parquet(place: Path) -> None:
+    """Raise where Parquet cannot be written for want of its library."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError:
+        raise RecordingError(
+            f"{place}: Parquet needs an extra: pip install rso-lidar[parquet], or write .csv"
+        ) from None
+
+
+def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Path:
+    """Return the path of a Parquet file of columns by name, with texts about them, written whole or not at all."""
+    check_parquet(place)
+    import pyarrow
+    import pyarrow.parquet
+
+    columns: dict[str, Any] = {name: pyarrow.array(values.tolist()) for name, values in table.items()}
+    made = pyarrow.table(columns).replace_schema_metadata(dict(metadata))
+    with beside(place) as draft:
+        pyarrow.parquet.write_table(made, draft)
+    return place

@@ -1,0 +1,62 @@
+"""What a target is made of, as far as a view of it in space needs: the corners of its facets and the edges one sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+SHARP_COS = 0.9  # of the turn between two facets, beyond which the edge between them is seen: 26 degrees
+MOST_EDGES = 2500  # the longest; more only blacken a small picture
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """The facets that turn with some axes, `corners_m` (facet, 3, xyz) [m] in them; `axes` is their name, ``tdrs.array``."""
+
+    axes: str
+    corners_m: np.ndarray
+
+    @property
+    def target(self) -> str:
+        """Return the name of the target that it is, or is a part of."""
+        return self.axes.partition(".")[0]
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Return the distance [m] of the farthest corner from the origin of the axes."""
+        return float(np.sqrt((self.corners_m**2).sum(axis=-1).max(initial=0.0)))
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Return the unit normals of the facets (facet, xyz) by winding, zero of a facet without area."""
+        one, other = (self.corners_m[:, k] - self.corners_m[:, 0] for k in (1, 2))
+        normals = np.cross(one, other)
+        length = np.sqrt((normals**2).sum(axis=-1, keepdims=True))
+        return np.asarray(normals / np.where(length > 0, length, 1.0))
+
+    @cached_property
+    def edges_m(self) -> np.ndarray:
+        """Return the ends (edge, 2, xyz) [m] of edges where the surface ends or bends sharply, the longest `MOST_EDGES`.
+
+        Corners closer than a millionth of the radius are one: in many files no facet shares its corners with the next.
+        """
+        if not len(self.corners_m):
+            return np.zeros((0, 2, 3))
+        grid = np.round(self.corners_m.reshape(-1, 3) / (1e-6 * max(self.radius_m, 1e-9))).astype(np.int64)
+        _, first, place = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+        corner = place.reshape(-1, 3)
+        pairs = np.sort(np.concatenate([corner[:, [0, 1]], corner[:, [1, 2]], corner[:, [2, 0]]]), axis=1)
+        facet = np.tile(np.arange(len(corner)), 3)
+        real = pairs[:, 0] != pairs[:, 1]
+        pairs, facet = pairs[real], facet[real]
+        edges, edge, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+        order = np.argsort(edge.reshape(-1), kind="stable")
+        starts = np.cumsum(count) - count
+        one, other = facet[order[starts]], facet[order[starts + count - 1]]
+        bend = np.abs((self.normals[one] * self.normals[other]).sum(axis=-1))  # by winding either side may be out
+        seen = (count != 2) | (bend < SHARP_COS)
+        ends = self.corners_m.reshape(-1, 3)[first[edges[seen]]]
+        length = ((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=-1)
+        return np.asarray(ends[np.argsort(-length, kind="stable")[:MOST_EDGES]])

@@ -1,0 +1,242 @@
+"""A mesh brought into the user's own library, and taken out again: known files mended as known, others guessed aloud."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rso_lidar.craft import Taxonomy, size_class
+from rso_lidar.draft import beside
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.scene.cad import CHORD_MM, is_cad, tessellated
+from rso_lidar.scene.doctor import counted, helper_cube
+from rso_lidar.scene.group_names import materials_of
+from rso_lidar.scene.library import ModelEntry, materials, model, models, own_folder, own_models, read_own_index
+from rso_lidar.scene.mesh import Mesh, likely_units, load_mesh, mended, plausible
+from rso_lidar.shipped import shipped
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
+_DEFAULT = "lambertian_30"
+_METRIC = (".glb", ".gltf")  # by their standard
+_HEAD = (
+    "# Models of your own, kept by `rso-lidar models add` and `remove`. Mend what you know better: centre of mass, parts,\n"
+    "# taxonomy; mass_kg, inertia_kg_m2 and hinges may be added, in the form of the shipped models/index.toml.\n\n"
+)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the user says of a mesh; what is None or empty is known, guessed, or left to a default.
+
+    `scale` is the metres in one unit of the file, `size_m` the longest side [m]; `material` is for all parts,
+    `part_materials` for some by name; `taxonomy` holds the fields of `Taxonomy` that are known.
+    """
+
+    name: str | None = None
+    scale: float | None = None
+    size_m: float | None = None
+    mesh_axes: Literal["z_up", "y_up"] = "z_up"
+    material: str | None = None
+    part_materials: Mapping[str, str] = field(default_factory=dict)
+    center_of_mass_m: tuple[float, float, float] | None = None
+    what: str | None = None
+    taxonomy: Mapping[str, Any] = field(default_factory=dict)
+
+
+@functools.cache
+def known_meshes() -> dict[str, dict[str, Any]]:
+    """Return what is known of NASA's printable files by SHA-256: name, units_per_metre, left_out, taxonomy."""
+    text = (shipped("models") / "known_meshes.toml").read_text(encoding="utf-8")
+    return {entry["sha256"]: entry for entry in tomllib.loads(text)["mesh"]}
+
+
+def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False) -> tuple[ModelEntry, list[str]]:
+    """Return the new entry of the user's library, and what was known, guessed and assumed, a line each.
+
+    The file is copied as it stands; of STEP and IGES the triangles are kept, as GLB.
+    """
+    path = Path(path)
+    _check_numbers(wanted)
+    if is_cad(path):
+        blob, unit_m = tessellated(path)
+        suffix, kind = ".glb", f"tessellated to {CHORD_MM:g} mm from {path.name}"
+        source = f"{kind}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
+    else:
+        load_mesh(path)  # a bad file is told by its own name
+        blob, suffix, unit_m, source = path.read_bytes(), path.suffix.lower(), None, path.name
+        if suffix == ".gltf" and b'"uri"' in blob and not re.search(rb'"uri"\s*:\s*"data:', blob):
+            raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
+    known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
+    name = wanted.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
+    folder = own_folder()
+    _check_name(name, folder, overwrite)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        where = "let RSO_LIDAR_MODELS name a folder that can be"
+        raise MeshError(f"{folder}: cannot be made ({error.strerror or error}); {where}") from None
+    place, before = folder / f"{name}{suffix}", own_models().get(name)
+    with beside(place) as draft:
+        draft.write_bytes(blob)
+        table, said = _table(load_mesh(draft), known, wanted, unit_m)
+        table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
+    entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
+    _write_index(folder, [*entries, table])
+    if before is not None and before.path != place:
+        _unlink(before.path, folder)
+    return model(name), said
+
+
+def remove_model(name: str) -> Path:
+    """Return the mesh file that was taken out of the user's library, with its entry."""
+    own = own_models()
+    if name not in own:
+        where = "is shipped with the package, and stays" if name in models() else "is not in your library"
+        raise ScenarioError(f"model '{name}': {where}{did_you_mean(name, own)} (yours: {', '.join(own) or 'none'})")
+    folder = own_folder()
+    _write_index(folder, [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name])
+    _unlink(own[name].path, folder)
+    return own[name].path
+
+
+def _unlink(place: Path, folder: Path) -> None:
+    """Take a mesh file away, if it lies in the library: an index mended by hand may name another."""
+    if place.resolve().parent == folder.resolve():
+        place.unlink(missing_ok=True)
+
+
+def _check_numbers(wanted: Wanted) -> None:
+    if wanted.scale is not None and wanted.size_m is not None:
+        raise MeshError("--scale and --size-m: say the same in two ways; give one")
+    for option, value in (("--scale", wanted.scale), ("--size-m", wanted.size_m)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise MeshError(f"{option} {value:g}: is no size; give a number over 0")
+    if wanted.center_of_mass_m is not None and not np.isfinite(wanted.center_of_mass_m).all():
+        raise MeshError("--center-of-mass: has a number that is not finite; give three, in metres")
+
+
+def _check_name(name: str, folder: Path, overwrite: bool) -> None:
+    if not _NAME.fullmatch(name):
+        raise MeshError(f"name '{name}': letters, digits, _ and - only, 63 at most; give another with --name")
+    if name in models():
+        raise MeshError(f"name '{name}': is a shipped model's; give another with --name")
+    if name in own_models() and not overwrite:
+        raise MeshError(f"name '{name}': is in your library already ({folder}); give --overwrite, or another --name")
+
+
+def _table(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | None) -> tuple[dict[str, Any], list[str]]:
+    """Return the index table of a mesh, and what was decided on the way."""
+    said: list[str] = []
+    left_out = tuple((first, last) for first, last in known.get("left_out", ()))
+    if known:
+        said.append(f"known      {known['file']} of NASA's printable models, by its SHA-256")
+    if left_out:
+        count = sum(last - first + 1 for first, last in left_out)
+        said.append(f"repaired   {count} facets left out: the helper cube about the origin, no part of the craft")
+    if mesh.degenerate:
+        said.append(f"repaired   {counted(mesh.degenerate, 'facet')} without area dropped")
+    scale = _scale(mended(mesh, 1.0, left_out=left_out), known, wanted, unit_m, said)
+    whole = mended(mesh, scale, wanted.mesh_axes, left_out)
+    low, high = whole.vertices[np.unique(whole.facets)].min(axis=0), whole.vertices[np.unique(whole.facets)].max(axis=0)
+    center = wanted.center_of_mass_m or (0.0, 0.0, 0.0)
+    if wanted.center_of_mass_m is None:
+        outside = ", which lies outside it" if (low > 0).any() or (high < 0).any() else ""
+        said.append(f"assumed    centre of mass at the origin of the file{outside}: say better with --center-of-mass")
+    fields = {key: known[key] for key in Taxonomy.model_fields if key in known}
+    fields = {
+        "object_class": "payload",
+        "subclass": "spacecraft",
+        "shape_family": "irregular",
+        "stabilisation": "three_axis",
+        **fields,
+        **{key: value for key, value in wanted.taxonomy.items() if value is not None},
+        "size_class": size_class(float(whole.size_m.max())),
+    }
+    guesses = [
+        "the file's geometry is taken as it stands; centre of mass and materials are assumed unless you gave them"
+    ]
+    table: dict[str, Any] = {
+        "what": wanted.what or known.get("what", "a mesh of your own"),
+        "licence": "NASA 3D resources: free of copyright; name NASA as the source" if known else "as its source says",
+        "confidence": "; ".join(guesses),
+        "axes": "those of the file" + (", its y turned up to z" if wanted.mesh_axes == "y_up" else ""),
+        "size_m": [round(float(side), 4) for side in whole.size_m],
+        "facets": len(whole.facets),
+        "sha256": mesh.sha256,
+        "center_of_mass_m": list(center),
+        "scale": scale,
+        "mesh_axes": wanted.mesh_axes,
+        "left_out": [list(run) for run in left_out],
+        "parts": _materials(mesh.part_names, wanted, said),
+        "taxonomy": Taxonomy(**fields).model_dump(mode="json"),
+    }
+    return table, said
+
+
+def _scale(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:
+    """Return the metres in one unit of the file, and say who says so."""
+    longest = float(mesh.size_m.max())
+    if wanted.size_m is not None:
+        return wanted.size_m / longest
+    if wanted.scale is not None:
+        return wanted.scale
+    if known:
+        return 1.0 / float(known["units_per_metre"])
+    if unit_m is not None:
+        said.append(f"unit       the file says its own: {longest * unit_m:.4g} m across")
+        return unit_m
+    if mesh.path.suffix.lower() in _METRIC and plausible(longest):
+        said.append(f"unit       metres, as glTF has it: {longest:.4g} m across")
+        return 1.0
+    fits = likely_units(longest)
+    if not fits and not plausible(longest):
+        raise MeshError(f"{mesh.path.name}: is {longest:.4g} units across; say what that is with --scale or --size-m")
+    unit, metres = next(iter(fits.items()), ("metres", 1.0))
+    others = "".join(f", or {other}" for other in list(fits)[1:])
+    said.append(f"guessed    unit is {unit}{others}: {longest * metres:.4g} m across; if not, --scale or --size-m says")
+    if cube := helper_cube(mesh):
+        said.append(
+            f"guessed    a cube of {cube.size_m:.4g} units about the origin: if it is a helper cube of 1 m, "
+            f"--scale {1.0 / cube.size_m:.6g}"
+        )
+    return metres
+
+
+def _materials(parts: tuple[str, ...], wanted: Wanted, said: list[str]) -> dict[str, str]:
+    """Return the material of every part."""
+    for name in (*([wanted.material] if wanted.material else []), *wanted.part_materials.values()):
+        if name not in materials():
+            guess = did_you_mean(name, materials())
+            raise MeshError(f"material '{name}': is none of the catalogue{guess} (known: {', '.join(materials())})")
+    for part in wanted.part_materials:
+        if part not in parts:
+            raise MeshError(f"part '{part}': is not in the mesh{did_you_mean(part, parts)} ({', '.join(parts[:40])})")
+    by_name = {} if wanted.material else materials_of(parts)
+    default = wanted.material or _DEFAULT
+    chosen = {part: wanted.part_materials.get(part, by_name.get(part, default)) for part in parts}
+    if by_name:
+        named = ", ".join(
+            f"{part} = {material}" for part, material in by_name.items() if part not in wanted.part_materials
+        )
+        said.append(f"guessed    materials by name: {named}")
+    bare = [part for part in parts if part not in by_name and part not in wanted.part_materials]
+    if bare and not wanted.material:
+        listed = ", ".join(bare[:8]) + (f" and {len(bare) - 8:,} more" if len(bare) > 8 else "")
+        said.append(f"assumed    {_DEFAULT} for {listed}: say better with --material or --part-material")
+    return chosen
+
+
+def _write_index(folder: Path, tables: list[dict[str, Any]]) -> None:
+    import tomli_w
+
+    with beside(folder / "index.toml") as draft:
+        draft.write_text(_HEAD + tomli_w.dumps({"model": tables}), encoding="utf-8")

@@ -1,0 +1,60 @@
+"""STEP and IGES: solids made into triangles by Open CASCADE, through the extra `step`."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rso_lidar.errors import MeshError
+from rso_lidar.scene.mesh import CAD_SUFFIXES, checked_file
+
+CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
+_MM = 1e-3
+_LONGEST_S = 180
+_MOST_MEMORY = 8 * 2**30
+
+# In a process of its own: a broken solid may take it down, or never end, and its library talks to the terminal.
+_TESSELLATE = """
+import sys
+from pathlib import Path
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, ({most}, {most}))
+except (ImportError, ValueError, OSError):
+    pass
+import cascadio
+source, kind, out = sys.argv[1:]
+blob = cascadio.load(Path(source).read_bytes(), file_type=kind, tol_linear={chord}, tol_angular={turn}, use_parallel=False)
+Path(out).write_bytes(blob)
+"""
+
+
+def is_cad(path: Path) -> bool:
+    """Return whether a file is STEP or IGES by its name."""
+    return path.suffix.lower() in CAD_SUFFIXES
+
+
+def tessellated(path: Path) -> tuple[bytes, float]:
+    """Return a STEP or IGES file as GLB, and the metres of its unit: STEP says its unit, IGES comes in millimetres."""
+    checked_file(path, CAD_SUFFIXES)
+    if importlib.util.find_spec("cascadio") is None:
+        raise MeshError(
+            f"{path}: STEP and IGES need the extra 'step' (pip install 'rso-lidar[step]'); "
+            "or export the part as GLB or STL from the program that drew it, or from FreeCAD"
+        )
+    kind = "step" if path.suffix.lower() in (".step", ".stp") else "iges"
+    code = _TESSELLATE.format(most=_MOST_MEMORY, chord=CHORD_MM, turn=TURN_RAD)
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "part.glb"
+        command = [sys.executable, "-c", code, str(path.resolve()), kind, str(out)]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=_LONGEST_S, check=False)
+        except subprocess.TimeoutExpired:
+            raise MeshError(f"{path.name}: takes over {_LONGEST_S} s to make triangles of; export it as STL") from None
+        blob = out.read_bytes() if done.returncode == 0 and out.exists() else b""
+    if not blob:
+        raise MeshError(f"{path.name}: cannot be read as {kind.upper()}, or holds no solid; export it again, or as STL")
+    return blob, 1.0 if kind == "step" else _MM

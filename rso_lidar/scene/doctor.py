@@ -1,0 +1,266 @@
+"""A mesh examined: units, components, holes, winding, what lies hidden inside, and what was done to it on loading.
+
+Nothing here changes a mesh. A visual mesh with holes and mixed winding flies as it is: facets are two-sided.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.scene.mesh import Mesh, likely_units, plausible
+from rso_lidar.scene.surface import Surface, build_surface
+
+_DIRECTIONS = 60
+_GRID = 96  # rays along each side of the square that they are cast from
+_GRAZING = 0.05  # cosine below which a facet is not looked at: a ray would start inside its own rounding
+_STRAY = 2.0  # times as far from the middle as 95 % of the surface
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A component: how many facets, the first of them in the file, its middle (xyz) and its largest side [m]."""
+
+    facets: int
+    first_facet: int
+    center_m: tuple[float, float, float]
+    size_m: float
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What a look at a mesh found; lengths are in metres where the mesh is.
+
+    `facets` of the file, of them `degenerate` without area and `left_out` by the library; `duplicates` lie on another
+    facet with the same corners. `components` hang together by edges. A boundary edge has one facet, a non-manifold edge
+    over two; across a turned edge two facets wind against each other. `front_share` of the first hits of rays from all
+    around face the ray by winding. `hidden` facets no ray reaches or leaves; `hidden_area_share` is theirs of all area.
+    `cube` is a helper cube about the origin, the root of the rig in which some models were drawn.
+    """
+
+    size_m: tuple[float, float, float]
+    facets: int
+    degenerate: int
+    left_out: int
+    duplicates: int
+    parts: int
+    components: int
+    strays: tuple[Piece, ...]
+    boundary_edges: int
+    nonmanifold_edges: int
+    turned_edges: int
+    front_share: float
+    hidden: int
+    hidden_area_share: float
+    area_m2: float
+    cube: Piece | None
+
+    @property
+    def largest_m(self) -> float:
+        """Return the longest side [m]."""
+        return max(self.size_m)
+
+    def lines(self) -> list[str]:
+        """Return what a person wants to know, a word and a sentence each."""
+        x, y, z = self.size_m
+        text = [f"size        {x:.4g} x {y:.4g} x {z:.4g} m, {self.area_m2:.4g} m2 of surface, hidden surface included"]
+        if not plausible(self.largest_m):
+            fits = likely_units(self.largest_m)
+            guess = ", ".join(f"{unit} (--scale {metres:g})" for unit, metres in fits.items()) or "no common unit fits"
+            text.append(f"unit        doubtful: no spacecraft is {self.largest_m:.4g} m across; perhaps {guess}")
+        repaired = [f"{count:,} {what}" for count, what in self._repairs if count]
+        text.append(
+            f"facets      {self.facets:,} in {counted(self.parts, 'part')}; {', '.join(repaired) or 'none dropped'}"
+        )
+        if self.duplicates:
+            text.append(f"duplicates  {counted(self.duplicates, 'facet')} on another with the same corners: harmless")
+        text.append(f"components  {self.components:,}, by shared edges")
+        text += [f"stray       {_at(piece)}, far off the rest: no part of the craft?" for piece in self.strays[:5]]
+        if len(self.strays) > 5:
+            text.append(f"stray       and {len(self.strays) - 5:,} more")
+        if self.cube:
+            text.append(
+                f"cube        {_at(self.cube)}: a helper cube of the drawing, most likely; in NASA's models it is 1 m"
+            )
+        text.append(f"holes       {counted(self.boundary_edges, 'edge')} with one facet; {self._shell}")
+        text.append(
+            f"winding     {self.front_share:.2%} of first hits face the ray, {counted(self.turned_edges, 'edge')} turned: "
+            "facets are two-sided here, so no light is lost"
+        )
+        text.append(
+            f"hidden      {self.hidden:,} facets ({self.hidden_area_share:.1%} of the area) are never hit from outside"
+        )
+        return text
+
+    @property
+    def _repairs(self) -> tuple[tuple[int, str], ...]:
+        return ((self.degenerate, "without area dropped"), (self.left_out, "left out as no part of the craft"))
+
+    @property
+    def _shell(self) -> str:
+        over = f"{counted(self.nonmanifold_edges, 'edge')} with over two"
+        return f"{over}; watertight" if not self.boundary_edges and not self.nonmanifold_edges else over
+
+
+def examine(mesh: Mesh) -> Examination:
+    """Return what is to be said of a mesh (in metres, where units are to make sense)."""
+    surface = build_surface("mesh", mesh)  # first: it refuses what reaches beyond all numbers
+    facets = _merged(mesh)
+    edges, ends = np.sort(_edges(facets), axis=1), _edges(facets)
+    _, number, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    number = number.reshape(-1)
+    forward = np.bincount(number, weights=ends[:, 0] < ends[:, 1], minlength=len(count))
+    component = _components(number, len(facets))
+    corners = mesh.vertices[mesh.facets]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    strays = _strays(corners, component, area)
+    front_share, hidden = _looked_at(surface)
+    x, y, z = (float(side) for side in mesh.size_m)
+    return Examination(
+        size_m=(x, y, z),
+        facets=mesh.source_facets,
+        degenerate=mesh.degenerate,
+        left_out=mesh.left_out,
+        duplicates=len(facets) - len(np.unique(np.sort(facets, axis=1), axis=0)),
+        parts=len(mesh.part_names),
+        components=int(component.max()) + 1,
+        strays=tuple(_piece(mesh, of) for of in _members(component, strays)),
+        boundary_edges=int(np.count_nonzero(count == 1)),
+        nonmanifold_edges=int(np.count_nonzero(count > 2)),
+        turned_edges=int(np.count_nonzero((count == 2) & (forward != 1))),
+        front_share=front_share,
+        hidden=int(np.count_nonzero(hidden)),
+        hidden_area_share=float(area[hidden].sum() / area.sum()),
+        area_m2=float(area.sum()),
+        cube=helper_cube(mesh),
+    )
+
+
+def helper_cube(mesh: Mesh) -> Piece | None:
+    """Return the component of twelve facets that is a cube along the axes about the origin, or None."""
+    facets = _merged(mesh)
+    _, number = np.unique(np.sort(_edges(facets), axis=1), axis=0, return_inverse=True)
+    component = _components(number.reshape(-1), len(facets))
+    for of in _members(component, np.flatnonzero(np.bincount(component) == 12)):
+        points = mesh.vertices[np.unique(mesh.facets[of])]
+        low, high = points.min(axis=0), points.max(axis=0)
+        side = float((high - low).max())
+        at_corners = np.minimum(np.abs(points - low), np.abs(points - high)).max()
+        uneven = (high - low).max() - (high - low).min()
+        if max(uneven, at_corners, np.abs(low + high).max()) < 1e-3 * side:
+            return _piece(mesh, of)
+    return None
+
+
+def counted(count: int, what: str) -> str:
+    """Return a count in words, such as "1 facet" or "2,000 facets"."""
+    return f"{count:,} {what}{'s' * (count != 1)}"
+
+
+def _at(piece: Piece) -> str:
+    x, y, z = piece.center_m
+    about = ", ".join(f"{value + 0.0:.2f}" for value in (round(x, 2), round(y, 2), round(z, 2)))
+    facets = counted(piece.facets, "facet")
+    return f"{facets} from facet {piece.first_facet} on, {piece.size_m:.4g} m across, about ({about}) m"
+
+
+def _merged(mesh: Mesh) -> np.ndarray:
+    """Return the facets (facet, 3) by places instead of vertices: equal corners have one number."""
+    _, place = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
+    merged: np.ndarray = place.reshape(-1)[mesh.facets]
+    return merged
+
+
+def _edges(facets: np.ndarray) -> np.ndarray:
+    """Return the directed edges (3 * facet, 2), those of a facet one after the other."""
+    return np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2)
+
+
+def _components(edge: np.ndarray, facets: int) -> np.ndarray:
+    """Return the component of each facet (facet), from the number of each of its three edges."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    order = np.argsort(edge, kind="stable")
+    same = np.flatnonzero(np.diff(edge[order]) == 0)
+    one, other = order[same] // 3, order[same + 1] // 3
+    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(facets, facets))
+    component: np.ndarray = connected_components(graph, directed=False)[1]
+    return component
+
+
+def _members(component: np.ndarray, wanted: np.ndarray) -> list[np.ndarray]:
+    """Return the facets of each component of some."""
+    of = np.flatnonzero(np.isin(component, wanted))
+    of = of[np.argsort(component[of], kind="stable")]
+    return np.split(of, np.flatnonzero(np.diff(component[of])) + 1) if len(of) else []
+
+
+def _piece(mesh: Mesh, of: np.ndarray) -> Piece:
+    points = mesh.vertices[mesh.facets[of]].reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y, z = (float(value) for value in 0.5 * (low + high))
+    numbers = mesh.source_facet[of]
+    return Piece(len(numbers), int(numbers.min()), (x, y, z), float((high - low).max()))
+
+
+def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return the components that lie wholly beyond twice the radius that holds 95 % of the surface."""
+    middle = corners.mean(axis=1)
+    order = np.argsort(middle, axis=0)
+    half = 0.5 * area.sum()
+    center = np.array([middle[order[np.searchsorted(np.cumsum(area[order[:, k]]), half), k], k] for k in range(3)])
+    distance = np.linalg.norm(middle - center, axis=1)
+    outward = np.argsort(distance)
+    most = distance[outward[np.searchsorted(np.cumsum(area[outward]), 0.95 * area.sum())]]
+    nearest = np.full(component.max() + 1, np.inf)
+    np.minimum.at(nearest, component, np.linalg.norm(corners - center, axis=2).min(axis=1))
+    return np.flatnonzero(nearest > _STRAY * most)
+
+
+def _looked_at(surface: Surface) -> tuple[float, np.ndarray]:
+    """Return the share of first hits that face their ray, and which facets (facet) cannot be seen from outside."""
+    center, radius = surface.sphere
+    corners = surface.corners
+    normal = surface.planes[:3].T
+    step = (np.arange(_GRID) + 0.5) / _GRID * 2.0 - 1.0
+    across = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+    across = across[(across**2).sum(axis=1) <= 1.0] * radius
+    facing = hits = 0
+    seen = np.zeros(len(corners), dtype=bool)
+    directions = _all_around(_DIRECTIONS)
+    for direction in directions:
+        side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        side /= np.linalg.norm(side)
+        up = np.cross(direction, side)
+        origins = center - 1.01 * radius * direction + across[:, :1] * side + across[:, 1:] * up
+        struck = _first(surface.embree, origins, np.broadcast_to(direction, origins.shape))
+        struck = struck[struck >= 0]
+        seen[struck] = True
+        hits += len(struck)
+        facing += int(np.count_nonzero(normal[struck] @ direction < 0.0))
+    for weights in ((1 / 3, 1 / 3, 1 / 3), (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)):
+        points = np.einsum("c,fci->fi", np.array(weights), corners)
+        for direction in directions:
+            left = np.flatnonzero(~seen & (np.abs(normal @ direction) > _GRAZING))
+            if len(left):
+                origins = points[left] + 2e-5 * radius * direction
+                free = _first(surface.embree, origins, np.broadcast_to(direction, origins.shape)) < 0
+                seen[left[free]] = True
+    return facing / max(hits, 1), ~seen
+
+
+def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Return the facet that each ray meets first, -1 where none."""
+    struck: np.ndarray = embree.run(origins.astype(np.float32), np.ascontiguousarray(directions, dtype=np.float32))
+    return struck
+
+
+def _all_around(count: int) -> np.ndarray:
+    """Return unit vectors (count, xyz) spread evenly over the sphere: a spiral of the golden angle."""
+    k = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])

@@ -1,0 +1,45 @@
+"""What groups of a mesh file are made of, by their names: models/material_names.toml, and the user's own table."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from rso_lidar.errors import MeshError, did_you_mean
+from rso_lidar.scene.library import materials, own_folder
+from rso_lidar.shipped import shipped
+
+TABLE = "material_names.toml"
+
+
+def materials_of(groups: Iterable[str]) -> dict[str, str]:
+    """Return the material of each group that some table knows by its name; the user's table is asked first.
+
+    >>> materials_of(["foil_gold.001", "tex_01", "osr"])
+    {'foil_gold.001': 'mli_gold', 'osr': 'osr'}
+    """
+    known = {name: name for name in materials()}
+    lines = [*_read(own_folder() / TABLE).items(), *known.items(), *_read(shipped("models") / TABLE).items()]
+    found = {}
+    for group in groups:
+        fits = (material for pattern, material in lines if fnmatchcase(group.lower(), pattern.lower()))
+        if (material := next(fits, None)) is not None:
+            found[group] = material
+    return found
+
+
+def _read(path: Path) -> dict[str, str]:
+    if not path.exists():
+        return {}
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MeshError(f"{path}: cannot be read ({error}); mend it") from None
+    known = materials()
+    for pattern, material in table.items():
+        if not isinstance(material, str) or material not in known:
+            guess = did_you_mean(str(material), known)
+            raise MeshError(f"{path}: '{pattern}': no material '{material}'{guess} (known: {', '.join(known)})")
+    return table

@@ -1,0 +1,288 @@
+"""Fragments of a break-up: torn plates, shards, pieces of panel and crumpled foil, each from a seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from rso_lidar.craft import ShapeFamily, Taxonomy, size_class
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.solids import Solid, join, pipe
+
+Kind = Literal["plate", "shard", "panel", "foil"]
+
+
+class _Chunk(NamedTuple):
+    """A part of a fragment before it has a size: about 1 in radius."""
+
+    solid: Solid
+    material: str
+    density_kg_m3: float
+
+
+_SOURCE = (
+    "A definition: no one fragment. Kinds after the shapes that break-up tests leave (Liou et al. 2013, DebriSat, 6th "
+    "European Conference on Space Debris: flat and bent plates, needles, nuggets, flexible pieces)"
+)
+_ALUMINIUM_KG_M3 = 2700.0
+
+
+def debris_plate() -> Model:
+    """Return a torn and bent plate, 0.6 m long: skin of a tank."""
+    return fragment(3, 0.60, "plate", name="debris_plate")
+
+
+def debris_shard() -> Model:
+    """Return a shard, 0.25 m long: a sliver of a thick fitting."""
+    return fragment(2, 0.25, "shard", name="debris_shard")
+
+
+def debris_panel() -> Model:
+    """Return a piece of a solar panel, 1.2 m long: honeycomb that still has some cells."""
+    return fragment(5, 1.20, "panel", name="debris_panel")
+
+
+def debris_foil() -> Model:
+    """Return a crumpled sheet of insulation, 0.9 m long."""
+    return fragment(4, 0.90, "foil", name="debris_foil")
+
+
+def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None = None) -> Model:
+    """Return a fragment whose longest side is `longest_m` [m]; the same seed always makes the same one.
+
+    A "plate" is torn and bent and has a stiffener, a "shard" is a sliver, a "panel" a slab with the solar cells that are
+    left, a "foil" a crumpled sheet. +x lies along the longest extent, +z across the thinnest; the origin is the middle of
+    the bounds. Every part is closed; thickness grows with size.
+
+    >>> float(fragment(7, 0.4, "shard").size_m.max().round(9))
+    0.4
+    """
+    makers: dict[str, tuple[Callable[[np.random.Generator], dict[str, _Chunk]], ShapeFamily, float]] = {
+        "plate": (_plate, "plate", 10.0),
+        "shard": (_shard, "irregular", 30.0),
+        "panel": (_panel, "plate", 10.0),
+        "foil": (_foil, "irregular", 90.0),
+    }
+    if kind not in makers:
+        known = ", ".join(get_args(Kind))
+        raise ScenarioError(f"fragment: unknown kind '{kind}'{did_you_mean(kind, makers)} (known: {known})")
+    if not (math.isfinite(longest_m) and longest_m > 0.0):
+        raise ScenarioError(f"fragment: longest_m is {longest_m}: must be more than 0 m")
+    if seed < 0:
+        raise ScenarioError(f"fragment: seed is {seed}: must be 0 or more")
+    make, family, fastest_deg_s = makers[kind]
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(get_args(Kind).index(kind),))))
+    pieces = _scaled(make(rng), longest_m)
+    return Model(
+        name=name or f"fragment_{kind}_{seed}",
+        what=f"Debris: {_WHAT[kind]}, {longest_m:g} m long (seed {seed})",
+        source=_SOURCE,
+        confidence="Made up, from a seed; materials and thicknesses are typical, masses follow from them",
+        axes="+x along the longest extent, +z across the thinnest; origin at the middle of the bounds",
+        pieces=pieces,
+        taxonomy=Taxonomy(
+            object_class="debris",
+            subclass=f"fragment_{kind}",
+            shape_family=family,
+            size_class=size_class(longest_m),
+            stabilisation="tumbling",
+            rate_deg_s=(0.5, fastest_deg_s),
+        ),
+    )
+
+
+_WHAT: dict[str, str] = {
+    "plate": "a torn and bent plate of aluminium",
+    "shard": "a shard of aluminium",
+    "panel": "a torn piece of a solar panel",
+    "foil": "a crumpled sheet of insulation",
+}
+
+
+def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, Piece]:
+    """Return the chunks as pieces, turned to the principal axes of their vertices, centred and scaled."""
+    points = np.concatenate([chunk.solid.vertices for chunk in chunks.values()])
+    centered = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(np.einsum("ij,ik->jk", centered, centered))
+    order = np.argsort(-np.ptp(np.einsum("ij,jk->ik", points, axes), axis=0))
+    x, z = axes[:, order[0]], axes[:, order[2]]
+    x, z = (axis if axis[np.argmax(np.abs(axis))] > 0.0 else -axis for axis in (x, z))
+    turn = np.column_stack([x, np.cross(z, x), z])
+    bounds = np.einsum("ij,jk->ik", points, turn)
+    low, high = bounds.min(axis=0), bounds.max(axis=0)
+    scale, middle = longest_m / (high - low).max(), 0.5 * (low + high)
+    made = {}
+    for name, (solid, material, density_kg_m3) in chunks.items():
+        placed = Solid(scale * (np.einsum("ij,jk->ik", solid.vertices, turn) - middle), solid.facets)
+        made[name] = Piece(placed, material, density_kg_m3 * placed.volume_m3())
+    return made
+
+
+def _outline(rng: np.random.Generator, corners: int, ragged: float, squeeze: float) -> np.ndarray:
+    """Return a torn outline (n, 2): a blob of `corners` long waves with teeth, longer than wide."""
+    n = 16 * corners
+    angle = np.arange(n) * (2.0 * math.pi / n)
+    radius = 1.0 + sum(
+        0.30 / k * rng.random() * np.cos(k * angle + 2.0 * math.pi * rng.random()) for k in range(2, corners + 1)
+    )
+    teeth = np.interp(np.arange(n), np.arange(0, n + 1, 4), ragged * (2.0 * rng.random(n // 4 + 1) - 1.0))
+    radius = radius * (1.0 + teeth + 0.3 * ragged * (2.0 * rng.random(n) - 1.0))
+    return np.column_stack([radius * np.cos(angle), squeeze * radius * np.sin(angle)])
+
+
+def _sheet(outline: np.ndarray, thickness: float, rings: int) -> Solid:
+    """Return a flat plate within a star-shaped outline, with vertices inside so that it can be bent."""
+    n = len(outline)
+    share = np.arange(1, rings + 1) / rings
+    layer = np.concatenate([np.zeros((1, 2)), (share[:, None, None] * outline).reshape(-1, 2)])
+    m = len(layer)
+    vertices = np.concatenate([np.column_stack([layer, np.full(m, z)]) for z in (-0.5 * thickness, 0.5 * thickness)])
+    sides = [(a, (a + 1) % n) for a in range(n)]
+    top = [(0, 1 + a, 1 + b) for a, b in sides]
+    for ring in range(rings - 1):
+        here, out = 1 + ring * n, 1 + (ring + 1) * n
+        for a, b in sides:
+            top += [(here + a, out + a, out + b), (here + a, out + b, here + b)]
+    upper = np.array(top) + m
+    lower = np.array(top)[:, ::-1]
+    edge = 1 + (rings - 1) * n
+    rim = [t for a, b in sides for t in ((edge + a, edge + b, m + edge + b), (edge + a, m + edge + b, m + edge + a))]
+    return Solid(vertices, np.concatenate([lower, upper, np.array(rim)]))
+
+
+def _bend(rng: np.random.Generator, solids: list[Solid], curl: float, folds: int, depth: float) -> list[Solid]:
+    """Return sheets creased `folds` times, by slopes up to `depth`, and rolled about one line.
+
+    `curl` is the angle [rad] per unit length. Creases stay below 0.4 of the radius of the roll, so that nothing turns
+    inside out.
+    """
+    heights = [np.zeros(len(solid.vertices)) for solid in solids]
+    for _ in range(folds):
+        turn, place, slope = 2.0 * math.pi * rng.random(), 1.2 * rng.random() - 0.6, depth * (2.0 * rng.random() - 1.0)
+        for height, solid in zip(heights, solids, strict=True):
+            beyond = math.cos(turn) * solid.vertices[:, 0] + math.sin(turn) * solid.vertices[:, 1] - place
+            height += slope * np.maximum(0.0, beyond)
+    steepest = max(float(np.abs(height).max()) for height in heights)
+    share = min(1.0, 0.4 / (curl * max(steepest, 1e-12)))
+    angle = 2.0 * math.pi * rng.random()
+    cos, sin = math.cos(angle), math.sin(angle)
+    rolled = []
+    for height, solid in zip(heights, solids, strict=True):
+        x, y, z = solid.vertices.T
+        radius, turned = 1.0 / curl - z - share * height, curl * (cos * x + sin * y)
+        across = cos * y - sin * x
+        vertices = np.column_stack([radius * np.sin(turned), across, 1.0 / curl - radius * np.cos(turned)])
+        rolled.append(Solid(vertices, solid.facets))
+    return rolled
+
+
+def _plate(rng: np.random.Generator) -> dict[str, _Chunk]:
+    """Return a plate with one cut edge, torn elsewhere, rolled and creased, with two stiffeners outside (-z)."""
+    outline = _outline(rng, 6, 0.14, 0.70)
+    outline[:, 1] = np.maximum(outline[:, 1], -0.40 + 0.004 * np.cos(9.0 * outline[:, 0]))
+    skin, inside = _sheet(outline, 0.010, 8), _polygon_test(outline)
+    ribs = []
+    for y in (-0.18, 0.20):
+        ends = [next(x for x in np.arange(0.9, 0.0, -0.05) if inside(side * x, y)) for side in (-1, 1)]
+        ribs.append(pipe([(x, y, -0.02) for x in np.linspace(-ends[0], ends[1], 25)], 0.035, 4))
+    skin, rib = _bend(rng, [skin, join(*ribs)], 0.8 + 0.5 * rng.random(), 4, 0.35)
+    return {
+        "skin": _Chunk(skin, "aluminium", _ALUMINIUM_KG_M3),
+        "stiffener": _Chunk(rib, "aluminium", _ALUMINIUM_KG_M3),
+    }
+
+
+def _refined(solid: Solid, longest: float = 0.10) -> Solid:
+    """Return a solid with its long edges halved until none is longer than `longest`."""
+    vertices, facets = solid.vertices, solid.facets
+    for _ in range(8):
+        sides = np.sort(facets[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        unique, where = np.unique(sides, axis=0, return_inverse=True)
+        if np.linalg.norm(vertices[unique[:, 0]] - vertices[unique[:, 1]], axis=1).max() <= longest:
+            break
+        a, b, c = facets.T
+        ab, bc, ca = (len(vertices) + where.reshape(-1, 3)).T
+        vertices = np.concatenate([vertices, vertices[unique].mean(axis=1)])
+        facets = np.concatenate([np.column_stack(t) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+    return Solid(vertices, facets)
+
+
+def _shard(rng: np.random.Generator) -> dict[str, _Chunk]:
+    """Return a sliver: a faceted lump, long and thin, twisted, with a rough surface."""
+    n, stations = 9, 22
+    angle = np.arange(n) * (2.0 * math.pi / n)
+    shape = 0.7 + 0.6 * rng.random(n)
+    vertices = [np.array([[-1.0, 0.0, 0.0]])]
+    twist, sway = 1.5 * (rng.random() - 0.5), 0.20 * (rng.random(2) - 0.5)
+    for k in range(1, stations):
+        s = 2.0 * k / stations - 1.0
+        size = (0.05 + 0.24 * (1.0 - abs(s) ** 1.6)) * (0.85 + 0.30 * rng.random())
+        radius = size * shape * (0.85 + 0.30 * rng.random(n))
+        turned = angle + twist * s
+        y = radius * np.cos(turned) + sway[0] * (1.0 - s * s) * 2.0
+        z = 0.45 * radius * np.sin(turned) + sway[1] * (1.0 - s * s) * 2.0
+        vertices.append(np.column_stack([np.full(n, s) + 0.03 * (rng.random(n) - 0.5), y, z]))
+    vertices.append(np.array([[1.0, 0.0, 0.0]]))
+    last = 1 + (stations - 1) * n
+    facets = []
+    for k in range(n):
+        after = (k + 1) % n
+        facets += [(0, 1 + after, 1 + k), (last, last - n + k, last - n + after)]
+        for ring in range(stations - 2):
+            a, b = 1 + ring * n, 1 + (ring + 1) * n
+            facets += [(a + k, a + after, b + after), (a + k, b + after, b + k)]
+    solid = Solid(np.concatenate(vertices), np.array(facets))
+    return {"shard": _Chunk(solid, "aluminium", _ALUMINIUM_KG_M3)}
+
+
+def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
+    """Return a slab of honeycomb with one straight edge, torn elsewhere, and the cells that are left on it."""
+    outline = _outline(rng, 5, 0.10, 0.75)
+    outline[:, 1] = np.maximum(outline[:, 1], -0.50 + 0.004 * np.cos(7.0 * outline[:, 0]))  # the edge of the panel
+    slab = _sheet(outline, 0.030, 6)
+    inside, cells = _polygon_test(outline), []
+    width, height, gap = 0.150, 0.300, 0.012
+    for i in range(-8, 9):
+        for j in range(-4, 5):
+            x, y = i * (width + gap), j * (height + gap) - 0.02
+            corners = [(x + a * width, y + b * height) for a in (-0.5, 0.5) for b in (-0.5, 0.5)]
+            lost = rng.random() < 0.22
+            if lost or not all(inside(*corner) for corner in corners):
+                continue
+            quad = np.array([corners[0], corners[2], corners[3], corners[1]])
+            cells.append(_refined(_sheet(quad - quad.mean(axis=0), 0.005, 1)).moved(x, y, 0.0165))
+    bent = _bend(rng, [slab, *([join(*cells)] if cells else [])], 0.10 + 0.15 * rng.random(), 2, 0.12)
+    kinds = {"solar_substrate": ("cfrp", 120.0), "solar_array": ("solar_cell", 2500.0)}
+    return {name: _Chunk(solid, *kinds[name]) for name, solid in zip(kinds, bent, strict=False)}
+
+
+def _polygon_test(outline: np.ndarray) -> Callable[[float, float], bool]:
+    """Return a function that tells whether a point is inside an outline that is a star about the origin."""
+    angle = np.arctan2(outline[:, 1], outline[:, 0])
+    radius = np.hypot(outline[:, 0], outline[:, 1])
+    order = np.argsort(angle)
+
+    def inside(x: float, y: float) -> bool:
+        limit = np.interp(math.atan2(y, x), angle[order], radius[order], period=2.0 * math.pi)
+        return bool(math.hypot(x, y) < 0.96 * limit)
+
+    return inside
+
+
+def _foil(rng: np.random.Generator) -> dict[str, _Chunk]:
+    """Return a sheet of insulation with a torn edge, crumpled in many creases and rolled."""
+    outline = _outline(rng, 7, 0.08, 0.70)
+    sheet = _sheet(outline, 0.004, 18)
+    x, y, z = sheet.vertices.T
+    height = z.copy()
+    for length in (1.1, 0.8, 0.6, 0.45, 0.35, 0.28):
+        turn, phase = 2.0 * math.pi * rng.random(), rng.random()
+        steps = (math.cos(turn) * x + math.sin(turn) * y) / length + phase
+        height += (0.15 + 0.20 * rng.random()) * length * np.abs(steps - np.round(steps))  # a zigzag
+    crumpled = Solid(np.column_stack([x, y, height]), sheet.facets)
+    (bent,) = _bend(rng, [crumpled], 0.7 + 0.4 * rng.random(), 4, 0.3)
+    return {"foil": _Chunk(bent, "mli_gold", 400.0)}

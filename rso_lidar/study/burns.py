@@ -1,0 +1,37 @@
+"""The follower's own burns, as it knows them: by the plan of its proximity operation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar import motion, rpo
+from rso_lidar.rpo.plan import Impulse, Plan
+from rso_lidar.scenario import Scenario
+
+_LEAST_M_S = 1e-9  # of thrust between two instants; less is free flight
+
+
+def known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, int]]:
+    """Return the follower's burns after the first of some rising instants (time) [s], each with the place of one near.
+
+    They are in the rtn axes of the body that it approaches, which are the follower's own but for separation over radius.
+    Thrust that holds to a path is one impulse half way between two instants, by the acceleration there. A follower that
+    flies no plan has none: what a table, a state-space model or a controller makes of it is not known.
+    """
+    flown = scenario.follower.motion
+    if scenario.local or not isinstance(flown, rpo.ProximityOperation) or time_s.size < 2:
+        return []
+    plan = flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
+    burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
+    burns = sorted([*burns, *_held(plan, time_s)], key=lambda burn: burn.time_s)
+    places = np.minimum(np.searchsorted(time_s, [burn.time_s for burn in burns]), time_s.size - 1)
+    return list(zip(burns, places.tolist(), strict=True))
+
+
+def _held(plan: Plan, time_s: np.ndarray) -> list[Impulse]:
+    """Return what thrust along a path gives from each instant to the next."""
+    step_s = np.diff(time_s)
+    middle_s = time_s[:-1] + 0.5 * step_s
+    given = plan.control_m_s2(middle_s) * step_s[:, None]
+    size = np.sqrt((given**2).sum(axis=1))
+    return [Impulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]

@@ -1,0 +1,73 @@
+"""Which points of a trade study are best, alone and against each other, and in which words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar.picture.trade import said
+from rso_lidar.study.merits import MERITS, Merit
+from rso_lidar.study.trading import Trade
+
+
+def best_first(trade: Trade, name: str) -> np.ndarray:
+    """Return the points in order of a figure of merit, mean over seeds, the best first; without those that have none."""
+    values = MERITS[name].sign * trade.of_points(name)[0]
+    order = np.argsort(-values, kind="stable")
+    points: np.ndarray = order[np.isfinite(values[order])]
+    return points
+
+
+def unbeaten(trade: Trade) -> np.ndarray:
+    """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one."""
+    values = np.stack([MERITS[name].sign * trade.of_points(name)[0] for name in trade.study.merits], axis=1)
+    stands = np.array([bool(np.all(np.isfinite(row))) for row in values])
+    for point in np.flatnonzero(stands).tolist():
+        rivals = values[stands]
+        own = values[point]
+        stands[point] = not np.any(np.all(rivals >= own, axis=1) & np.any(rivals > own, axis=1))
+    return stands
+
+
+def words(merit: Merit) -> str:
+    """Return the name of a figure of merit in words, with its unit."""
+    unit = "" if merit.unit == "1" else f" [{merit.unit}]"
+    name = merit.name.removesuffix(f"_{merit.unit}").replace("_", " ")
+    return f"{name[0].upper()}{name[1:]}{unit}"
+
+
+def chosen(trade: Trade) -> list[tuple[int, str]]:
+    """Return the points whose frames are shown, and why: the first figure of merit's best, worst, and between, evenly."""
+    points = best_first(trade, trade.study.merits[0])
+    count = min(trade.study.report.pictures, points.size)
+    places = np.linspace(0, points.size - 1, count).round().astype(int).tolist() if count > 1 else [0] * count
+    told = ["the best", *(f"place {place + 1} of {points.size}" for place in places[1:-1]), "the worst"]
+    name = words(MERITS[trade.study.merits[0]])
+    return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, told, strict=False)]
+
+
+def summary(trade: Trade) -> list[str]:
+    """Return a few lines for a terminal: how many runs, and the best point of each figure of merit."""
+    study = trade.study
+    failed = int(np.sum(trade.table["error"] != ""))
+    lines = [f"{study.name}: {study.n_rows:,} runs" + (f", {failed:,} could not be flown" if failed else "")]
+    for name in study.merits:
+        points = best_first(trade, name)
+        if not points.size:
+            lines.append(f"{words(MERITS[name]):<28} has no meaning at any point")
+            continue
+        row = int(points[0]) * study.seeds
+        value = said(float(trade.of_points(name)[0][points[0]]))
+        places = ((place, trade.table[place][row]) for place in study.places)
+        at = ", ".join(
+            f"{place.rpartition('.')[2]} {said(float(value)) if is_number(trade, place) else value}"
+            for place, value in places
+        )
+        lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
+    if failed:
+        lines.append(f"not flown: {next(text for text in trade.table['error'].tolist() if text)}")
+    return lines
+
+
+def is_number(trade: Trade, place: str) -> bool:
+    """Return whether a field's values are numbers."""
+    return trade.table[place].dtype.kind in "fiu"

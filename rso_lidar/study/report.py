@@ -1,0 +1,355 @@
+"""The report of a trade study: one HTML file that needs no network and no script."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import shlex
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.draft import beside, write_columns
+from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
+from rso_lidar.export.parquet import check_parquet, write_parquet
+from rso_lidar.picture.frame import frame_figure
+from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
+from rso_lidar.records import Frame
+from rso_lidar.simulate import simulate
+from rso_lidar.study.merits import MERITS
+from rso_lidar.study.ranking import best_first, chosen, is_number, unbeaten, words
+from rso_lidar.study.trade_asked import Axis, Grid, toml_of
+from rso_lidar.study.trading import Trade
+
+SUFFIXES = (".csv", ".parquet", ".html")
+_LISTED = 12  # rows at most in a table of the best
+_TOLD_ERRORS = 10
+_DECADES = 30.0  # greatest over least value, from which a figure of merit is drawn on a log scale
+_DOTS = 90  # of a picture [dots per inch]
+
+_STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1c1e22; background: #fff; max-width: 70rem;
+  margin: 2rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; border-bottom: 1px solid #ced1d6; }
+h3 { font-size: 1rem; margin: 1.4rem 0 .3rem; }
+p.quiet, figcaption { color: #70747c; font-size: .9rem; margin: .2rem 0; }
+table { border-collapse: collapse; font-size: .88rem; margin: .4rem 0; display: block; overflow-x: auto; }
+th, td { text-align: left; padding: .22rem .7rem .22rem 0; border-bottom: 1px solid #e6e8eb; vertical-align: top; }
+th { color: #70747c; font-weight: 600; vertical-align: bottom; max-width: 8rem; }
+td.n { white-space: nowrap; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
+pre { background: #f5f6f7; padding: .7rem .9rem; overflow-x: auto; font-size: .82rem; line-height: 1.35; }
+code { font-size: .92em; } figcaption code { overflow-wrap: anywhere; } details { margin: .4rem 0; }
+summary { cursor: pointer; color: #70747c; }
+@media print { details { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+"""
+
+
+def save(trade: Trade, place: Path) -> Path:
+    """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
+    suffix = place.suffix.lower()
+    if suffix == ".csv":
+        return write_columns(place, trade.table)
+    if suffix == ".parquet":
+        return write_parquet(
+            place, trade.table, {"study": trade.study.model_dump_json(), "scenario": trade.base.dumps()}
+        )
+    if suffix == ".html":
+        text = report(trade)
+        with beside(place) as draft:
+            draft.write_text(text, encoding="utf-8")
+        return place
+    guess = did_you_mean(suffix, SUFFIXES)
+    raise ScenarioError(f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
+
+
+def check(places: Sequence[Path]) -> None:
+    """Raise where one of these could not be written for want of a library."""
+    for place in places:
+        if place.suffix.lower() == ".parquet":
+            check_parquet(place)
+
+
+def report(trade: Trade) -> str:
+    """Return the report as HTML, pictures and all; it is the same for the same study, scenario and versions."""
+    study, table = trade.study, trade.table
+    failed = np.flatnonzero(table["error"] != "")
+    body = [
+        f"<h1>{escape(study.name)}</h1>",
+        f'<p class="quiet">A trade study of <b>{escape(trade.base.name)}</b> ({escape(trade.plan.where)}): '
+        f"{_counted(trade)}; {failed.size:,} of {study.n_rows:,} could not be flown.</p>",
+        "<h2>What was asked</h2>",
+        _axes(trade),
+        _merits(study.merits),
+        f'<p class="quiet">{_frames(trade)}</p>',
+        "<h2>Best points</h2>",
+        *_best(trade),
+        "<h2>Along each axis</h2>",
+        *_plots(trade),
+        *_pictures(trade),
+        *_failed(trade, failed),
+        "<h2>How to get this again</h2>",
+        *_again(trade),
+    ]
+    head = (
+        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(study.name)}</title>'
+    )
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{_STYLE}</style></head>\n<body>\n'
+        + "\n".join(body)
+        + "\n</body></html>\n"
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- the parts
+
+
+def _counted(trade: Trade) -> str:
+    study = trade.study
+    seeds = f" x {study.seeds} seeds" if study.seeds > 1 else ""
+    how = study.sampling.type.replace("_", " ")
+    return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_target(trade))}"
+
+
+def _target(trade: Trade) -> str:
+    return trade.base.target[trade.study.number(trade.base)].name
+
+
+def _frames(trade: Trade) -> str:
+    frames = trade.study.frames
+    said_so = "all frames" if frames is None else f"frames {escape(str(frames))}"
+    if not any(MERITS[name].needs != "truth" for name in trade.study.merits):
+        return "No frame was flashed: truth alone answers."
+    return f"Of each run {said_so} were flashed."
+
+
+def _table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
+    """Return an HTML table; heads say whether a column is of numbers. Cells are HTML already."""
+    kinds = [' class="n"' if number else "" for _, number in heads]
+    top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
+    lines = (
+        "<tr>" + "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(row, kinds, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+
+
+def _axes(trade: Trade) -> str:
+    rows = []
+    for axis in trade.study.axis:
+        places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
+        rows.append((places, escape(_span(axis, isinstance(trade.study.sampling, Grid)))))
+    return _table([("axis", False), ("values", False)], rows)
+
+
+def _span(axis: Axis, grid: bool) -> str:
+    if axis.values is not None or grid:
+        values = [said(value) if type(value) in (int, float) else toml_of(value) for value in axis.grid()]
+        return ", ".join(values if len(values) <= 24 else [*values[:12], "…", *values[-3:]])
+    assert axis.low is not None
+    assert axis.high is not None
+    return f"{said(axis.low)} to {said(axis.high)}, {axis.scale}"
+
+
+def _merits(names: Sequence[str]) -> str:
+    rows = [
+        (f"<code>{name}</code>", escape(merit.unit), merit.better, escape(merit.meaning).replace("`", ""))
+        for name in names
+        for merit in [MERITS[name]]
+    ]
+    return _table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
+
+
+def _best(trade: Trade) -> list[str]:
+    names = trade.study.merits
+    leaders = [(name, best_first(trade, name)) for name in names]
+    made = [
+        "<h3>The best of each figure of merit</h3>",
+        _points(trade, [(_leads(trade, name, points), int(points[0])) for name, points in leaders if points.size]),
+        *(
+            f"<p>{escape(words(MERITS[name]))} has no meaning at any point.</p>"
+            for name, points in leaders
+            if not points.size
+        ),
+    ]
+    if len(names) > 1:
+        stand = unbeaten(trade)
+        points = [point for point in leaders[0][1].tolist() if stand[point]]
+        more = f" (the first {_LISTED} of {len(points):,})" if len(points) > _LISTED else ""
+        made.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
+        made.append(
+            _points(trade, [("", point) for point in points[:_LISTED]]) if points else "<p>None has them all.</p>"
+        )
+    return made
+
+
+def _leads(trade: Trade, name: str, points: np.ndarray) -> str:
+    """Return in what a point is the best, and how many are as good."""
+    means = trade.of_points(name)[0][points]
+    alike = int(np.sum(means == means[0])) - 1
+    return escape(words(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
+
+
+def _points(trade: Trade, points: Sequence[tuple[str, int]]) -> str:
+    """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
+    heads = [("best in", False)] if any(word for word, _ in points) else []
+    heads += [("row", True)]
+    heads += [(_broken(place.rpartition(".")[2]), is_number(trade, place)) for place in trade.study.places]
+    heads += [(_broken(name), True) for name in trade.study.merits]
+    first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
+    rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
+    return _table(heads, rows)
+
+
+def _broken(name: str) -> str:
+    """Return a name that may be broken after each of its words."""
+    return escape(name).replace("_", "_<wbr>")
+
+
+def _cells(trade: Trade, point: int) -> Iterable[str]:
+    seeds = trade.study.seeds
+    yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
+    for place in trade.study.places:
+        value = trade.table[place if place != "seed" else "seed"][point * seeds]
+        yield said(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
+    for name in trade.study.merits:
+        mean, spread = (float(values[point]) for values in trade.of_points(name))
+        yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
+
+
+def _plots(trade: Trade) -> list[str]:
+    """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
+    axes = [_quantity(trade, axis) for axis in trade.study.axis]
+    made, shown = [], []
+    for merit in (MERITS[name] for name in trade.study.merits):
+        values = trade.table[merit.name]
+        alike = _alike(values)
+        if alike is None:
+            shown.append((Quantity(words(merit), values, _spans_decades(values)), merit))
+        elif math.isfinite(alike):
+            made.append(f"<p>{escape(words(merit))} is {said(alike)} at all points.</p>")
+    for value, merit in shown:
+        made.append(_image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
+    if isinstance(trade.study.sampling, Grid):
+        maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
+        drawn = [_image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
+        made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
+    means = [Quantity(value.name, trade.of_points(merit.name)[0], value.log) for value, merit in shown]
+    by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
+    figure = against_figure(means, [merit.better for _, merit in shown], by, unbeaten(trade))
+    if figure is not None:
+        made += ["<h2>Against each other</h2>", _image(figure, "Figures of merit against each other")]
+    return made
+
+
+def _alike(values: np.ndarray) -> float | None:
+    """Return the value that all rows have which have one (NaN: none has); None where they differ."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return math.nan
+    return float(known[0]) if np.all(known == known[0]) else None
+
+
+def _quantity(trade: Trade, axis: Axis) -> Quantity:
+    values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
+    more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
+    return Quantity(axis.name + more, values, axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values)))
+
+
+def _evenly_by_ratio(values: np.ndarray) -> bool:
+    """Return whether values look chosen by ratios: over a decade, and nearer to even in their logarithms."""
+    if values.dtype.kind not in "fiu" or not np.all(values > 0.0):
+        return False
+    levels = np.unique(values).astype(float)
+    if len(levels) < 3 or levels[-1] < 5.0 * levels[0]:
+        return False
+    even = [float(np.std(steps) / np.mean(steps)) for steps in (np.diff(levels), np.diff(np.log(levels)))]
+    return even[1] < even[0]
+
+
+def _spans_decades(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() > 0.0 and known.max() > _DECADES * known.min())
+
+
+def _image(figure: Any, text: str, caption: str = "") -> str:
+    with io.BytesIO() as held:
+        figure.savefig(held, format="png", dpi=_DOTS)
+        coded = base64.b64encode(held.getvalue()).decode()
+    under = f"<figcaption>{caption}</figcaption>" if caption else ""
+    return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
+
+
+def _failed(trade: Trade, failed: np.ndarray) -> list[str]:
+    if not failed.size:
+        return []
+    why, count = np.unique(trade.table["error"][failed], return_counts=True)
+    order = np.argsort(-count, kind="stable")[:_TOLD_ERRORS]
+    first = {text: int(np.flatnonzero(trade.table["error"] == text)[0]) for text in why[order].tolist()}
+    rows = [(f"{count[k]:,}", f"{first[str(why[k])]}", escape(str(why[k]))) for k in order]
+    return ["<h2>Points that could not be flown</h2>", _table([("rows", True), ("first", True), ("why", False)], rows)]
+
+
+def _again(trade: Trade) -> list[str]:
+    source = trade.base.source
+    versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
+    seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
+    seeds += f" to {trade.plan.seed + trade.study.seeds - 1}, the same at each point" if trade.study.seeds > 1 else ""
+    asked = _toml(trade)
+    return [
+        f"<p>Seeds: {seeds}. Versions: {escape(versions)}.</p>",
+        f"<details><summary>The study</summary><pre>{escape(asked)}</pre></details>",
+        f"<details><summary>The scenario before any axis</summary><pre>{escape(source.scenario)}</pre></details>",
+    ]
+
+
+def _toml(trade: Trade) -> str:
+    import tomli_w
+
+    return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
+
+
+# ------------------------------------------------------------------------------------------------------- the pictures
+
+
+def _pictures(trade: Trade) -> list[str]:
+    made = []
+    for point, why in chosen(trade):
+        row = point * trade.study.seeds
+        made.append(f"<h3>{escape(why)} (row {row})</h3>")
+        with unwarned():
+            try:
+                frame = _frame(trade, row)
+            except RsoLidarError as error:
+                made.append(f"<p>{escape(str(error))}</p>")
+                continue
+            merits = ", ".join(
+                f"{words(MERITS[name])} {said(float(trade.table[name][row]))}" for name in trade.study.merits
+            )
+            caption = (
+                f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
+            )
+            made.append(_image(frame_figure(frame), f"frame {frame.index} of row {row}", caption))
+    return ["<h2>Frames</h2>", *made] if made else []
+
+
+def _command(trade: Trade, row: int, frame: int) -> str:
+    """Return the command that makes a frame of a row again."""
+    changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
+    settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
+    return f"rso-lidar run {trade.plan.where} {settings} --frames {frame}:{frame + 1} -o frame.h5"
+
+
+def _frame(trade: Trade, row: int) -> Frame:
+    """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
+    scenario = trade.plan.scenario(row)
+    numbers = trade.study.numbers(scenario)
+    wanted = trade.study.report.frame
+    number = int(numbers[(len(numbers) - 1) // 2]) if wanted is None else min(wanted, scenario.time.n_frames - 1)
+    return next(simulate(scenario, frames=[number], threads=1))

@@ -1,0 +1,320 @@
+"""What a trade study asks: which fields of a scenario take which values, and what is worked out at each point."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
+
+from rso_lidar.errors import ScenarioError, did_you_mean, placed
+from rso_lidar.part import Count, Name, Number, Part, Text, Whole
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.load import read_toml, validated
+from rso_lidar.shipped import find
+from rso_lidar.simulate import frame_numbers
+from rso_lidar.study.merits import MERITS
+
+MOST_ROWS = 100_000  # of a table; its report holds them all
+_MOST_SEEDS = 1000
+
+
+def _fields(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+def _values(given: Any) -> Any:
+    if given is None:
+        return None
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"needs a list of values, not {given!r:.60}")
+    if not given:
+        raise ValueError("is empty; give at least one value")
+    for value in given:
+        _check_finite(value)
+    if any(value in given[:k] for k, value in enumerate(given)):
+        raise ValueError("holds a value twice; give each once")
+    return tuple(given)
+
+
+def _check_finite(value: Any) -> None:
+    if isinstance(value, list | tuple | dict):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _check_finite(inner)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{value} is no number to try; give finite ones")
+
+
+def _frames(given: Any) -> Any:
+    """Return frames as text ``A:B:STEP``, or as numbers."""
+    if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
+        return given
+    if isinstance(given, list | tuple) and given and all(type(one) is int and one >= 0 for one in given):
+        return tuple(given)
+    raise ValueError(f"needs text such as '0:2700:100' (from, end, step), or a list of frames, not {given!r:.60}")
+
+
+def _known(names: tuple[str, ...]) -> tuple[str, ...]:
+    for k, name in enumerate(names):
+        if name not in MERITS:
+            raise ValueError(
+                f"no figure of merit '{name}'{did_you_mean(name, MERITS)} (known: {', '.join(sorted(MERITS))})"
+            )
+        if name in names[:k]:
+            raise ValueError(f"'{name}' is asked for twice; name it once")
+    return names
+
+
+class Grid(Part):
+    """Every combination of the values of all axes; the last axis runs fastest."""
+
+    type: Literal["grid"] = "grid"
+
+
+class Random(Part):
+    """Points drawn at random, each axis evenly over its values or its span."""
+
+    type: Literal["random"] = "random"
+    points: Count
+
+
+class LatinHypercube(Part):
+    """Points drawn so that of as many equal strata of each axis every one holds one point (McKay et al. 1979)."""
+
+    type: Literal["latin_hypercube"] = "latin_hypercube"
+    points: Count
+
+
+class Axis(Part):
+    """One axis: a field of the scenario, or several that change together, and what values it takes.
+
+    Either `values`, or `low` and `high`; of a grid these with `count`.
+    """
+
+    field: Annotated[
+        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...],
+        BeforeValidator(_fields),
+        Field(min_length=1, description="place, or list of places"),
+    ]
+    values: Annotated[
+        Any, AfterValidator(_values), Field(description="list; of several fields, lists of one value for each")
+    ] = None
+    low: Number | None = None
+    high: Number | None = None
+    count: Count | None = None
+    scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        span = {name: getattr(self, name) for name in ("low", "high", "count")}
+        if self.values is not None:
+            if both := [name for name, value in span.items() if value is not None]:
+                raise ValueError(f"has values and {both[0]}; leave out one")
+            if self.scale == "log":
+                raise ValueError("has values and scale; a scale is of low and high")
+            self._check_linked()
+        elif self.low is None or self.high is None:
+            raise ValueError("needs values, or low and high")
+        elif self.low >= self.high:
+            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
+        elif self.scale == "log" and self.low <= 0.0:
+            raise ValueError(f"a log scale needs low above 0, not {self.low:g}")
+        return self
+
+    def _check_linked(self) -> None:
+        if len(self.field) > 1:
+            for value in self.values:
+                if isinstance(value, list) and len(value) != len(self.field):
+                    raise ValueError(f"{value!r:.60} has not one value for each of {len(self.field)} fields")
+
+    @property
+    def size(self) -> int | None:
+        """Return how many values a grid takes; None without a number of them."""
+        return self.count if self.values is None else len(self.values)
+
+    @property
+    def name(self) -> str:
+        """Return the first field: what the axis is called."""
+        return self.field[0]
+
+    @property
+    def numeric(self) -> bool:
+        """Return whether all values are numbers."""
+        return self.values is None or all(type(value) in (int, float) for value in self.values)
+
+    def at(self, share: np.ndarray) -> list[Any]:
+        """Return the values at shares (point) of the axis, 0 to below 1."""
+        if self.values is not None:
+            return [self.values[int(one * len(self.values))] for one in share.tolist()]
+        assert self.low is not None
+        assert self.high is not None
+        if self.scale == "log":
+            spread = self.low * (self.high / self.low) ** share
+        else:
+            spread = self.low + (self.high - self.low) * share
+        return [float(f"{one:.12g}") for one in spread.tolist()]
+
+    def grid(self) -> tuple[Any, ...]:
+        """Return the values of a grid."""
+        if self.values is not None:
+            return tuple(self.values)
+        assert self.count is not None
+        share = np.arange(self.count) / max(self.count - 1, 1)
+        return tuple(self.at(share))
+
+    def settings(self, value: Any) -> dict[str, str]:
+        """Return by field the TOML text of a value."""
+        each = value if len(self.field) > 1 and isinstance(value, list) else [value] * len(self.field)
+        return {field: toml_of(one) for field, one in zip(self.field, each, strict=True)}
+
+
+class Report(Part):
+    """What the report shows beside plots and tables."""
+
+    pictures: Annotated[Whole, Field(ge=0, le=24)] = 4
+    frame: Annotated[Whole, Field(ge=0)] | None = None
+
+
+class Study(Part):
+    """A trade study, as its TOML file says it."""
+
+    version: Literal[1]
+    name: Text
+    scenario: Text
+    set: tuple[Text, ...] = ()
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    seeds: Annotated[Count, Field(le=_MOST_SEEDS)] = 1
+    sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Grid()
+    frames: Annotated[
+        Any, AfterValidator(_frames), Field(description='text `"from:end:step"`, or list of whole numbers')
+    ] = None
+    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)]
+    target: Name | None = None
+    axis: tuple[Axis, ...]
+    report: Report = Report()
+    _folder: Path | None = PrivateAttr(default=None)
+    _where: str = PrivateAttr(default="study")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Study:
+        """Return the study of a TOML file; what it names is looked up beside it, then among what is shipped."""
+        path = Path(path)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
+
+    @classmethod
+    def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
+        """Return the study of a TOML text; `where` is its name in errors."""
+        study = validated(cls, text, where)
+        study._folder, study._where = folder, where
+        return study
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new study."""
+        changed = super().replace(**changes)
+        changed._folder, changed._where = self._folder, self._where
+        return changed
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.axis:
+            raise ValueError("axis: is empty; add [[axis]]")
+        seen: list[str] = []
+        for k, axis in enumerate(self.axis):
+            for field in axis.field:
+                if field in seen:
+                    raise ValueError(f"axis[{k}].field: '{field}' is an axis already; name each field once")
+                seen.append(field)
+            if self.sampling.type == "grid" and axis.size is None:
+                raise ValueError(f"axis[{k}]: a grid needs count beside low and high; or draw points: sampling.type")
+            if self.sampling.type != "grid" and axis.count is not None:
+                raise ValueError(f"axis[{k}].count: is for a grid; leave it out, sampling.points says how many")
+        if "seed" in seen and self.seeds > 1:
+            raise ValueError("seeds: 'seed' is an axis already; leave out one")
+        if self.n_rows > MOST_ROWS:
+            raise ValueError(
+                f"{self.n_rows:,} points and seeds are more than {MOST_ROWS:,}; take fewer values, or draw some: "
+                'sampling = { type = "latin_hypercube", points = 200 }'
+            )
+        return self
+
+    @property
+    def n_rows(self) -> int:
+        """Return how many runs there are."""
+        n = math.prod(axis.size or 1 for axis in self.axis) if isinstance(self.sampling, Grid) else self.sampling.points
+        return n * self.seeds
+
+    @property
+    def where(self) -> str:
+        """Return the study's name in errors."""
+        return self._where
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Return all fields that change, in the order of the axes."""
+        return tuple(field for axis in self.axis for field in axis.field)
+
+    def scenario_file(self) -> Path:
+        """Return where the scenario lies."""
+        path = find(self.scenario, self._folder)
+        if path is None:
+            raise ScenarioError(
+                f"{self._where}: scenario: no file '{self.scenario}' beside the study nor among the shipped data; "
+                "check the name"
+            )
+        return path
+
+    def base(self) -> Scenario:
+        """Return the scenario before any axis changes it, once target and frames are found in it."""
+        with placed(self._where):
+            scenario = Scenario.load(self.scenario_file(), self.set)
+            self.number(scenario)
+            if not any(place.startswith("time.") for place in self.places):
+                self.numbers(scenario)
+        return scenario
+
+    def number(self, scenario: Scenario) -> int:
+        """Return which target is asked about."""
+        names = [one.name for one in scenario.target]
+        if not names:
+            raise ScenarioError("target: the scenario has none to look at; add [[target]]")
+        if self.target is not None and self.target not in names:
+            guess = did_you_mean(self.target, names)
+            raise ScenarioError(f"target: none is named '{self.target}'{guess} (known: {', '.join(names)})")
+        return 0 if self.target is None else names.index(self.target)
+
+    def numbers(self, scenario: Scenario) -> np.ndarray:
+        """Return which frames are flashed."""
+        if isinstance(self.frames, str):
+            return frame_numbers(scenario, slice(*(int(word) if word else None for word in self.frames.split(":"))))
+        return frame_numbers(scenario, self.frames)
+
+
+def toml_of(value: Any) -> str:
+    """Return a value as TOML on one line; a number without a fraction as a whole one, which every field of numbers takes.
+
+    >>> toml_of([0.5, 2.0, True, "a", {"type": "gsfl"}])
+    '[0.5, 2, true, "a", { type = "gsfl" }]'
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_of(one) for one in value) + "]"
+    if isinstance(value, dict):
+        return (
+            "{ "
+            + ", ".join(
+                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {toml_of(one)}"
+                for key, one in value.items()
+            )
+            + " }"
+        )
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return json.dumps(str(value), ensure_ascii=False)

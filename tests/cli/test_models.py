@@ -1,0 +1,97 @@
+"""`rso-lidar models` and its commands: what they print, and one line with status 2 for what cannot be."""
+
+import numpy as np
+import pytest
+
+from tests.scene.test_mesh import BOX, binary_stl
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    folder = tmp_path / "library"
+    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
+    return folder
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    path = tmp_path / "sat.stl"
+    path.write_bytes(binary_stl(np.concatenate([BOX * 1000, BOX[:1] * 0])))
+    return path
+
+
+def test_a_name_alone_shows_and_nothing_lists(rso_lidar, library):
+    listed, shown = rso_lidar("models"), rso_lidar("models", "tdrs")
+    assert listed == rso_lidar("models", "list") and "cubesat_3u" in listed[1]
+    assert shown == rso_lidar("models", "show", "tdrs") and "solar_array_north" in shown[1]
+    status, _, err = rso_lidar("models", "tdsr")
+    assert status == 2 and len(err) == 1 and "did you mean 'tdrs'" in err[0]
+
+
+def test_a_mesh_is_added_listed_checked_shown_and_removed(rso_lidar, library, mesh):
+    status, out, err = rso_lidar(
+        "models",
+        "add",
+        mesh,
+        "--name",
+        "mine",
+        "--material",
+        "mli_gold",
+        "--class",
+        "debris",
+        "--center-of-mass=0.5,1,1.5",
+    )
+    assert (status, err) == (0, [])
+    assert "mine: 1 x 2 x 3 m, 12 facets, 1 part" in out
+    assert "guessed    unit is millimetres" in out and "repaired   1 facet without area dropped" in out
+    assert "mine" in rso_lidar("models")[1] and "yours" in rso_lidar("models")[1]
+    assert "-1.000 to 0.000" in rso_lidar("models", "mine")[1] and "mli_gold" in rso_lidar("models", "mine")[1]
+    status, out, _ = rso_lidar("models", "check", "mine")
+    assert status == 0 and "1 without area dropped" in out and "size        1 x 2 x 3 m" in out
+    assert rso_lidar("models", "remove", "mine")[0] == 0
+    assert "mine" not in rso_lidar("models")[1]
+    assert [file.name for file in library.iterdir()] == ["index.toml"]
+
+
+def test_check_examines_a_file_and_changes_nothing(rso_lidar, library, mesh):
+    before = mesh.read_bytes()
+    status, out, _ = rso_lidar("models", "check", mesh)
+    assert status == 0 and "perhaps millimetres (--scale 0.001)" in out
+    status, out, _ = rso_lidar("models", "check", mesh, "--scale", "0.001")
+    assert status == 0 and "size        1 x 2 x 3 m" in out and "doubtful" not in out
+    assert mesh.read_bytes() == before and not library.exists()
+
+
+def test_check_knows_nasa_s_files(rso_lidar, shared):
+    status, out, _ = rso_lidar("models", "check", shared / "meshes" / "nasa_originals" / "Juno.stl")
+    assert status == 0
+    assert "known       Juno.stl of NASA's printable models: one unit is 0.166667 m" in out
+    assert "cube        12 facets from facet 0 on, 1 m across, about (0.00, 0.00, 0.00) m" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["add", "MESH", "--scale", "1", "--size-m", "2"], "--scale and --size-m"),
+        (["add", "MESH", "--scale", "0"], "--scale 0: is no size"),
+        (["add", "MESH", "--size-m", "nan"], "--size-m nan: is no size"),
+        (["add", "MESH", "--class", "sattelite"], "--class sattelite: is none"),
+        (["add", "MESH", "--part-material", "gold"], "--part-material gold: is not PART=NAME"),
+        (["add", "MESH", "--center-of-mass", "1,2"], "--center-of-mass 1,2: is not X,Y,Z"),
+        (["add", "MESH", "--center-of-mass", "1,2,inf"], "not finite"),
+        (["add", "MESH", "--material", "gold"], "material 'gold'"),
+        (["add", "MESH", "--name", "tdrs"], "is a shipped model's"),
+        (["add", "nowhere.stl"], "no such mesh file"),
+        (["add", "nowhere.step"], "no such mesh file"),
+        (["check", "nowhere.stl"], "no such mesh file"),
+        (["check", "nowhere"], "unknown model 'nowhere'"),
+        (["check", "MESH", "--scale", "-1"], "--scale -1: is no scale"),
+        (["remove", "tdrs"], "is shipped with the package"),
+        (["remove", "nobody"], "is not in your library"),
+    ],
+    ids=lambda words: " ".join(words) if isinstance(words, list) else "",
+)
+def test_what_cannot_be_is_one_line(rso_lidar, library, mesh, words, says):
+    status, out, err = rso_lidar("models", *(mesh if word == "MESH" else word for word in words))
+    assert status == 2 and out == "" and len(err) == 1 and says in err[0]
+    assert not library.exists() or not list(library.iterdir())

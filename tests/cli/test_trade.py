@@ -1,0 +1,138 @@
+"""`rso-lidar trade`: what it writes, how it goes on after a kill, and what it refuses."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from tests.study.trade_for_tests import STUDY, folder_with
+
+
+@pytest.fixture
+def call(rso_lidar):
+    return partial(rso_lidar, "trade")
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_table_and_a_report(call, text, tmp_path):
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5, -5]"))
+    status, said, _ = call(study)
+    assert status == 0
+    assert said.splitlines()[0] == "Energy and beam: 6 runs, 3 could not be flown"
+    assert said.splitlines()[-2:] == [str(tmp_path / "study.csv"), str(tmp_path / "study.html")]
+    table = rows_of(tmp_path / "study.csv")
+    assert [row["lidar.laser.divergence_deg"] for row in table] == ["1.0", "2.0", "4.0"] * 2
+    assert [float(row["time_in_field_s"]) for row in table[:3]] == [2.0] * 3
+    assert all(row["error"] for row in table[3:]) and not any(row["error"] for row in table[:3])
+    assert (tmp_path / "study.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bench.toml", "study.csv", "study.html", "study.toml"]
+
+
+def test_where_it_goes(call, text, tmp_path):
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    (tmp_path / "made").mkdir()
+    assert call(study, "-o", tmp_path / "made")[0] == 0
+    assert call(study, "-o", tmp_path / "made" / "other.html")[0] == 0
+    made = ["other.csv", "other.html", "study.csv", "study.html"]
+    assert sorted(file.name for file in (tmp_path / "made").iterdir()) == made
+    assert (tmp_path / "made" / "other.csv").read_bytes() == (tmp_path / "made" / "study.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-o", "x.jpg"], "unknown suffix '.jpg'"),
+        (["-o", "x"], "no suffix"),
+        (["-o", "no/such/x.csv"], "there is no folder"),
+        (["-o", "mine.csv"], "exists already; give --overwrite"),
+        (["-o", "mine.html"], "exists already; give --overwrite"),
+        (["--workers", "0"], "--workers"),
+    ],
+)
+def test_refused_in_one_line(call, text, tmp_path, monkeypatch, arguments, said):
+    study = folder_with(tmp_path, text)
+    (tmp_path / "mine.csv").write_text("mine", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    status, printed, errors = call(study, *arguments)
+    assert (status, printed, len(errors)) == (2, "", 1)
+    assert said in errors[0]
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_study_that_is_not_there_and_one_that_is_no_toml(call, tmp_path):
+    assert "no such file" in call(tmp_path / "none.toml")[2][0]
+    (tmp_path / "bad.toml").write_text("name = ", encoding="utf-8")
+    assert "not valid TOML" in call(tmp_path / "bad.toml")[2][0]
+
+
+def test_parquet_names_its_extra_before_anything_runs(call, text, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    status, _, errors = call(folder_with(tmp_path, text), "-o", tmp_path / "x.parquet")
+    assert (status, len(errors)) == (2, 1)
+    assert "pip install rso-lidar[parquet]" in errors[0]
+
+
+def test_another_study_is_told_of_what_stands_there(call, text, tmp_path):
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    (tmp_path / "study.csv.tmp-0badcafe").write_text("", encoding="utf-8")
+    status, _, errors = call(study)
+    assert status == 0
+    assert any("starting afresh: study.csv.tmp-0badcafe is of another study" in line for line in errors)
+    assert (tmp_path / "study.csv.tmp-0badcafe").exists()
+
+
+# ---------------------------------------------------------------------------------------------------------- cut off
+
+
+def started(study, output):
+    """Start a trade in a process of its own and wait until it has kept two rows more than there were."""
+    command = [sys.executable, "-m", "rso_lidar", "trade", str(study), "-o", str(output), "--overwrite"]
+    before = len(kept_rows(output))
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60.0
+    while len(kept_rows(output)) < before + 2:
+        assert process.poll() is None and time.monotonic() < until, process.communicate()
+        time.sleep(0.005)
+    return process
+
+
+def kept_rows(output):
+    files = [file for file in output.parent.glob(f"{output.name}.tmp-*") if not file.name.endswith(".lock")]
+    return files[0].read_bytes().splitlines() if files else []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call, text, tmp_path):
+    asked = STUDY.replace("count  = 3", "count  = 12") + "\n[report]\npictures = 1\n"
+    study = folder_with(tmp_path, text, asked.replace('"0:4:2"', '"0:6"'))
+    output = tmp_path / "cut.csv"
+    process = started(study, output)
+    process.send_signal(signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.splitlines()[-1].startswith("interrupted: ")
+    assert f"of 24 runs are kept in {output}.tmp-" in errors and errors.rstrip().endswith("the same command goes on")
+    assert not output.exists() and not output.with_suffix(".html").exists()
+    process = started(study, output)
+    process.kill()
+    process.communicate(timeout=60)
+    there = len(kept_rows(output))
+    assert 4 <= there < 24  # or it was not cut off
+    status, said, _ = call(study, "-o", output)
+    assert status == 0
+    assert said.splitlines()[0] == f"going on after {there} of 24 runs"
+    assert call(study, "-o", tmp_path / "whole.csv")[0] == 0
+    for suffix in (".csv", ".html"):
+        assert output.with_suffix(suffix).read_bytes() == (tmp_path / f"whole{suffix}").read_bytes()
+    assert not kept_rows(output)

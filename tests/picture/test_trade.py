@@ -1,0 +1,61 @@
+"""Trades drawn: means along an axis, maps over pairs, and one figure of merit against another."""
+
+import numpy as np
+import pytest
+
+from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
+
+A, B = np.repeat([1.0, 10.0, 100.0], 4), np.tile(["x", "y"], 6)
+MERIT = np.arange(12.0)
+
+
+def drawn(axes):
+    return [np.array(line.get_xydata()) for line in axes.lines]
+
+
+def test_means_along_an_axis_of_numbers_and_of_words():
+    figure = effects_figure(Quantity("m", MERIT), [Quantity("a", A, log=True), Quantity("b", B)], "more")
+    first, second = figure.axes
+    assert drawn(first)[1].tolist() == [[1.0, 1.5], [10.0, 5.5], [100.0, 9.5]]
+    assert first.get_xscale() == "log"
+    assert drawn(second)[1].tolist() == [[0.0, 5.0], [1.0, 6.0]]
+    assert [tick.get_text() for tick in second.get_xticklabels()] == ["x", "y"]
+
+
+def test_drawn_values_are_averaged_in_stretches():
+    place = np.linspace(0.0, 1.0, 64)
+    figure = effects_figure(Quantity("m", 2.0 * place), [Quantity("a", place)], "less")
+    middle, mean = drawn(figure.axes[0])[1].T
+    assert len(middle) == 8
+    assert mean == pytest.approx(2.0 * middle)
+
+
+def test_what_has_no_value_is_left_out():
+    values = np.where(A == 10.0, np.nan, MERIT)
+    figure = effects_figure(Quantity("m", values), [Quantity("a", A)], "more")
+    assert drawn(figure.axes[0])[1].tolist() == [[1.0, 1.5], [100.0, 9.5]]
+
+
+def test_a_map_holds_the_mean_of_the_runs_that_share_both_values():
+    figure = maps_figure(Quantity("m", MERIT), [Quantity("a", A), Quantity("b", B)], "more")
+    (image,) = figure.axes[0].images
+    assert image.get_array().tolist() == [[1.0, 2.0], [5.0, 6.0], [9.0, 10.0]]
+    assert "5" in [text.get_text() for text in figure.axes[0].texts]
+
+
+def test_nothing_to_map():
+    assert maps_figure(Quantity("m", MERIT), [Quantity("a", A)], "more") is None
+    assert maps_figure(Quantity("m", MERIT * np.nan), [Quantity("a", A), Quantity("b", B)], "more") is None
+
+
+def test_one_against_another():
+    best = MERIT > 9.0
+    figure = against_figure([Quantity("m", MERIT), Quantity("n", -MERIT)], ["more", "less"], Quantity("b", B), best)
+    axes = figure.axes[0]
+    assert axes.collections[0].get_offsets().tolist() == [[m, -m] for m in MERIT.tolist()]
+    assert drawn(axes)[0].tolist() == [[10.0, -10.0], [11.0, -11.0]]
+    assert against_figure([Quantity("m", MERIT)], ["more"], Quantity("b", B), best) is None
+
+
+def test_numbers_are_short():
+    assert [said(x) for x in (1234567.0, 12.0, 0.000123456, np.nan)] == ["1,235,000", "12", "0.0001235", "–"]

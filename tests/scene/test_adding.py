@@ -1,0 +1,318 @@
+"""A user's own library: what comes in, what is known, guessed and said, and that a scenario flies it."""
+
+import hashlib
+import importlib.util
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
+from rso_lidar.scene import load_mesh
+from rso_lidar.scene.adding import Wanted, add_model, known_meshes, remove_model
+from rso_lidar.scene.cad import tessellated
+from rso_lidar.scene.group_names import materials_of
+from rso_lidar.scene.library import model, models, own_folder, own_models
+from tests.scene.test_mesh import BOX, binary_stl, glb, obj
+
+SOLIDS = (
+    Path(__file__).parent / "solids"
+)  # a box of 1 x 2 x 3 m with a cylinder of 0.3 m radius and 0.5 m on top, in mm
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    """Use a library that is not there yet."""
+    folder = tmp_path / "library"
+    monkeypatch.setenv("RSO_LIDAR_MODELS", str(folder))
+    return folder
+
+
+@pytest.fixture
+def box(tmp_path):
+    """Write a box of 1 x 2 x 3 units, times a factor, as STL."""
+
+    def write(name="box.stl", factor=1.0, at=(0.0, 0.0, 0.0)):
+        path = tmp_path / name
+        path.write_bytes(binary_stl(BOX * factor + np.array(at)))
+        return path
+
+    return write
+
+
+def test_a_mesh_is_copied_as_it_stands_and_found_by_name(library, box):
+    path = box("My Box-2.stl")
+    entry, _ = add_model(path)
+    assert entry.name == "my_box-2" and entry.own
+    assert entry.path == library / "my_box-2.stl" and entry.path.read_bytes() == path.read_bytes()
+    assert entry.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert entry == model("my_box-2") == own_models()["my_box-2"]
+    assert "my_box-2" not in models(), "the shipped ones"
+    assert sorted(file.name for file in library.iterdir()) == ["index.toml", "my_box-2.stl"], "no drafts left"
+    assert np.array_equal(entry.mesh.vertices, load_mesh(path).vertices)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "factor", "size", "says"),
+    [
+        ({}, 1.0, 3.0, "guessed    unit is metres: 3 m across"),
+        ({}, 1000.0, 3.0, "guessed    unit is millimetres"),
+        ({}, 100.0, 3.0 * 100, None),  # three hundred of what?
+        ({"scale": 0.5}, 1.0, 1.5, None),
+        ({"size_m": 12.0}, 77.0, 12.0, None),
+    ],
+)
+def test_units_are_guessed_aloud_and_the_user_decides(library, box, wanted, factor, size, says):
+    entry, said = add_model(box(factor=factor), Wanted(**wanted))
+    if says is None and not wanted:
+        assert any("centimetres" in line for line in said), "300 m is no spacecraft"
+        return
+    assert max(entry.mesh.size_m) == pytest.approx(size, rel=1e-6)  # STL holds 24 bits
+    assert entry.size_m == pytest.approx([size / 3, 2 * size / 3, size], abs=1e-4)
+    guessed = [line for line in said if "unit" in line]
+    assert guessed == [] if says is None else guessed[0].startswith(says)
+
+
+def test_no_unit_fits(library, box):
+    with pytest.raises(MeshError, match=r"is 3e\+09 units across; say what that is with --scale or --size-m"):
+        add_model(box(factor=1e9))
+    assert not library.exists() or not list(library.iterdir()), "nothing half-written"
+
+
+def test_a_cube_about_the_origin_hints_at_the_scale(library, tmp_path):
+    side = 6.0
+    cube = (BOX / [1, 2, 3] - BOX.reshape(-1, 3).mean(axis=0) / [1, 2, 3]) * side
+    (tmp_path / "rig.stl").write_bytes(binary_stl(np.concatenate([cube, BOX * 30 + 20])))
+    _, said = add_model(tmp_path / "rig.stl")
+    assert any("helper cube of 1 m, --scale 0.166667" in line for line in said)
+
+
+def test_y_up_is_turned(library, box):
+    assert add_model(box(), Wanted(mesh_axes="y_up"))[0].mesh.size_m == pytest.approx([1, 3, 2])
+
+
+def test_names_that_cannot_be(library, box):
+    add_model(box())
+    for name, says in (
+        ("tdrs", "is a shipped model's"),
+        ("box", "is in your library already"),
+        ("a/b", "letters"),
+        ("a.b", "letters"),
+    ):
+        with pytest.raises(MeshError, match=says):
+            add_model(box(), Wanted(name=name))
+
+
+def test_overwrite_replaces_and_remove_takes_away(library, box, tmp_path):
+    add_model(box())
+    (tmp_path / "box.obj").write_bytes(obj([("bus", t) for t in BOX * 2]))
+    entry, _ = add_model(tmp_path / "box.obj", overwrite=True)
+    assert entry.parts.keys() == {"bus"} and entry.size_m == (2, 4, 6)
+    assert not (library / "box.stl").exists(), "the one before"
+    assert remove_model("box") == library / "box.obj"
+    assert own_models() == {} and [file.name for file in library.iterdir()] == ["index.toml"]
+    with pytest.raises(ScenarioError, match=r"model 'box': is not in your library \(yours: none\)"):
+        remove_model("box")
+    with pytest.raises(ScenarioError, match=r"model 'tdrs': is shipped with the package, and stays"):
+        remove_model("tdrs")
+
+
+def test_remove_touches_no_file_outside_the_library(library, box):
+    path = box()
+    add_model(path)
+    index = library / "index.toml"
+    index.write_text(index.read_text().replace('file = "box.stl"', f'file = "{path}"'))
+    remove_model("box")
+    assert path.exists()
+
+
+def test_materials_of_groups_are_guessed_by_name_and_said(library, tmp_path):
+    meshes = [("foil_gold.001", BOX), ("Shiny_Panel", BOX + 3), ("tex_01", BOX + 6), ("osr", BOX + 9)]
+    (tmp_path / "sat.glb").write_bytes(glb(meshes, [{"mesh": k} for k in range(4)]))
+    entry, said = add_model(tmp_path / "sat.glb", Wanted(part_materials={"osr": "white_paint"}))
+    assert dict(entry.parts) == {
+        "foil_gold.001": "mli_gold",
+        "Shiny_Panel": "solar_cell",
+        "tex_01": "lambertian_30",
+        "osr": "white_paint",
+    }
+    assert any("foil_gold.001 = mli_gold" in line for line in said)
+    assert any(line.startswith("assumed    lambertian_30 for tex_01:") for line in said)
+    entry, _ = add_model(tmp_path / "sat.glb", Wanted(material="aluminium"), overwrite=True)
+    assert set(entry.parts.values()) == {"aluminium"}
+    for wanted, says in (
+        (Wanted(material="gold"), "material 'gold': is none of the catalogue"),
+        (Wanted(part_materials={"bus": "osr"}), "part 'bus': is not in the mesh"),
+    ):
+        with pytest.raises(MeshError, match=says):
+            add_model(tmp_path / "sat.glb", wanted, overwrite=True)
+
+
+def test_the_user_s_table_of_names_is_asked_first(library):
+    library.mkdir()
+    table = library / "material_names.toml"
+    table.write_text('"foil_gold*" = "mli_silver"\n"tex_*" = "aluminium"\n')
+    assert materials_of(["foil_gold_2", "TEX_01", "cfrp", "thing"]) == {
+        "foil_gold_2": "mli_silver",
+        "TEX_01": "aluminium",
+        "cfrp": "cfrp",
+    }
+    for text, says in (("= 1", "cannot be read"), ('"a*" = "gold"', "'a\\*': no material 'gold'")):
+        table.write_text(text)
+        with pytest.raises(MeshError, match=says):
+            materials_of(["a"])
+
+
+def test_half_of_the_real_groups_that_are_one_material_are_known(shared):
+    """Of NASA's groups, those that mix materials (tex, AO, unnamed and numbered ones) have no line on purpose."""
+    groups = [
+        group["material"]
+        for entry in json.loads((shared / "meshes" / "manifest.json").read_text())["models"].values()
+        for group in entry.get("materials_glb", {}).get("groups", [])
+        if group["material"] not in ("unnamed",) and not any(word in group["material"] for word in ("tex", "AO"))
+    ]
+    assert len(materials_of(groups)) >= 0.5 * len(set(groups))
+    assert "MainBodyBottomLight" not in materials_of(groups), "mli is a word, not three letters"
+    assert materials_of(groups).items() >= {"foil_gold": "mli_gold", "shiny_panel": "solar_cell"}.items()
+
+
+@pytest.mark.parametrize("name", ["dawn", "juno", "lro", "rosetta", "stardust", "suomi_npp", "tdrs"])
+def test_nasa_s_printable_files_come_in_as_the_mended_ones(name, shared, library):
+    """The data folder holds each file as NASA has it, and in metres without the helper cube, made with other tools."""
+    known = next(entry for entry in known_meshes().values() if entry["name"] == f"{name}_nasa")
+    original = shared / "meshes" / "nasa_originals" / known["file"]
+    entry, said = add_model(original)
+    assert entry.name == f"{name}_nasa" and said[0].startswith(f"known      {known['file']}")
+    mine, theirs = entry.mesh, load_mesh(shared / "meshes" / f"{name}.stl")
+    assert len(mine.facets) == entry.facets == theirs.source_facets
+    assert np.abs(mine.vertices[mine.facets] - theirs.vertices[theirs.facets]).max() < 1e-6
+    assert entry.path.read_bytes() == original.read_bytes(), "unchanged: the repairs are in the index"
+    assert mine.source_facet.max() == mine.source_facets - 1, "labels count as the file does"
+
+
+def test_a_scenario_flies_a_model_of_the_library_and_its_recording_can_be_flown_again(
+    library, tmp_path, text, monkeypatch
+):
+    plate = load_mesh(model("plate").path)
+    path = tmp_path / "target.stl"
+    path.write_bytes(binary_stl(1000 * plate.vertices[plate.facets]))
+    add_model(path, Wanted(scale=1e-3, material="mli_gold"))
+    mine = text.replace('model    = "plate"', 'model    = "target"').replace("material =", "#")
+    shipped = text.replace("material = { type", 'material = "mli_gold" #')
+    frame, same = (next(rl.simulate(rl.Scenario.loads(one), threads=1)) for one in (mine, shipped))
+    assert frame.valid.any() and np.array_equal(frame.labels.photons, same.labels.photons)
+    source = frame.source
+    assert source.targets[0].mesh_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert source.targets[0].taxonomy.object_class == "payload"
+    assert "of the user's library: scale 0.001, z_up" in source.scenario
+    again = next(rl.simulate(rl.Scenario.loads(source.scenario), threads=1))
+    assert np.array_equal(again.range_m, frame.range_m, equal_nan=True)
+    monkeypatch.setenv("RSO_LIDAR_MODELS", str(tmp_path / "elsewhere"))
+    with pytest.raises(ScenarioError, match=r"unknown model 'target'.*comes in with `rso-lidar models add`"):
+        rl.Scenario.loads(source.scenario).surfaces  # noqa: B018 - built when asked for
+
+
+def test_a_library_that_was_tampered_with_says_so(library, box):
+    entry, _ = add_model(box())
+    entry.path.write_bytes(binary_stl(BOX * 2))
+    with pytest.raises(MeshError, match=r"is not the file that was added as 'box'; add it again"):
+        _ = model("box").mesh
+    index = library / "index.toml"
+    sound = index.read_text()
+    for old, new in (
+        ("scale = 1.0", 'scale = "a"'),
+        ("scale = 1.0", "scale = -1.0"),
+        ("left_out = []", "left_out = [3]"),
+        ('mesh_axes = "z_up"', 'mesh_axes = "x_up"'),
+        ("[model.parts]", "[model.part]"),
+        ("[[model]]", "[[model]"),
+        ("[[model]]", "model = 3\n[[models]]"),
+        ('object_class = "payload"', 'object_class = "satellite"'),
+        ('what = "a mesh of your own"', "size_m = 3\n"),
+    ):
+        assert old in sound
+        index.write_text(sound.replace(old, new))
+        with pytest.raises((MeshError, ScenarioError)) as caught:
+            own_models()
+        assert "\n" not in str(caught.value) and "index.toml" in str(caught.value)
+
+
+def test_what_an_index_leaves_out_is_told_before_a_run(library, tmp_path, text):
+    path = tmp_path / "two.stl"
+    path.write_bytes(binary_stl(np.concatenate([BOX, BOX * 0.5 + 9, np.zeros((1, 3, 3))])))
+    add_model(path)
+    index = library / "index.toml"
+    index.write_text(index.read_text().replace("left_out = []", "left_out = [[12, 23]]"))
+    mesh = model("two").mesh
+    assert (len(mesh.facets), mesh.left_out, mesh.degenerate, mesh.source_facets) == (12, 12, 1, 25)
+    said = rl.Scenario.loads(text.replace('model    = "plate"', 'model    = "two"')).describe()
+    assert "1 degenerate dropped, 12 left out" in said
+    index.write_text(index.read_text().replace("[[12, 23]]", "[[0, 24]]"))
+    with pytest.raises(MeshError, match=r"all its facets are left out"):
+        _ = model("two").mesh
+
+
+def test_a_shipped_name_wins_and_says_so(library, box):
+    add_model(box())
+    index = library / "index.toml"
+    index.write_text(index.read_text().replace('name = "box"', 'name = "plate"'))
+    with pytest.warns(RsoLidarWarning, match=r"model 'plate': is shipped, and in your library too"):
+        assert not model("plate").own
+
+
+def test_the_library_lies_where_the_platform_keeps_data(monkeypatch, tmp_path):
+    import platformdirs
+
+    monkeypatch.delenv("RSO_LIDAR_MODELS")
+    assert own_folder() == platformdirs.user_data_path("rso_lidar", appauthor=False) / "models"
+    monkeypatch.setenv("RSO_LIDAR_MODELS", "~/meshes")
+    assert own_folder() == Path.home() / "meshes"
+
+
+def test_a_library_that_cannot_be_made(box, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("RSO_LIDAR_MODELS", str(tmp_path / "file" / "library"))
+    with pytest.raises(MeshError, match=r"cannot be made .*RSO_LIDAR_MODELS"):
+        add_model(box())
+
+
+def test_a_gltf_with_data_beside_it_is_not_torn_apart(library, tmp_path):
+    blob = glb([("bus", BOX)], [{"mesh": 0}])
+    length = int.from_bytes(blob[12:16], "little")
+    tree, buffer = json.loads(blob[20 : 20 + length]), blob[28 + length :]
+    (tmp_path / "a.bin").write_bytes(buffer)
+    (tmp_path / "a.gltf").write_text(json.dumps({**tree, "buffers": [{"byteLength": len(buffer), "uri": "a.bin"}]}))
+    assert len(load_mesh(tmp_path / "a.gltf").facets) == 12
+    with pytest.raises(MeshError, match=r"keeps its data in other files; export it as one \.glb"):
+        add_model(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("name", ["part.step", "part.igs"])
+def test_solids_come_in_through_the_extra(name, library):
+    if importlib.util.find_spec("cascadio") is None:
+        pytest.skip("needs the extra step")
+    entry, said = add_model(SOLIDS / name)
+    assert any(line.startswith("unit       the file says its own: 3.5 m") for line in said)
+    assert entry.size_m == (1.0, 2.0, 3.5) and entry.path.suffix == ".glb"
+    mesh = entry.mesh
+    corners = mesh.vertices[mesh.facets]
+    top = corners[(corners[..., 2] > 3.4).all(axis=1)].reshape(-1, 3)
+    radius = np.linalg.norm(top[:, :2] - [0.5, 1.0], axis=1)
+    assert radius.max() == pytest.approx(0.3, abs=1e-5), "corners lie on the cylinder; float32 millimetres"
+    assert tomllib.loads((library / "index.toml").read_text())["model"][0]["source"].startswith("tessellated to 1 mm")
+
+
+def test_solids_that_are_none(tmp_path, monkeypatch):
+    bad = tmp_path / "bad.step"
+    bad.write_bytes(b"ISO-10303-21;")
+    if importlib.util.find_spec("cascadio") is not None:
+        with pytest.raises(MeshError, match=r"bad\.step: cannot be read as STEP, or holds no solid; export it again"):
+            tessellated(bad)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(
+        MeshError, match=r"STEP and IGES need the extra 'step' \(pip install 'rso-lidar\[step\]'\); or export"
+    ):
+        tessellated(bad)

@@ -1,0 +1,230 @@
+"""Trades worked through: against a closed form, whatever the workers, cut off and gone on."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.errors import ScenarioError
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.link import light
+from rso_lidar.study.ranking import best_first, chosen, summary, unbeaten
+from rso_lidar.study.trade_asked import Study
+from rso_lidar.study.trading import Rows, identity, plan_of, trade, work
+from tests.study.trade_for_tests import STUDY, folder_with
+
+WALL = """
+version = 1
+name = "a wall that fills the field"
+seed = 5
+
+[world]
+axes = "local"
+
+[time]
+start_utc = 2024-09-17T12:00:00Z
+duration_s = 1
+frame_rate_hz = 4
+
+[[target]]
+name = "wall"
+model = "plate"
+size_m = 200
+material = { type = "lambertian", reflectance = 0.30 }
+motion = { type = "fixed", position_m = [3000, 0, 0] }
+attitude = { type = "look_at", at = "follower" }
+
+[follower]
+motion = { type = "fixed", position_m = [0, 0, 0] }
+
+[lidar.receiver]
+fov_deg = 2.5
+f_number = 2.8
+n_rows = 32
+n_cols = 32
+rays_per_pixel = 4
+
+[lidar.detector]
+type = "empirical"
+false_alarms_per_s = 0
+"""
+ASKED = """
+version = 1
+name = "Energy and divergence on a wall"
+scenario = "wall.toml"
+seeds = 2
+merits = ["detection_fraction"]
+
+[[axis]]
+field = "lidar.laser.energy_mj"
+values = [35, 50, 75]
+
+[[axis]]
+field = "lidar.laser.divergence_deg"
+values = [2.5, 2.75, 3.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wall")
+    (folder / "wall.toml").write_text(WALL, encoding="utf-8")
+    (folder / "study.toml").write_text(ASKED, encoding="utf-8")
+    return trade(folder / "study.toml")
+
+
+def test_detection_of_a_wall_is_that_of_the_closed_form(wall):
+    """Each of 32 x 32 pixels sees the same wall: a binomial draw of the probability at its photons, by the link budget.
+
+    Off the boresight light falls with the cosine's fourth power, by 0.06 % in the mean over the field; the probability
+    changes by at most 0.019 for a per cent of light, so by 0.0012.
+    """
+    camera = Scenario.loads(WALL).instrument
+    probability, seen = [], []
+    n = 32 * 32 * 4 * 2
+    for point, (energy_mj, beam_deg) in enumerate(wall.plan.points):
+        laser = camera.laser.replace(energy_mj=float(energy_mj), divergence_deg=beam_deg)
+        photons, _ = light(laser, camera.receiver, rl.Lambertian(reflectance=0.3), 0.0, np.array([3000.0]))
+        probability.append(float(camera.detector.detection_probability(photons)[0]))
+        seen.append(float(wall.of_points("detection_fraction")[0][point]))
+    assert min(probability) < 0.2 < 0.9 < max(probability)  # or little is tried
+    for expected, got in zip(probability, seen, strict=True):
+        spread = math.sqrt(expected * (1.0 - expected) / n)
+        assert abs(got - expected) < 4.1 * spread + 0.0012  # 4.1 sigma: one in 2700 that one of nine fails by chance
+
+
+def test_rows_are_points_and_seeds_in_order(wall):
+    table = wall.table
+    assert table["row"].tolist() == list(range(18))
+    assert table["seed"].tolist() == [5, 6] * 9
+    assert table["lidar.laser.energy_mj"].tolist() == [35.0] * 6 + [50.0] * 6 + [75.0] * 6
+    assert set(table["error"].tolist()) == {""}
+    mean, spread = wall.of_points("detection_fraction")
+    pairs = table["detection_fraction"].reshape(-1, 2)
+    assert mean == pytest.approx(pairs.mean(axis=1))
+    assert spread == pytest.approx(pairs.std(axis=1, ddof=1))
+    assert spread[1] > 0.0  # another seed, another noise
+
+
+def test_a_row_is_the_run_that_its_settings_make(wall):
+    """What a report prints behind --set makes the row again."""
+    changes = tuple(f"{field}={value}" for field, value in wall.plan.settings(13).items())
+    assert "seed=6" in changes
+    frames = list(rl.simulate(Scenario.loads(WALL, settings=changes), threads=1))
+    assert wall.table["detection_fraction"][13] == pytest.approx(np.mean([frame.valid for frame in frames]))
+
+
+def test_ranking(wall):
+    mean = wall.of_points("detection_fraction")[0]
+    order = best_first(wall, "detection_fraction")
+    assert order[0] == 6  # 75 mJ within 2.5 degrees
+    assert np.all(np.diff(mean[order]) <= 0.0)
+    assert [point for point, _ in chosen(wall)] == [order[0], order[3], order[5], order[8]]
+    assert np.flatnonzero(unbeaten(wall)).tolist() == [6]
+    assert "best" in summary(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summary(wall)[1]
+
+
+# ------------------------------------------------------------------------------------------------ errors in points
+
+
+def test_a_point_that_cannot_be_flown_is_a_row_with_its_reason(text, tmp_path):
+    study = STUDY.replace("[5, 20]", "[5, -5]")
+    made = trade(folder_with(tmp_path, text, study))
+    bad = made.table["lidar.laser.energy_mj"] < 0.0
+    assert bad.sum() == 3
+    assert all("lidar.laser.energy_mj: should be greater than 0" in why for why in made.table["error"][bad].tolist())
+    assert set(made.table["error"][~bad].tolist()) == {""}
+    assert np.isnan(made.table["time_in_field_s"][bad]).all() and np.isfinite(made.table["time_in_field_s"][~bad]).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("laser.energy_mj", "laser.energy_m", r"axis\[0\].field: .*did you mean 'energy_mj'"),
+        ("lidar.laser.energy_mj", "lidar.lazer.energy_mj", r"axis\[0\].field: .*did you mean 'laser'"),
+        ("lidar.laser.energy_mj", "target.plane.scale", r"axis\[0\].field: .*no entry 'plane'"),
+        ("lidar.laser.energy_mj", "name.first", r"axis\[0\].field: .*holds a value, not a table"),
+        ("[5, 20]", '[5, "much"]', r"axis\[0\].values: .*valid number, not 'much'"),
+        ("lidar.laser.energy_mj", "lidar.receiver.rays_per_pixel", r"axis\[0\].values: .*integer, not 5.5"),
+        ("[5, 20]", "[-5, -20]", "no point can be flown; the first: .*greater than 0, not -5"),
+        ("bench.toml", "bensh.toml", "no file 'bensh.toml'"),
+        ('"0:4:2"', "[99]", "frames: need rising numbers"),
+        ('name     = "Energy', 'target = "plane"\nname = "Energy', "did you mean 'plate'"),
+        ('name     = "Energy', 'set = ["seeds=1"]\nname = "Energy', "unknown key 'seeds'"),
+    ],
+)
+def test_what_is_wrong_at_every_point_is_told_before_anything_runs(text, tmp_path, old, new, said):
+    study = STUDY.replace(old, new)
+    if "rays_per_pixel" in new:
+        study = study.replace("[5, 20]", "[4, 5.5]")
+    path = folder_with(tmp_path, text, study)
+    with pytest.raises(ScenarioError, match=said):
+        plan_of(Study.load(path))
+
+
+def test_frames_that_a_point_lacks_are_its_error(text, tmp_path):
+    study = STUDY.replace("lidar.laser.energy_mj", "time.duration_s").replace("[5, 20]", "[0.2, 2]")
+    made = trade(folder_with(tmp_path, text, study.replace('"0:4:2"', "[3]")))
+    assert ["frames: need rising numbers" in why for why in made.table["error"].tolist()] == [True] * 3 + [False] * 3
+
+
+def test_workers_are_a_number(text, tmp_path):
+    with pytest.raises(ScenarioError, match="workers: needs a whole number"):
+        trade(folder_with(tmp_path, text), workers=0)
+
+
+# -------------------------------------------------------------------------------------------- workers, and going on
+
+
+def test_rows_do_not_depend_on_workers_nor_on_their_order(text, tmp_path):
+    study = Study.load(folder_with(tmp_path, text))
+    plan, _ = plan_of(study, threads=1)
+    alone = {row["row"]: json.dumps(row) for row in work(plan, {})}
+    several = {row["row"]: json.dumps(row) for row in work(plan, {}, workers=2)}
+    assert several == alone
+    assert json.dumps(plan.row(4)) == alone[4]
+
+
+def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
+    path = folder_with(tmp_path, text)
+    whole = trade(path)
+    working = tmp_path / "out.csv"
+    plan, base = plan_of(Study.load(path))
+    kept = tmp_path / f"out.csv.tmp-{identity(plan, base)}"
+    with Rows(kept, 6).opened() as rows:
+        for row in (plan.row(5), plan.row(0)):  # as workers may end
+            rows.add(row)
+    with kept.open("ab") as file:
+        file.write(b'{"row": 1, "seed": 7, "mer')  # a kill in the middle of a line
+    counts = []
+    again = trade(path, working=working, on_row=lambda done, count: counts.append((done, count)))
+    assert counts == [(2, 6), (3, 6), (4, 6), (5, 6), (6, 6)]
+    assert {name: repr(values.tolist()) for name, values in again.table.items()} == {
+        name: repr(values.tolist()) for name, values in whole.table.items()
+    }
+    assert whole.save(tmp_path / "a.csv").read_bytes() == again.save(tmp_path / "b.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("study.toml", "[5, 20]", "[5, 21]"),
+        ("bench.toml", "seed    = 7", "seed    = 8"),
+        ("study.toml", '"0:4:2"', '"0:4"'),
+    ],
+)
+def test_another_study_does_not_go_on_from_it(text, tmp_path, file, old, new):
+    path = folder_with(tmp_path, text)
+    first = identity(*plan_of(Study.load(path)))
+    changed = tmp_path / file
+    changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    assert identity(*plan_of(Study.load(path))) != first
+
+
+def test_only_one_at_a_time(tmp_path):
+    with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
+        with pytest.raises(rl.RecordingError, match="another run is writing it"):
+            with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
+                pass
