@@ -225,6 +225,8 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
     if kind in ("dict_type", "model_type", "model_attributes_type"):
         return f"needs a table, not {_show(value)}"
     if kind == "string_pattern_mismatch":
+        if context["pattern"].startswith("^#"):
+            return f"needs a colour such as '#a29225', not {_show(value)}"
         return f"needs letters, digits, _ and -, a letter first, not {_show(value)}"
     if kind == "datetime_type":
         return f"needs a date and time without quotes, such as 2024-09-17T12:00:00Z, not {_show(value)}"

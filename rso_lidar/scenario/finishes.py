@@ -1,9 +1,9 @@
-"""Materials of single facets: a file that says which facet of a mesh is of what."""
+"""Materials of single facets: by the colours of a mesh's file, or by a file that says which facet is of what."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from pydantic import Field
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import Material, Named, Scatterer, Surface, library
+from rso_lidar.scene.colours import facet_colours, hexed
 
 
 class FacetMaterials(Part):
@@ -28,18 +29,36 @@ class FacetMaterials(Part):
     materials: dict[Text, Material] = Field(default_factory=dict)
 
 
+def coloured(surface: Surface, color_materials: Mapping[str, Scatterer], wavelength_m: float) -> Surface:
+    """Return the surface with the facets of some colours of another material, as light of `wavelength_m` [m] sees it."""
+    with placed("color_materials"):
+        colour = hexed(facet_colours(surface.mesh))[surface.mesh.source_facet]
+        of_colour = {word.lower(): material for word, material in color_materials.items()}
+        there = sorted(set(colour))
+        for word in of_colour:
+            if word not in there:
+                some = ", ".join(there[:8]) + (", ..." if len(there) > 8 else "")
+                raise ScenarioError(f"no facet of {surface.mesh.path.name} has the colour '{word}' (there are {some})")
+        return _painted(surface, colour, of_colour, wavelength_m)
+
+
 def finished(
     surface: Surface, facet_materials: FacetMaterials, file: Callable[[str], Path], wavelength_m: float
 ) -> Surface:
     """Return the surface with the materials of single facets, as light of `wavelength_m` [m] sees them."""
     with placed("facet_materials"):
         path = file(facet_materials.file)
-        words = _words(path, surface.mesh.source_facets)
-        number, materials = surface.finish.astype(np.int64), list(surface.materials)
-        word_of = words[surface.mesh.source_facet]
-        for word in sorted(set(word_of) - {""}):
-            materials.append(_meant(word, facet_materials, path).at(wavelength_m))
-            number[word_of == word] = len(materials) - 1
+        words = _words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
+        meant = {word: _meant(word, facet_materials, path) for word in sorted(set(words) - {""})}
+        return _painted(surface, words, meant, wavelength_m)
+
+
+def _painted(surface: Surface, words: np.ndarray, meant: Mapping[str, Scatterer], wavelength_m: float) -> Surface:
+    """Return the surface with each facet whose word (facet) means a material of that material."""
+    number, materials = surface.finish.astype(np.int64), list(surface.materials)
+    for word, material in meant.items():
+        materials.append(material.at(wavelength_m))
+        number[words == word] = len(materials) - 1
     return replace(surface, materials=tuple(materials), material_of=number)
 
 

@@ -1,10 +1,10 @@
 """The parts of a scenario that join rooms: time, world, target, follower."""
 
 from functools import cached_property
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, Strict, model_validator
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import MeshError, ScenarioError
@@ -17,6 +17,7 @@ from rso_lidar.scenario.hinges import Joint, joints_of
 from rso_lidar.scenario.terrain import Terrain, in_words
 from rso_lidar.scene import Material
 
+Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
 _MOST_FRAMES = 5_000_000
 
 
@@ -70,10 +71,10 @@ class Target(Body):
     `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh; `terrain`, in its place, is ground
     of heights, from a file or made by seed. `scale` turns a mesh's unit into metres, or `size_m` sets its longest side.
     Without `material` a catalogue model keeps its own, another mesh is the seed's Lambertian 0.30; `part_materials`
-    overrides by part, and `facet_materials` by facet. `smooth_parts` are curved: normals are interpolated over their
-    facets. `center_of_mass_m` is the body's origin in the mesh's own axes, after scaling. Each `joint` turns some parts
-    about a hinge; a hinge that the model declares needs no more than its name and an angle. `taxonomy` is where the target
-    belongs; a catalogue model brings its own.
+    overrides by part, `color_materials` by the colour that the file gives a facet, and `facet_materials` by facet.
+    `smooth_parts` are curved: normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the
+    mesh's own axes, after scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no
+    more than its name and an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
     """
 
     model: Text | None = None
@@ -83,6 +84,7 @@ class Target(Body):
     mesh_axes: Literal["z_up", "y_up"] = "z_up"
     material: Material | None = None
     part_materials: dict[Text, Material] = Field(default_factory=dict)
+    color_materials: dict[Colour, Material] = Field(default_factory=dict)
     facet_materials: FacetMaterials | None = None
     smooth_parts: tuple[Text, ...] = ()
     center_of_mass_m: Vector | None = None

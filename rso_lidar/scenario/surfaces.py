@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.scenario.finishes import finished
+from rso_lidar.scenario.finishes import coloured, finished
 from rso_lidar.scenario.parts import Target
 from rso_lidar.scenario.terrain import mesh_of, taxonomy_of_terrain
 from rso_lidar.scene import Hinged, Named, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
@@ -60,6 +60,8 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     )
     if target.terrain is None:
         warn_of_size(mesh, scale, target.name)
+    if target.color_materials:
+        surface = coloured(surface, target.color_materials, wavelength_m)
     if target.facet_materials is not None:
         return finished(surface, target.facet_materials, file, wavelength_m)
     return surface

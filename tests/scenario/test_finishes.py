@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import rso_lidar as rl
-from rso_lidar.scenario.finishes import finished
+from rso_lidar.scenario.finishes import coloured, finished
+from rso_lidar.scene import build_surface, load_mesh
 from tests.optics.bench_for_tests import box, surface
 
 SAT = surface("sat", box(1.0, 2.0, 3.0), rl.Lambertian(reflectance=0.5))
@@ -34,6 +36,33 @@ def test_an_array_holds_a_number_for_each_facet(tmp_path):
     numbers[[3, 11]] = 1
     sat = painted(tmp_path, "labels.npy", numbers, WHITE)
     assert np.flatnonzero(sat.matt_per_sr * np.pi > 0.8).tolist() == [3, 11]
+
+
+def test_colours_of_a_file_tell_materials_apart(tmp_path):
+    """A GLB of a red and a grey group, and a PLY with a colour for each facet, written by trimesh."""
+    red, grey = (trimesh.creation.box((1, 1, 1)) for _ in range(2))
+    grey.apply_translation((3, 0, 0))
+    for piece, rgb in ((red, (255, 0, 0)), (grey, (128, 128, 128))):
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=[*rgb, 255])
+        piece.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(piece.vertices), 2)), material=material)
+    trimesh.Scene({"a": red, "b": grey}).export(tmp_path / "two.glb")
+    ball = trimesh.creation.box((1, 1, 1))
+    ball.visual.face_colors = [[10, 20, 30, 255]] * 7 + [[255, 0, 0, 255]] * 5
+    ball.export(tmp_path / "ball.ply")
+    said = {"#FF0000": rl.Lambertian(reflectance=0.9)}
+    for name, of_red in (("two.glb", range(12)), ("ball.ply", range(7, 12))):
+        sat = build_surface("sat", load_mesh(tmp_path / name))
+        lit = coloured(sat, said, 1064e-9).matt_per_sr * np.pi
+        assert np.flatnonzero(lit > 0.8).tolist() == list(of_red)
+    with pytest.raises(
+        rl.ScenarioError, match=r"color_materials: no facet of ball.ply has the colour '#00ff00' \(there"
+    ):
+        coloured(sat, {"#00ff00": rl.Lambertian()}, 1064e-9)
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "plain.stl")
+    with pytest.raises(rl.MeshError, match=r"colours are read from .glb and .ply only"):
+        coloured(build_surface("sat", load_mesh(tmp_path / "plain.stl")), said, 1064e-9)
+    with pytest.raises(rl.ScenarioError, match="color_materials.*needs a colour such as '#a29225', not 'red'"):
+        rl.Target(name="a", model="tdrs", motion=rl.Fixed(position_m=(0, 0, 0)), color_materials={"red": "osr"})
 
 
 @pytest.mark.parametrize(
