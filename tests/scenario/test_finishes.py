@@ -61,7 +61,7 @@ def test_colours_of_a_file_tell_materials_apart(tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "plain.stl")
     with pytest.raises(rl.MeshError, match=r"colours are read from .glb and .ply only"):
         coloured(build_surface("sat", load_mesh(tmp_path / "plain.stl")), said, 1064e-9)
-    with pytest.raises(rl.ScenarioError, match="color_materials.*needs a colour such as '#a29225', not 'red'"):
+    with pytest.raises(rl.ScenarioError, match=r"color_materials.*needs a colour such as '#a29225', not 'red'"):
         rl.Target(name="a", model="tdrs", motion=rl.Fixed(position_m=(0, 0, 0)), color_materials={"red": "osr"})
 
 
