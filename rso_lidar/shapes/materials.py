@@ -227,15 +227,16 @@ MATERIALS: dict[str, dict[str, Any]] = {
     },
     "regolith_highland": _lambertian(
         "Lunar highland soil as a lidar sees it, at zero phase: normal albedo 0.35 at 1064 nm",
-        "Lucey et al. 2014 (LOLA, J. Geophys. Res. Planets 119): global mean normal albedo near 0.33 at 1064 nm, "
-        "brighter on highlands; 1570 nm by the red slope of lunar spectra, assumed 15 % brighter",
+        "Mapped at zero phase by LOLA (Lucey et al. 2014, J. Geophys. Res. Planets 119); the number as commonly quoted, not "
+        "looked up; 1570 nm by the red slope of lunar spectra, assumed 15 % brighter",
         "medium at 1064 nm, low at 1570 nm; falls off with phase, so too bright for a Sun away from the lens",
         (0.35, 0.40),
         (0.60, 0.59, 0.57),
     ),
     "regolith_mare": _lambertian(
         "Lunar mare soil as a lidar sees it, at zero phase: normal albedo 0.20 at 1064 nm",
-        "Lucey et al. 2014 (LOLA, J. Geophys. Res. Planets 119): maria near 0.2 at 1064 nm; 1570 nm assumed 15 % brighter",
+        "Mapped at zero phase by LOLA (Lucey et al. 2014, J. Geophys. Res. Planets 119); the number as commonly quoted, not "
+        "looked up; 1570 nm by the red slope of lunar spectra, assumed 15 % brighter",
         "medium at 1064 nm, low at 1570 nm; falls off with phase, so too bright for a Sun away from the lens",
         (0.20, 0.23),
         (0.42, 0.41, 0.40),
