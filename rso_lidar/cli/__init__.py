@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
 
 _INTERRUPTED = 130
-_GO_ON = "interrupted: a run that had begun goes on with --resume"
+_GO_ON = "interrupted: a run that had begun goes on with --resume and the same options"
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

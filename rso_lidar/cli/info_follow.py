@@ -64,5 +64,6 @@ def _stopped(seen: Growth) -> None:
     """Raise what there is to say when nobody writes any more, and the recording is not complete."""
     raise RunError(
         f"{seen.output}: the run that wrote it has ended after {seen.frames} frames, which are in {seen.file.name}; "
-        f"go on with: rso-lidar run SCENARIO -o {seen.output} --resume"
+        f"go on with: rso-lidar run SCENARIO -o {seen.output} --resume, "
+        "and the same --set, --seed, --frames and --keep as before"
     )

@@ -15,7 +15,7 @@ import typer
 from rso_lidar import export
 from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.check import ScenarioFile, Settings
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import frame_numbers, simulate
@@ -67,8 +67,8 @@ def run(
         chosen += " keep " + ",".join(sorted(kept))
     made_by = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
     identity = export.run_id(scenario.source, chosen, " ".join(made_by))
-    if resume:
-        _tell_of_others(output, identity)
+    if resume and not overwrite:
+        _keep_others(output, identity)
     tally = Tally()
     done = 0
     with export.Recorder(
@@ -93,15 +93,17 @@ def run(
     typer.echo(tally.table(output, done))
 
 
-def _tell_of_others(output: Path, identity: str) -> None:
-    """Say what stands beside an output that this run cannot go on with."""
-    own = output.with_name(f"{output.name}.tmp-{identity}")
-    others = [file.name for file in sorted(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")) if file != own]
-    if others and not own.exists():
-        typer.echo(
-            f"starting afresh: {', '.join(others)} is of another scenario, choice of frames, version or arithmetic",
-            err=True,
-        )
+def _keep_others(output: Path, identity: str) -> None:
+    """Refuse to start afresh beside the frames of a run that was cut off, and that this one cannot go on with."""
+    if output.with_name(f"{output.name}.tmp-{identity}").exists():
+        return
+    for other in sorted(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")):
+        with suppress(RecordingError), export.open(other) as cut_off:
+            if len(cut_off):
+                raise ScenarioError(
+                    f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: the scenario, --set, --seed, --frames, --keep, the "
+                    "version or the arithmetic differs; repeat what it was begun with, or give --overwrite to start afresh"
+                )
 
 
 def choice(text: str | None) -> slice | None:

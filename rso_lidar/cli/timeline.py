@@ -35,15 +35,17 @@ def timeline(
     """Draw or tabulate one encounter: range, rates, Sun, PTU, field, pixels, photons and detection, frame by frame."""
     output = output or file.with_name(f"{file.stem}_timeline.png")
     free(output, SUFFIXES, overwrite=overwrite)
-    made = timeline_of(Scenario.load(file, tuple(settings or ())), target, every_s=every_s)
+    scenario = Scenario.load(file, tuple(settings or ()))
+    made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)
-    for line in _summary(made):
+    mirrored = any(one.retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials)
+    for line in _summary(made, mirrored):
         typer.echo(line)
     typer.echo(f"{output}")
 
 
-def _summary(made: Timeline) -> list[str]:
-    """Return a few lines on the whole encounter."""
+def _summary(made: Timeline, mirrored: bool) -> list[str]:
+    """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
     nearest = int(np.argmin(range_m))
@@ -63,7 +65,7 @@ def _summary(made: Timeline) -> list[str]:
         lines.append("ptu           " + ", ".join(f"{word} at {count:,} frames" for word, count in stands.items()))
     lines.append(
         f"light         {_span(table['target_pixels'], '.0f')} pixels, {_span(table['brightest_photons'], ',.0f')} photons "
-        f"in the brightest, found with probability {_span(table['detection_probability'], '.2f')}"
+        f"in the brightest{' (its retro-reflectors counted)' * mirrored}, found with probability {_span(table['detection_probability'], '.2f')}"
     )
     return lines
 

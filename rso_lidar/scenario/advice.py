@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _LIGHT_TIME_M = 0.01
 _BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
+_WHOLLY = 0.75  # of the time: less is more than the end of an approach
 _LOUDER = 1.05  # times the noise in the dark
 _FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
@@ -104,6 +105,13 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
                 else f"out of the field of view {1 - share:.0%} of the time"
             )
             lines.append(f"target {sight.name}: {how}, first at {first:g} s; turn the follower, or track it with [ptu]")
+        elif float(np.mean(sight.wholly)) < _WHOLLY and target.terrain is None:
+            first = int(np.argmin(sight.wholly))
+            lines.append(
+                f"target {sight.name}: part of it is outside the field of view {np.mean(~sight.wholly):.0%} of the time, first "
+                f"at {seen.time_s[first]:g} s, {sight.range_m[first]:.0f} m away; if all of it is to be seen, stay farther off or widen "
+                "the field"
+            )
         if float(sight.range_m.min()) < sight.radius_m and target.terrain is None:
             lines.append(f"target {sight.name}: the lidar comes within its bounding sphere; mind the trajectory")
     return lines

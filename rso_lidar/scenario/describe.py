@@ -69,7 +69,8 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
         f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
         f"light time {sight.light_time_m / units.MM:.3f} mm",
-        f"  sight     at most {off:.3f}° off boresight, in the field {np.mean(sight.in_field):.0%} of the time",
+        f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(sight.in_field):.0%} of the "
+        f"time, all of it {np.mean(sight.wholly):.0%}",
     ]
 
 
@@ -221,8 +222,11 @@ def _detector_lines(scenario: Scenario) -> list[str]:
 
 
 def _budget_lines(scenario: Scenario, sight: Sight, seen: Preview) -> list[str]:
+    surface = next(one for one in scenario.surfaces if one.name == sight.name)
+    left_out = ", retro-reflectors left out" if len({one.retro for one in surface.materials}) > 1 else ""
     lines = [
-        f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest material:"
+        f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest "
+        f"material{left_out}:"
     ]
     for place, at in (("first", 0), ("last", -1)):
         range_m, time_s = float(sight.range_m[at]), float(seen.time_s[at])
@@ -237,7 +241,7 @@ def _budget_lines(scenario: Scenario, sight: Sight, seen: Preview) -> list[str]:
         pixel_m = range_m * scenario.lidar.at(time_s).receiver.pixel_tangent
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, "
-            f"target {2 * sight.radius_m / pixel_m:.0f} pixels across, "
+            f"target {sight.across_m[at] / pixel_m:.0f} pixels across, "
             f"{photons} photons, P(detect) {probability}, range noise {noise}"
         )
     return lines

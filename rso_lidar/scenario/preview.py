@@ -34,7 +34,9 @@ class Sight:
     range_m: np.ndarray
     range_rate_m_s: np.ndarray
     off_boresight_rad: np.ndarray
-    in_field: np.ndarray
+    in_field: np.ndarray  # its origin
+    wholly: np.ndarray  # whether all of its hull is in the field
+    across_m: np.ndarray  # the wider side of its hull as it is seen
     radius_m: float
     nearest_m: np.ndarray  # of the target's hull
     farthest_m: np.ndarray
@@ -121,27 +123,32 @@ def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: 
         tangent = np.abs(seen[..., :2] / seen[..., 2:])
     in_field = (seen[..., 2] > 0) & np.all(tangent <= half_field, axis=-1)
     off = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
-    hull_m = []
-    radius_m = 0.0
+    hull, radius_m = [], 0.0  # (point, time, xyz) in lidar axes
     for surface in surfaces:
         seat = poses.pose("lidar", surface.name)
-        hull_m += [np.linalg.norm(seat.apply(point), axis=-1) for point in surface.outline]
+        hull += [np.broadcast_to(seat.apply(point), (n_epochs, 3)) for point in surface.outline]
         hinge_m = np.linalg.norm(np.atleast_2d(poses.pose(name, surface.name).translation), axis=1).max()
         radius_m = max(radius_m, float(hinge_m) + surface.radius_m)
-    ends = (np.min(np.broadcast_arrays(*hull_m), axis=0), np.max(np.broadcast_arrays(*hull_m), axis=0))
-    range_m, rate, off, in_field, nearest_m, farthest_m = (
-        np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field, *ends)
+    there = np.stack(hull)
+    ahead = there[..., 2] > 0.0
+    tangents = np.abs(there[..., :2]) / np.where(ahead, there[..., 2], 1.0)[..., None]
+    wholly = np.all(ahead & np.all(tangents <= half_field, axis=-1), axis=0)
+    across_m = np.ptp(there[..., :2], axis=0).max(axis=-1)
+    hull_m = np.linalg.norm(there, axis=-1)
+    range_m, rate, off, in_field = (np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field))
+    return Sight(
+        name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0)
     )
-    return Sight(name, range_m, rate, off, in_field, radius_m, nearest_m, farthest_m)
 
 
 def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s: float = 0.0) -> tuple[float, float]:
     """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material.
 
-    They are of the instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
+    Retro-reflectors are left out where there is another material: they are far smaller than a pixel. The photons are of the instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
     """
     surface = next(surface for surface in scenario.surfaces if surface.name == target)
-    brdf = [float(material.mean_brdf_per_sr(np.array(1.0))) for material in surface.materials]
+    broad = [material for material in surface.materials if not material.retro] or surface.materials
+    brdf = [float(material.mean_brdf_per_sr(np.array(1.0))) for material in broad]
     lidar = scenario.instrument.at(time_s)
     share = parallax_share(lidar.laser, range_m)
     dimmest, brightest = (

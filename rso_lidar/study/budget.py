@@ -23,6 +23,7 @@ from rso_lidar.scene import Scatterer
 from rso_lidar.study.budget_asked import (
     angles_deg,
     camera_of,
+    has_retros,
     left_out,
     materials_of,
     positive,
@@ -275,7 +276,7 @@ def budget(
         facet_m2,
         each * n_pixels,
         receiver.pixel_pitch_m / receiver.focal_length_m,
-        left_out(lidar, each * n_pixels),
+        left_out(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
     )
 
 

@@ -122,6 +122,7 @@ def materials_of(
     if scenario is None or not scenario.target:
         return [("lambertian 0.3", Lambertian())]
     found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
+    found = {material for material in found if not material.retro} or found  # those are far smaller than a pixel
     facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
     return [(_name(one, wavelength_m), one) for one in ends]
@@ -185,14 +186,21 @@ def _name(material: Scatterer, wavelength_m: float) -> str:
     return kind if reflectance is None else f"{kind} {reflectance:g}"
 
 
-def left_out(lidar: Lidar, false_alarms: float) -> tuple[str, ...]:
-    """Return in words how many false alarms there are, and what of this camera the closed form does not count."""
+def has_retros(scenario: Scenario | None) -> bool:
+    """Return whether the first target has retro-reflectors, which `materials_of` leaves out unless asked for them."""
+    seen = scenario.surfaces_of(0) if scenario is not None and scenario.target else []
+    return len({material.retro for surface in seen for material in surface.materials}) > 1
+
+
+def left_out(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
+    """Return in words how many false alarms there are, and what of camera and target the closed form does not count."""
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
     if isinstance(detector, Gsfl) and detector.gate is not None:
         where = f"a gate of {detector.gate.to_m - detector.gate.from_m:.3g} m about the target"
     else:
         where = f"armed {detector.sees_from_m:g} to {detector.sees_to_m:g} m"
-    dropped = [name for name in ("psf", "distortion") if getattr(receiver, name) is not None]
+    dropped = ["retro-reflectors of the target"] * retros
+    dropped += [name for name in ("psf", "distortion") if getattr(receiver, name) is not None]
     if receiver.filter_width_nm is not None:
         dropped.append("sunlight")
     if laser.energy_jitter_fraction:

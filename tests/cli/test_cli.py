@@ -123,6 +123,20 @@ def test_a_run_that_is_complete_has_nothing_to_resume(call, scenario, tmp_path):
     assert (status, len(err)) == (2, 1)  # another run's recording is in the way
 
 
+def test_resume_with_other_settings_leaves_the_frames_that_are_there(call, scenario, tmp_path):
+    output = tmp_path / "cut.h5"
+    flown = rl.Scenario.load(scenario, settings=("seed=7",))
+    with pytest.raises(KeyboardInterrupt), rl.export.Recorder(output, flown.source, run_id="1a2b3c4d") as recorder:
+        recorder.write(next(iter(rl.simulate(flown))))
+        raise KeyboardInterrupt
+    status, out, err = call("run", scenario, "-o", output, "--resume")
+    assert (status, out, len(err)) == (2, "", 1)
+    assert "cut.h5.tmp-1a2b3c4d: holds 1 frame of another run" in err[0]
+    assert "--overwrite" in err[0]
+    assert [path.name for path in tmp_path.glob("cut*")] == ["cut.h5.tmp-1a2b3c4d"]
+    assert call("run", scenario, "-o", output, "--resume", "--overwrite", "--frames", "0:2")[0] == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -6,6 +6,16 @@ import pytest
 
 import rso_lidar as rl
 
+ENVISAT = """
+version = 1
+name = "retro-reflectors"
+time = { start_utc = 2024-01-01T00:00:00Z, duration_s = 1, frame_rate_hz = 1 }
+world = { axes = "local" }
+target = [{ name = "envisat", model = "envisat", motion = { type = "fixed", position_m = [3000, 0, 0] } }]
+follower = { motion = { type = "fixed", position_m = [0, 0, 0] } }
+lidar = { preset = "gsfl_1064" }
+"""
+
 
 @pytest.fixture
 def described(text):
@@ -112,3 +122,38 @@ class TestBudget:
     def test_dark_far_and_blinding_targets_are_described(self, described, settings):
         line = described(*settings)["first"]
         assert 0.0 <= self.number(line, r"P\(detect\) ([\d.]+)") <= 1.0
+
+
+class TestWhatFits:
+    """A plate of 4 x 4 m, 2.5° of field and 128 pixels: at 1000 m it is 11.7 pixels of 0.341 m, at 80 m wider than the field."""
+
+    def test_across_is_its_own_extent_wherever_its_origin_is(self, text, described):
+        for middle in ("", "center_of_mass_m = [0, 2.0, 0]\n"):
+            bench = text.replace("[[target]]\n", f"[[target]]\n{middle}").replace("    ", "")
+            assert re.search(r"target (\d+) pixels across", described(bench=bench)["first"])[1] == "12", middle
+
+    def test_one_that_is_cut_off_is_told_by_line_and_warning(self, text, described):
+        line = described()["sight"]
+        assert line.endswith("its origin in the field 100% of the time, all of it 100%")
+        near = text.replace("[1000, 0, 0]", "[80, 0, 0]")
+        lines = described(bench=near)
+        assert lines["sight"].endswith("its origin in the field 100% of the time, all of it 0%")
+        assert "part of it is outside the field of view 100% of the time, first at 0 s, 80 m away" in lines["warning"]
+
+
+def test_retro_reflectors_are_left_out_of_a_filled_pixel():
+    """Envisat's cube corners send 1e4 times the light of its optical solar reflectors; its black paint is the dimmest."""
+    scenario = rl.Scenario.loads(ENVISAT)
+    lines = {line.split()[0]: line for line in scenario.describe().splitlines()}
+    assert lines["budget"].endswith("retro-reflectors left out:")
+    least, most = re.search(r"([\d,]+) to ([\d,]+) photons", lines["first"]).groups()
+    from rso_lidar.scene import material_named
+
+    at = scenario.lidar.laser.wavelength_m
+    dim, bright = (float(material_named(name, at).mean_brdf_per_sr(1.0)) for name in ("black_paint", "osr"))
+    assert int(most.replace(",", "")) / int(least.replace(",", "")) == pytest.approx(bright / dim, rel=1e-3)  # rounding
+    made = rl.budget(scenario)
+    assert [curve.material for curve in made.curves] == ["black_paint", "osr"]
+    assert "retro-reflectors of the target" in made.table()
+    assert len(rl.budget(scenario, materials="cube_corner").curves) == 1
+    assert "not counted: retro" not in rl.budget(scenario, materials="cube_corner").table()
