@@ -101,8 +101,9 @@ def _keep_others(output: Path, identity: str) -> None:
         with suppress(RecordingError), export.open(other) as cut_off:
             if len(cut_off):
                 raise ScenarioError(
-                    f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: the scenario, --set, --seed, --frames, --keep, the "
-                    "version or the arithmetic differs; repeat what it was begun with, or give --overwrite to start afresh"
+                    f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: scenario, --set, "
+                    "--seed, --frames, --keep, version or arithmetic differs; repeat what it was begun with, or give "
+                    "--overwrite to start afresh"
                 )
 
 

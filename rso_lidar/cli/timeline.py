@@ -38,7 +38,9 @@ def timeline(
     scenario = Scenario.load(file, tuple(settings or ()))
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)
-    mirrored = any(one.retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials)
+    mirrored = any(
+        one.retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
+    )
     for line in _summary(made, mirrored):
         typer.echo(line)
     typer.echo(f"{output}")
@@ -65,7 +67,8 @@ def _summary(made: Timeline, mirrored: bool) -> list[str]:
         lines.append("ptu           " + ", ".join(f"{word} at {count:,} frames" for word, count in stands.items()))
     lines.append(
         f"light         {_span(table['target_pixels'], '.0f')} pixels, {_span(table['brightest_photons'], ',.0f')} photons "
-        f"in the brightest{' (its retro-reflectors counted)' * mirrored}, found with probability {_span(table['detection_probability'], '.2f')}"
+        f"in the brightest{' (its retro-reflectors counted)' * mirrored}, "
+        f"found with probability {_span(table['detection_probability'], '.2f')}"
     )
     return lines
 

@@ -49,9 +49,9 @@ def view(
         if not chosen.paths:
             typer.echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
         each = _counted(some) if chosen.tool == "rerun" else None
-        show(chosen, some, colour=colour, folder=recording.parent, each=each)
+        drawn = show(chosen, some, colour=colour, folder=recording.parent, each=each)
     if chosen.paths:
-        typer.echo(_said(chosen, len(some)))
+        typer.echo(_said(chosen, drawn))
 
 
 def _counted(frames: Sequence[Frame]) -> Iterator[Frame]:
@@ -63,12 +63,12 @@ def _counted(frames: Sequence[Frame]) -> Iterator[Frame]:
             bar.advance()
 
 
-def _said(chosen: Way, count: int) -> str:
-    """Return what was written and why, in a line."""
-    named = ", ".join(f"{path}" for path in chosen.paths)
+def _said(chosen: Way, drawn: Sequence[str]) -> str:
+    """Return what was written, with which frames, and why, in a line."""
+    named = ", ".join(f"{path} ({frames})" for path, frames in zip(chosen.paths, drawn, strict=True))
     why = f"{chosen.why}: wrote" if chosen.why else "wrote"
     more = f"; open it with: rerun {chosen.paths[0]}" if chosen.tool == "rerun" else ""
-    return f"{why} {named} ({_frames(count)}){more}"
+    return f"{why} {named}{more}"
 
 
 def _frames(count: int) -> str:

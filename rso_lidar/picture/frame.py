@@ -26,7 +26,7 @@ from rso_lidar.picture.palette import (
     hexed,
     ramp,
 )
-from rso_lidar.picture.scale import nice_down, nice_up
+from rso_lidar.picture.scale import count_limits, nice_down, nice_up
 from rso_lidar.picture.sequence import on_target, pixel_rad, sighted, started, target_ranges_m
 from rso_lidar.picture.window import Window, around, crop
 from rso_lidar.records import Frame, Reading, specs
@@ -120,18 +120,29 @@ def _caption(name: str) -> str:
     return f"{meaning[0].upper()}{meaning[1:]} [{spec.unit}]"
 
 
-def _show(axes: Axes, values: np.ndarray, window: Window, colours: Any, low: float, high: float) -> Any:
+def _show(
+    axes: Axes, values: np.ndarray, window: Window, colours: Any, low: float, high: float, *, logarithmic: bool = False
+) -> Any:
     """Return what matplotlib makes of an array (row, col) in the window, NaN in the colour map's own for bad values."""
+    from matplotlib.colors import LogNorm, Normalize
+
     extent = (window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5)
     shown = np.ma.masked_invalid(window.cut(values))
-    return axes.imshow(shown, cmap=colours, vmin=low, vmax=high, extent=extent, interpolation="nearest")
+    norm = (LogNorm if logarithmic else Normalize)(low, high)
+    return axes.imshow(shown, cmap=colours, norm=norm, extent=extent, interpolation="nearest")
 
 
-def _bar(axes: Axes, drawn: Any, label: str, extend: str = "neither") -> None:
+def _bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, logarithmic: bool = False) -> None:
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
     place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
     bar = axes.figure.colorbar(drawn, cax=place, extend=extend)
     bar.ax.tick_params(labelsize=8, colors=hexed(QUIET))
-    bar.ax.ticklabel_format(useOffset=False, style="plain")
+    if logarithmic:
+        bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
+        bar.minorticks_off()
+    else:
+        bar.ax.ticklabel_format(useOffset=False, style="plain")
     bar.outline.set_edgecolor(hexed(QUIET))
     bar.set_label(label, fontsize=8.5, color=hexed(QUIET))
 
@@ -181,16 +192,27 @@ def _locate(axes: Axes, window: Window) -> None:
 
 
 def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
-    """Draw the measured intensity of a frame, with a bar that tells the size of things at the target."""
+    """Draw the measured intensity of a frame, with a bar that tells the size of things at the target.
+
+    It is drawn in logarithms where a few glints outshine the rest, as in contact sheets.
+    """
     from matplotlib.colors import ListedColormap
 
     counts = frame.intensity_counts.astype(float)
-    high = max(float(counts.max()), 1.0)
+    on = on_target(frame) if on_target(frame).any() else frame.valid
+    low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
+    shown = window.cut(np.where(counts > 0, counts, np.nan))
+    if not logarithmic:
+        high = max(float(counts.max()), 1.0)
+    below, above = bool((shown < low).any()), bool((shown > high).any())
     colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad="black")
-    drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, 0.0, high)
-    _bar(axes, drawn, _caption("intensity_counts"))
+    drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, low, high, logarithmic=logarithmic)
+    extend = ("neither", "min", "max", "both")[below + 2 * above]
+    _bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
     saturated = int(frame.saturated.sum())
-    _head(axes, "Intensity", f"{saturated:,} saturated" if saturated else "")
+    _head(
+        axes, "Intensity, logarithmic" if logarithmic else "Intensity", f"{saturated:,} saturated" if saturated else ""
+    )
     seen = frame.range_m[on_target(frame)]
     pixel_m = pixel_rad(frame) * float(np.median(seen)) if seen.size else 0.0
     if pixel_m > 0:

@@ -26,7 +26,8 @@ from rso_lidar.picture.palette import (
     hexed,
     paint,
 )
-from rso_lidar.picture.sequence import evenly, on_target, sighted
+from rso_lidar.picture.scale import Scale
+from rso_lidar.picture.sequence import Glimpse, evenly, on_target, sighted
 from rso_lidar.picture.shape import Shape
 from rso_lidar.picture.window import around, crop
 from rso_lidar.records import Frame
@@ -186,8 +187,12 @@ def save_view(
     place = checked(path, FIGURE_SUFFIXES)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording holds no frames")
-    best = max(evenly(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
-    return save_figure(Player(frames, shapes, colour, first=best, controls=False).figure, place)
+    return save_figure(Player(frames, shapes, colour, first=richest(frames), controls=False).figure, place)
+
+
+def richest(frames: Sequence[Frame]) -> int:
+    """Return the place of the frame with most returns among a dozen of them."""
+    return max(evenly(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
 
 
 def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range") -> Player:
@@ -248,8 +253,8 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     if colour == "range":
         low, high = range_limits_m(frame)
         return frame.points_m[valid], paint((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
-    counts = frame.intensity_counts[valid].astype(float)
-    return frame.points_m[valid], paint(counts / max(counts.max(initial=0.0), 1.0), INTENSITY_RAMP, LINE)
+    scale = Scale.of([Glimpse.of(frame)])
+    return frame.points_m[valid], paint(scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, LINE)
 
 
 def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:

@@ -67,7 +67,7 @@ class Scale:
         ranges_m = [glimpse.range_m[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
         ranges_m = [seen for seen in ranges_m if seen.size]
         counts = [glimpse.intensity_counts[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
-        low_counts, high_counts, logarithmic = _counts([seen for seen in counts if seen.size])
+        low_counts, high_counts, logarithmic = count_limits([seen for seen in counts if seen.size])
         if not ranges_m:
             return Scale(True, -1.0, 1.0, low_counts, high_counts, logarithmic)
         medians_m = np.array([np.median(seen) for seen in ranges_m])
@@ -90,12 +90,15 @@ class Scale:
 
     def intensity_rgb(self, counts: np.ndarray) -> np.ndarray:
         """Return the greys (…, rgb) of intensities [counts]; no return is black."""
+        return paint(self.intensity_fraction(counts), INTENSITY_RAMP, BLACK)
+
+    def intensity_fraction(self, counts: np.ndarray) -> np.ndarray:
+        """Return where intensities [counts] stand between the limits: 0 to 1 between them, NaN where nothing came back."""
         value = np.where(counts > 0, counts, np.nan).astype(float)
         if self.logarithmic:
-            fraction = np.log(value / self.low_counts) / math.log(self.high_counts / self.low_counts)
-        else:
-            fraction = (value - self.low_counts) / (self.high_counts - self.low_counts)
-        return paint(fraction, INTENSITY_RAMP, BLACK)
+            fraction: np.ndarray = np.log(value / self.low_counts) / math.log(self.high_counts / self.low_counts)
+            return fraction
+        return (value - self.low_counts) / (self.high_counts - self.low_counts)
 
     @property
     def range_words(self) -> tuple[str, str, str]:
@@ -111,7 +114,7 @@ class Scale:
         return kind, f"{self.low_counts:,.0f}", f"{self.high_counts:,.0f} counts"
 
 
-def _counts(seen: list[np.ndarray]) -> tuple[float, float, bool]:
+def count_limits(seen: list[np.ndarray]) -> tuple[float, float, bool]:
     """Return low and high limit [counts], and whether the span asks for a logarithm."""
     if not seen:
         return 0.0, 1.0, False

@@ -108,9 +108,9 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
         elif float(np.mean(sight.wholly)) < _WHOLLY and target.terrain is None:
             first = int(np.argmin(sight.wholly))
             lines.append(
-                f"target {sight.name}: part of it is outside the field of view {np.mean(~sight.wholly):.0%} of the time, first "
-                f"at {seen.time_s[first]:g} s, {sight.range_m[first]:.0f} m away; if all of it is to be seen, stay farther off or widen "
-                "the field"
+                f"target {sight.name}: part of it is outside the field of view {np.mean(~sight.wholly):.0%} of the time, "
+                f"first at {seen.time_s[first]:g} s, {sight.range_m[first]:.0f} m away; if all of it is to be seen, "
+                "stay farther off or widen the field"
             )
         if float(sight.range_m.min()) < sight.radius_m and target.terrain is None:
             lines.append(f"target {sight.name}: the lidar comes within its bounding sphere; mind the trajectory")

@@ -136,15 +136,14 @@ def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: 
     across_m = np.ptp(there[..., :2], axis=0).max(axis=-1)
     hull_m = np.linalg.norm(there, axis=-1)
     range_m, rate, off, in_field = (np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field))
-    return Sight(
-        name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0)
-    )
+    return Sight(name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0))
 
 
 def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s: float = 0.0) -> tuple[float, float]:
     """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material.
 
-    Retro-reflectors are left out where there is another material: they are far smaller than a pixel. The photons are of the instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
+    Retro-reflectors are left out where there is another material: they are far smaller than a pixel. The photons are of the
+    instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
     """
     surface = next(surface for surface in scenario.surfaces if surface.name == target)
     broad = [material for material in surface.materials if not material.retro] or surface.materials

@@ -14,7 +14,7 @@ from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.export import Frames, Recording
 from rso_lidar.picture.output import FIGURE_SUFFIXES
-from rso_lidar.picture.player import Colour, play, save_view, window_backend
+from rso_lidar.picture.player import Colour, play, richest, save_view, window_backend
 from rso_lidar.picture.rerun_scene import installed, need_rerun, open_rerun, write_rerun
 from rso_lidar.picture.shape import Shape
 from rso_lidar.records import Frame, Source
@@ -25,8 +25,9 @@ COLOURS: tuple[Colour, ...] = ("range", "intensity")
 _SCENE = ".rrd"
 _FILMS = (".gif", ".mp4")
 _PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
-_SHEET = "_sheet.png"
-_BESIDE = ("_view.png", _SHEET, ".gif")  # what is written beside a recording
+_SHEET = "_view_sheet.png"
+_SHEET_FRAMES = 16
+_BESIDE = ("_view.png", _SHEET, "_view.gif")  # what is written beside a recording
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,11 @@ def show(
     colour: Colour = "range",
     folder: Path | None = None,
     each: Iterable[Frame] | None = None,
-) -> None:
-    """Show frames in the way chosen; `each` are the same frames, where somebody counts them as a scene is written."""
+) -> tuple[str, ...]:
+    """Return which frames each file shows, in words, once frames are shown in the way chosen; nothing without a file.
+
+    `each` are the same frames, where somebody counts them as a scene is written.
+    """
     if colour not in COLOURS:
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
     if not len(frames):
@@ -116,24 +120,36 @@ def show(
     shapes = [] if needless else true_shapes(frames[0].source, folder)
     if chosen.tool == "window":
         play(frames, shapes, colour)
-    elif _SCENE in suffixes:
+        return ()
+    if _SCENE in suffixes:
         write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
-    elif chosen.tool == "rerun":
+        return (_frames(len(frames)),)
+    if chosen.tool == "rerun":
         with tempfile.TemporaryDirectory(prefix="rso_lidar_view_") as place:
             open_rerun(write_rerun(frames, Path(place) / "recording.rrd", shapes, colour=colour, each=each))
-    else:
-        _draw(chosen.paths, frames, shapes, colour)
+        return ()
+    return tuple(_draw(chosen.paths, frames, shapes, colour))
 
 
-def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour) -> None:
-    """Write pictures, by their names."""
+def _frames(count: int) -> str:
+    return f"{count} frame{'s' * (count != 1)}"
+
+
+def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour) -> list[str]:
+    """Return which frames each picture shows, once they are written, by their names."""
+    count, told = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
             picture.animate(frames, path)
+            told.append(_frames(count))
         elif len(paths) > 1 and path.name.endswith(_SHEET):
             picture.contact_sheet(frames, path)
+            told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _frames(count))
         else:
-            save_view(frames, path, shapes, colour)
+            best = frames[richest(frames)]
+            save_view([best], path, shapes, colour)
+            told.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
+    return told
 
 
 def true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
@@ -174,7 +190,10 @@ def _beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> 
     names = (_SCENE,) if tool == "rerun" else _BESIDE
     paths = [recording.with_name(recording.stem + name) for name in names]
     for path in paths:
-        free(path, (path.suffix,), overwrite=overwrite)
+        try:
+            free(path, (path.suffix,), overwrite=overwrite)
+        except RecordingError as error:
+            raise RecordingError(f"{why + ', so it would write files: ' if why else ''}{error}") from None
     return Way(tool, why, tuple(paths))
 
 

@@ -5,6 +5,7 @@ import re
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.scene import material_named
 
 ENVISAT = """
 version = 1
@@ -125,11 +126,11 @@ class TestBudget:
 
 
 class TestWhatFits:
-    """A plate of 4 x 4 m, 2.5° of field and 128 pixels: at 1000 m it is 11.7 pixels of 0.341 m, at 80 m wider than the field."""
+    """A plate of 4 x 4 m, 2.5° of field and 128 pixels: at 1000 m 11.7 pixels of 0.341 m, at 80 m wider than the field."""
 
     def test_across_is_its_own_extent_wherever_its_origin_is(self, text, described):
         for middle in ("", "center_of_mass_m = [0, 2.0, 0]\n"):
-            bench = text.replace("[[target]]\n", f"[[target]]\n{middle}").replace("    ", "")
+            bench = text.replace("[[target]]\n", f"[[target]]\n{middle}").replace("= 32", "= 128")
             assert re.search(r"target (\d+) pixels across", described(bench=bench)["first"])[1] == "12", middle
 
     def test_one_that_is_cut_off_is_told_by_line_and_warning(self, text, described):
@@ -138,7 +139,9 @@ class TestWhatFits:
         near = text.replace("[1000, 0, 0]", "[80, 0, 0]")
         lines = described(bench=near)
         assert lines["sight"].endswith("its origin in the field 100% of the time, all of it 0%")
-        assert "part of it is outside the field of view 100% of the time, first at 0 s, 80 m away" in lines["warning"]
+        assert "part of it is outside the field of view 100% of the time, first at 0 s, 80 m away" in "".join(
+            rl.Scenario.loads(near).advice()
+        )
 
 
 def test_retro_reflectors_are_left_out_of_a_filled_pixel():
@@ -147,8 +150,6 @@ def test_retro_reflectors_are_left_out_of_a_filled_pixel():
     lines = {line.split()[0]: line for line in scenario.describe().splitlines()}
     assert lines["budget"].endswith("retro-reflectors left out:")
     least, most = re.search(r"([\d,]+) to ([\d,]+) photons", lines["first"]).groups()
-    from rso_lidar.scene import material_named
-
     at = scenario.lidar.laser.wavelength_m
     dim, bright = (float(material_named(name, at).mean_brdf_per_sr(1.0)) for name in ("black_paint", "osr"))
     assert int(most.replace(",", "")) / int(least.replace(",", "")) == pytest.approx(bright / dim, rel=1e-3)  # rounding

@@ -49,7 +49,10 @@ def test_the_first_that_is_possible(desk, tmp_path, here, asked, tool, why):
     assert chosen.tool == tool
     assert chosen.why.startswith(why)
     assert bool(chosen.why) == bool(why)
-    written = {"files": ["a_view.png", "a_sheet.png", "a.gif"], "rerun": ["a.rrd"] if why == "no display" else []}
+    written = {
+        "files": ["a_view.png", "a_view_sheet.png", "a_view.gif"],
+        "rerun": ["a.rrd"] if why == "no display" else [],
+    }
     assert [path.name for path in chosen.paths] == written.get(tool, [])
 
 
@@ -71,7 +74,7 @@ def test_the_first_that_is_possible(desk, tmp_path, here, asked, tool, why):
 def test_what_cannot_be_is_said_at_once(desk, tmp_path, monkeypatch, here, asked, output, said):
     desk(**here)
     monkeypatch.chdir(tmp_path)
-    for name in ("old.rrd", "a_sheet.png"):
+    for name in ("old.rrd", "a_view_sheet.png"):
         (tmp_path / name).touch()
     with pytest.raises(rl.RecordingError, match=said):
         way(asked, output, recording=tmp_path / "a.h5")
@@ -79,7 +82,7 @@ def test_what_cannot_be_is_said_at_once(desk, tmp_path, monkeypatch, here, asked
 
 def test_overwriting_is_asked_for(desk, tmp_path):
     desk(display=False)
-    (tmp_path / "a_sheet.png").touch()
+    (tmp_path / "a_view_sheet.png").touch()
     assert len(way(recording=tmp_path / "a.h5", overwrite=True).paths) == 3
 
 
