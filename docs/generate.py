@@ -22,6 +22,7 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.export import hdf5_layout
+from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
 from rso_lidar.study.merits import MERITS
 from rso_lidar.study.trade_asked import Study
 
@@ -49,7 +50,7 @@ def pages() -> dict[Path, str]:
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
-        "models.md": {"models": shipped_models(), "sources": model_sources()},
+        "models.md": {"models": shipped_models(), "sources": model_sources(), "materials": shipped_materials()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
 
@@ -495,6 +496,15 @@ def shipped_models() -> str:
             )
         )
     return _table(("model", "what it is", "class, shape, size class", "size [m]", "turns [deg/s]", "facets"), rows)
+
+
+def shipped_materials() -> str:
+    """Return the materials: what each is, its kind of BRDF, reflectance, and how well that is known."""
+    rows = [
+        (f"`{line.name}`", line.what, line.kind, *(f"{share:.3g}" for share in line.reflectance), line.confidence)
+        for line in material_lines()
+    ]
+    return _table(("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM), "confidence"), rows)
 
 
 def model_sources() -> str:

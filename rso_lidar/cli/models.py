@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from typer.core import TyperGroup
 
-from rso_lidar.cli import models_add, models_check, models_show
-from rso_lidar.cli.models_show import WIDE
+from rso_lidar.cli import models_add, models_check, models_materials, models_show
+from rso_lidar.cli.models_show import wide
 from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene.library import models as catalogue
 from rso_lidar.scene.library import own_folder, own_models
@@ -36,19 +36,21 @@ def models(context: typer.Context) -> None:
 def listed() -> None:
     """List the models that ship with rso_lidar, and those of your own library."""
     console = Console()
-    table = Table(box=None, header_style="bold", expand=True)
+    broad = wide()
+    table = Table(box=None, header_style="bold", expand=broad.is_terminal)
     for title in ("name", "class", "size class", "size, m", "facets", "parts"):
         table.add_column(title, no_wrap=True)
-    table.add_column("what", ratio=1, no_wrap=True, overflow="ellipsis")
+    table.add_column("what", ratio=1 if broad.is_terminal else None, no_wrap=True, overflow="ellipsis")
     own = own_models()
     for key, entry in [*sorted(catalogue().items(), key=lambda item: _rank(item[1].taxonomy)), *own.items()]:
         size = " x ".join(f"{side:.3g}" for side in entry.size_m)
         of, what = entry.taxonomy, ("yours: " if entry.own else "") + entry.what
         table.add_row(key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), what)
-    Console(width=max(console.width, WIDE)).print(table)
+    broad.print(table)
     console.print(
         '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own;\n'
-        "`rso-lidar models add PATH` keeps it, with scale and materials, in your own library.",
+        "`rso-lidar models add PATH` keeps it, with scale and materials, in your own library;\n"
+        "`rso-lidar models materials` lists the materials.",
         markup=False,
         highlight=False,
     )
@@ -64,6 +66,7 @@ def _rank(taxonomy: Taxonomy) -> tuple[int, int]:
 
 app.command("list")(listed)
 app.command("show")(models_show.show)
+app.command("materials")(models_materials.listed_materials)
 app.command("add")(models_add.add)
 app.command("check")(models_check.check)
 app.command("remove")(models_add.remove)

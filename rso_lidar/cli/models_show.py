@@ -10,9 +10,11 @@ from rich.table import Table
 from rso_lidar import units
 from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.scene.library import models, own_models
 from rso_lidar.study.model_card import RANGE_M, WAVELENGTHS_NM, ModelCard, model_card
 
 WIDE = 112  # columns that the tables need
+_NO_END = 1000  # columns into a file or a pipe
 
 
 def show(
@@ -36,10 +38,30 @@ def show(
     console.print()
     console.print(_light(card))
     console.print()
-    Console(width=max(console.width, WIDE)).print(_parts(card))
-    console.print(f'\nBody axes, from the centre of mass. A joint: parts = ["{card.parts[0].name}"].', markup=False)
+    wide().print(_parts(card))
+    console.print("\nBody axes, from the centre of mass.", markup=False)
+    console.print(_joint(name, card), markup=False, highlight=False, soft_wrap=True)
     if output is not None:
         typer.echo(str(card.save(output)))
+
+
+def wide() -> Console:
+    """Return a console that is wide enough for tables, and as wide as they are where it is no terminal."""
+    console = Console()
+    return Console(width=max(console.width, WIDE) if console.is_terminal else _NO_END)
+
+
+def _joint(name: str, card: ModelCard) -> str:
+    """Return how a scenario turns a part: by a hinge of the model, or by one of its own."""
+    known = models().get(name) or own_models().get(name)
+    if known is None or not known.hinges:
+        return (
+            f'A part that turns: joint = [{{ name = "hinge", parts = ["{card.parts[0].name}"], axis = [0, 1, 0], '
+            'position_m = [0, 0, 0], angle = { type = "fixed", angle_deg = 30 } }]'
+        )
+    hinge = known.hinges[0]
+    angle_deg = min(30.0, hinge.travel_deg[1]) or hinge.travel_deg[0]
+    return f'A hinge: joint = [{{ name = "{hinge.name}", angle = {{ type = "fixed", angle_deg = {angle_deg:g} }} }}]'
 
 
 def _parts(card: ModelCard) -> Table:
@@ -60,7 +82,7 @@ def _light(card: ModelCard) -> Table:
     for nm in WAVELENGTHS_NM:
         table.add_column(f"{nm:g} nm, in all", justify="right")
         table.add_column("brightest pixel", justify="right")
-    for side in dict.fromkeys(echo.side for echo in card.echoes):
-        of = [echo for echo in card.echoes if echo.side == side]
-        table.add_row(side, *(f"{value:.3g}" for echo in of for value in (echo.photons, echo.brightest_photons)))
+    for side in dict.fromkeys(one.side for one in card.returns):
+        of = [one for one in card.returns if one.side == side]
+        table.add_row(side, *(f"{value:.3g}" for one in of for value in (one.photons, one.brightest_photons)))
     return table

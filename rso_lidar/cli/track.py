@@ -7,14 +7,15 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.export import places
-from rso_lidar.cli.plot import RecordingFile
+from rso_lidar.cli.progress import counted
+from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.tracking import NAMES
 from rso_lidar.study.tracking import AXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
+from rso_lidar.track.follow import FEWEST_POINTS
 
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
@@ -52,26 +53,28 @@ def track(
     if not 0.0 <= acceleration < np.inf:
         raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
     with export.open(recording) as read:
+        some = export.Frames(read, places(read, frames))
         made = tracking(
-            export.Frames(read, places(read, frames)),
+            some,
             target,
             folder=recording.parent,
             range_noise_m=range_noise_m,
             acceleration_m_s2_rthz=acceleration,
             shape=shape,
             poses=icp,
+            each=counted(some, "tracking"),
         )
-    for line in summary(made):
+    for line in summary(made, icp=icp):
         typer.echo(line)
     if output is not None:
         made.save(output)
         typer.echo(f"{output}")
 
 
-def summary(made: Tracking) -> list[str]:
-    """Return the table of errors as lines: rms, and bias and spread in it, along right, down and ahead; NIS; ICP."""
+def summary(made: Tracking, *, icp: bool = True) -> list[str]:
+    """Return the table of errors as lines: rms, with bias and spread, along right, down and ahead; NIS; ICP if it ran."""
     table = made.table
-    seen = int(np.sum(table["points"] > 0))
+    seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
     lines = [
         f"{made.target}: {seen:,} of {table['time_s'].size:,} frames with a fix; range noise {made.range_noise_m:.3g} m, "
         f"process noise {made.acceleration_m_s2_rthz:g} m/s2/sqrt(Hz)",
@@ -98,6 +101,13 @@ def summary(made: Tracking) -> list[str]:
             f"{'icp':<20}{known.sum():,} poses; turn {_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
             f"{_ranks(axis / units.DEG, '.2f')} deg, place {_ranks(place, '.3f')} m (median, 90 %)"
         )
+        if made.hinges:
+            lines.append(
+                f"{'':<20}it takes the hinges as they stand in the mesh: {', '.join(made.hinges)}; what has turned about "
+                "them adds to its errors"
+            )
+    elif icp:
+        lines.append(f"{'icp':<20}no pose: it takes {FEWEST_POINTS} points of a frame, and no frame had over {most:,}")
     return lines
 
 

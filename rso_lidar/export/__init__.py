@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.formats import SUFFIXES as WRITTEN
 from rso_lidar.export.formats import format_for, writer_for
 from rso_lidar.export.hdf5_file import TEMPORARY
 from rso_lidar.export.kept import PhotonImage, check_kept
@@ -63,7 +64,15 @@ def save(
 def open(path: str | os.PathLike[str]) -> Recording:
     """Return the recording at a path, finished or (under its temporary name) not; nothing is read before it is used."""
     suffix = Path(TEMPORARY.sub("", Path(path).name)).suffix
-    if Path(path).is_file() and suffix.lower() not in SUFFIXES:
-        guess = did_you_mean(suffix, SUFFIXES)
-        raise RecordingError(f"{path}: unknown suffix '{suffix}'{guess or ';'} (known: {', '.join(SUFFIXES)})")
+    readable = (*SUFFIXES, *format_for("zarr").suffixes)
+    if Path(path).exists() and suffix.lower() in WRITTEN and suffix.lower() not in readable:
+        made = WRITTEN[suffix.lower()].name
+        raise RecordingError(
+            f"{path}: {made} is written for other tools, and not read back; give the recording that it was made from "
+            f"({', '.join(readable)})"
+        )
+    if Path(path).is_file() and suffix.lower() not in readable:
+        raise RecordingError(
+            f"{path}: unknown suffix '{suffix}'{did_you_mean(suffix, readable)} (known: {', '.join(readable)})"
+        )
     return Recording(Path(path))

@@ -12,7 +12,7 @@ from typing import Any, Self, overload
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RsoLidarError
 from rso_lidar.export import kept
 from rso_lidar.export.datasets import (
     FRAMES_PER_CHUNK,
@@ -79,6 +79,15 @@ class Recording(Sequence[Frame]):
         place = self.place(k)
         with self.watched():
             return self._frame(place)
+
+    def __repr__(self) -> str:
+        """Return the file, how many frames it holds, and their instants."""
+        count = len(self)
+        frames = f"{count} frame{'s' * (count != 1)}" + ("" if self.complete else " so far")
+        span = ""
+        with contextlib.suppress(RsoLidarError, OSError, RuntimeError, ValueError):  # it may have been closed
+            span = f", {self.time_s[0]:g} to {self.time_s[-1]:g} s" if count else ""
+        return f"<Recording {self.path.name}: {frames}{span}>"
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))

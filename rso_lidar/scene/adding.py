@@ -161,6 +161,7 @@ def _table(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | No
         **{key: value for key, value in wanted.taxonomy.items() if value is not None},
         "size_class": size_class(float(whole.size_m.max())),
     }
+    _say_of(fields, known, wanted, said)
     guesses = [
         "the file's geometry is taken as it stands; centre of mass and materials are assumed unless you gave them"
     ]
@@ -180,6 +181,17 @@ def _table(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | No
         "taxonomy": Taxonomy(**fields).model_dump(mode="json"),
     }
     return table, said
+
+
+def _say_of(fields: dict[str, Any], known: dict[str, Any], wanted: Wanted, said: list[str]) -> None:
+    """Say which words of the taxonomy nobody gave, and how to give them."""
+    options = {
+        "object_class": "--class", "subclass": "--subclass", "shape_family": "--shape", "stabilisation": "--stabilisation",
+    }  # fmt: skip
+    guessed = [key for key in options if wanted.taxonomy.get(key) is None and key not in known]
+    if guessed:
+        words = ", ".join(str(fields[key]).replace("_", " ") for key in guessed)
+        said.append(f"assumed    {words}: say better with {', '.join(options[key] for key in guessed)}")
 
 
 def _scale(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:

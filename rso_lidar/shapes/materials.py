@@ -69,7 +69,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         "display_rgb": [0.62, 0.62, 0.62],
     },
     "mli_gold": _phong(
-        "Multi-layer insulation, aluminised Kapton, crinkled; total 0.80-0.88 at 1064 nm, 0.85-0.90 at 1570 nm",
+        "Multi-layer insulation, aluminised Kapton, creases as one lobe; total 0.80-0.88 at 1064 nm, 0.85-0.90 at 1570 nm",
         "Bare aluminium 0.95 (Rakic 1995, McPeak 2015 n,k) seen through Kapton",
         "medium",
         (0.15, 0.65, 30.0),
@@ -77,7 +77,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         (0.16, 0.71, 30.0),
     ),
     "mli_silver": _phong(
-        "Multi-layer insulation, aluminium side outward, crinkled; total 0.92-0.95 at 1064 nm, 0.95-0.97 at 1570 nm",
+        "Multi-layer insulation, aluminium outward, creases as one lobe; total 0.92-0.95 at 1064 nm, 0.95-0.97 at 1570 nm",
         "Bare aluminium 0.95 at 1064 nm (Rakic 1995, McPeak 2015 n,k)",
         "medium",
         (0.10, 0.80, 30.0),

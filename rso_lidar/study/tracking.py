@@ -6,7 +6,7 @@ orbit and its own burns. Of the target it is told nothing but the mesh; truth of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +41,8 @@ class Tracking:
     """What the reference trackers made of a recording: `table` holds columns (time) by name, units in the names.
 
     `tracks` are the filters, ``cv`` in axes that do not turn and, in orbit, ``cw`` in the follower's rtn axes, both from
-    its origin. Errors are estimate less truth of the target's origin, in lidar axes.
+    its origin; `hinges` those of the target, which ICP takes as they stand in its mesh. Errors are estimate less truth of
+    the target's origin, in lidar axes.
     """
 
     title: str
@@ -50,6 +51,7 @@ class Tracking:
     tracks: dict[str, Track]
     range_noise_m: float
     acceleration_m_s2_rthz: float
+    hinges: tuple[str, ...] = ()
 
     def figure(self) -> Any:
         """Return the picture, a matplotlib Figure: errors of centroid and filters, NIS with its bounds, and ICP's errors."""
@@ -76,6 +78,7 @@ def tracking(
     acceleration_m_s2_rthz: float = 1e-4,
     shape: bool = True,
     poses: bool = True,
+    each: Iterable[Frame] | None = None,
 ) -> Tracking:
     """Return what centroid, Kalman filters and ICP make of a recording.
 
@@ -90,6 +93,7 @@ def tracking(
         middle of what is seen lies before the target's origin, and how that wanders. It wanders slowly, and so is no white
         noise: NIS is then below 3 at most frames. Without, they follow the middle of what is seen.
     poses : whether ICP runs.
+    each : the same frames, where somebody counts them as they are read (None: `frames`).
     """
     if not len(frames):
         raise RecordingError("track: the recording holds no frames; record some")
@@ -101,7 +105,9 @@ def tracking(
     noise_m = _range_noise_m(scenario.instrument) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
-    rows = [_row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in frames]
+    rows = [
+        _row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in (frames if each is None else each)
+    ]
     time_s = np.array([row.time_s for row in rows])
     burns = known_burns(scenario, time_s)
     table = _table(rows, model)
@@ -116,7 +122,8 @@ def tracking(
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
         table |= _errors(kind, made, rows)
-    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz)
+    hinges = tuple(joint.name for joint in scenario.target[number].joints)
+    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz, hinges)
 
 
 def _number(names: list[str], target: str | None) -> int:
@@ -131,10 +138,8 @@ def _number(names: list[str], target: str | None) -> int:
 
 def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
     """Return the target's model, hinges unturned, and its greatest extent [m]."""
-    surfaces, joints = surfaces_of(scenario, source, number, "track"), scenario.target[number].joints
-    seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in joints)]
-    corners = np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
-    model = sampled(corners)
+    surfaces_of(scenario, source, number, "track")  # or the mesh is another one
+    model = sampled(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
 
 

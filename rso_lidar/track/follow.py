@@ -14,6 +14,7 @@ from rso_lidar.track.icp import Alignment, Model, acquire, align, misfit_m, outl
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
+FEWEST_POINTS = 50  # of which a pose is found, if not asked otherwise
 _LOST = 2.5  # times the usual misfit
 _NEW = 0.1  # share of the newest cloud in a hypothesis's mean square
 _WORSE = 1.25  # mean square over the best's, from which a hypothesis is given up once it is old enough
@@ -70,7 +71,13 @@ class PoseFollower:
     """
 
     def __init__(
-        self, model: Model, *, min_points: int = 50, most_points: int = 1500, patience: int = 10, hypotheses: int = 4
+        self,
+        model: Model,
+        *,
+        min_points: int = FEWEST_POINTS,
+        most_points: int = 1500,
+        patience: int = 10,
+        hypotheses: int = 4,
     ) -> None:
         if not (6 <= min_points <= most_points and patience >= 1 and hypotheses >= 1):
             raise ScenarioError("PoseFollower: needs min_points from 6 up to most_points; patience, hypotheses from 1")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import rso_lidar as rl
 from tests.scene.test_mesh import BOX, binary_stl
 
 
@@ -51,6 +52,37 @@ def test_a_mesh_is_added_listed_checked_shown_and_removed(rso_lidar, library, me
     assert rso_lidar("models", "remove", "mine")[0] == 0
     assert "mine" not in rso_lidar("models")[1]
     assert [file.name for file in library.iterdir()] == ["index.toml"]
+
+
+def test_materials_are_listed_with_what_they_send_back(rso_lidar):
+    status, out, err = rso_lidar("models", "materials")
+    assert (status, err) == (0, [])
+    lines = {line.split()[0]: line for line in out.splitlines() if line.strip()}
+    assert lines["mli_gold"].split()[1:4] == ["phong", "0.8", "0.87"]
+    assert lines["mli_gold_crinkled"].split()[1:4] == ["crinkled", "0.8", "0.87"]
+    assert lines["cube_corner"].split()[2] == "0.56"  # 0.85 x 0.6 + 0.05
+    assert "crinkled" not in lines["mli_gold"].removeprefix("mli_gold ")
+
+
+def test_nothing_is_cut_off_in_a_pipe(rso_lidar, library):
+    out = rso_lidar("models")[1]
+    assert "…" not in out
+    assert "its wing and radar antenna deployed" in out
+
+
+def test_a_joint_is_shown_as_it_would_be_written(rso_lidar, library, text):
+    written = 'joint = [{ name = "solar_wing", angle = { type = "fixed", angle_deg = 30 } }]'
+    assert f"A hinge: {written}\n" in rso_lidar("models", "envisat")[1]
+    hinged = rl.Scenario.loads(text.replace('model    = "plate"', f'model = "envisat"\n{written}'))
+    assert [joint.name for joint in hinged.target[0].joints] == ["solar_wing"]
+    free = next(line for line in rso_lidar("models", "plate")[1].splitlines() if line.startswith("A part that turns: "))
+    hinged = rl.Scenario.loads(text.replace("material =", free.removeprefix("A part that turns: ") + "\nmaterial ="))
+    assert [joint.name for joint in hinged.target[0].joints] == ["hinge"]
+
+
+def test_an_assumed_class_is_told_with_its_options(rso_lidar, library, mesh):
+    out = rso_lidar("models", "add", mesh, "--name", "mine", "--class", "debris", "--material", "cfrp")[1]
+    assert "assumed    spacecraft, irregular, three axis: say better with --subclass, --shape, --stabilisation" in out
 
 
 def test_check_examines_a_file_and_changes_nothing(rso_lidar, library, mesh):

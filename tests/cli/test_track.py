@@ -1,10 +1,14 @@
 """`rso-lidar track`: the table that it prints, what it writes, and what it refuses."""
 
+import dataclasses
 from functools import partial
 
+import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.cli.track import summary
+from rso_lidar.study.tracking import AXES, Tracking
 
 
 @pytest.fixture
@@ -22,7 +26,7 @@ def call(rso_lidar):
 
 def test_a_table_and_a_picture(call, bench, tmp_path):
     status, said, errors = call(bench, "-o", tmp_path / "t.png", "--range-noise", "0.1")
-    assert (status, errors) == (0, [])
+    assert (status, [line.split(",")[0] for line in errors]) == (0, ["frame 10/10"])
     lines = said.splitlines()
     assert lines[0].startswith("plate: 10 of 10 frames with a fix; range noise 0.1 m")
     assert [line.split()[0] for line in lines[3:7]] == ["centroid", "constant", "constant", "icp"]
@@ -31,6 +35,25 @@ def test_a_table_and_a_picture(call, bench, tmp_path):
     assert "icp" not in call(bench, "--no-icp")[1]
     assert call(bench, "--no-icp", "--frames", "2:8:2")[1].startswith("plate: 3 of 3 frames with a fix")
     assert call(bench, "--frames", "20:30")[0] == 2
+
+
+def test_icp_without_points_enough_is_told(call, text, tmp_path):
+    path = tmp_path / "far.h5"
+    far = rl.Scenario.loads(text + '\n[lidar.detector]\ntype = "empirical"\n')
+    rl.save(path, rl.simulate(far, frames=[0, 1]))
+    last = call(path)[1].splitlines()[-1]
+    assert last.startswith("icp") and "no pose: it takes 50 points of a frame, and no frame had over" in last
+    assert "icp" not in call(path, "--no-icp")[1]
+
+
+def test_icp_tells_of_hinges():
+    errors = [f"centroid_error_{axis}_m" for axis in AXES]
+    poses = ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m")
+    table = {name: np.ones(2) for name in ("time_s", "points", *errors, *poses)}
+    rigid = Tracking("a", "craft", table, {}, 0.1, 1e-4)
+    assert summary(rigid)[-1].startswith("icp")
+    hinged = dataclasses.replace(rigid, hinges=("wing", "dish"))
+    assert "it takes the hinges as they stand in the mesh: wing, dish;" in summary(hinged)[-1]
 
 
 @pytest.mark.parametrize(

@@ -279,3 +279,22 @@ def test_flipped_bytes_give_frames_or_one_line(tmp_path):
             said.append((broken.name, str(error)))
     assert len(said) > 5
     assert all(name in line and "\n" not in line for name, line in said)
+
+
+def test_other_tools_files_and_unknown_suffixes_are_told_apart(tmp_path):
+    (tmp_path / "a.mcap").touch()
+    (tmp_path / "a.rosbag2").mkdir()
+    (tmp_path / "a.mat").touch()
+    for name in ("a.mcap", "a.rosbag2"):
+        with pytest.raises(RecordingError, match=r"written for other tools, and not read back.*\.zarr\)$"):
+            export.open(tmp_path / name)
+    with pytest.raises(RecordingError, match=r"unknown suffix '.mat' \(known: .h5, .hdf5, .zarr\)$"):
+        export.open(tmp_path / "a.mat")
+
+
+def test_a_recording_says_what_it_is(tmp_path):
+    path = export.save(tmp_path / "a.h5", make_frames(3))
+    with export.open(path) as recording:
+        span = f"{recording.time_s[0]:g} to {recording.time_s[2]:g} s"
+        assert repr(recording) == f"<Recording a.h5: 3 frames, {span}>"
+    assert repr(recording).startswith("<Recording a.h5: 3 frames")  # closed

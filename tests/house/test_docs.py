@@ -13,7 +13,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trading import plan_of
+from rso_lidar.study.trade_plan import plan_of
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -172,3 +172,17 @@ def test_the_scale_bar_is_seen_on_saturated_pixels(handmade):
     assert (under.get_color(), bar.get_color()) == ("black", "white")
     assert under.get_linewidth() > bar.get_linewidth() + 2
     assert axes.texts[0].get_bbox_patch().get_facecolor() == (0.0, 0.0, 0.0, 1.0)
+
+
+def test_one_glint_turns_nothing_black(handmade):
+    """Of a target at 100 counts nine pixels shine with 4000: in logarithms the rest keeps a middle grey."""
+    frame = handmade.make_frame(1350.0, 900.0)
+    counts = np.where(frame.valid, 100, 0).astype(np.uint16)
+    row, col = np.argwhere(frame.valid & (frame.labels.target >= 0))[0]
+    counts[row : row + 3, col : col + 3] *= 40
+    reading = dataclasses.replace(frame.observation.reading, intensity_counts=counts)
+    observation = dataclasses.replace(frame.observation, reading=reading)
+    figure = frame_figure(dataclasses.replace(frame, observation=observation))
+    image = panels(figure)["Intensity, logarithmic"].images[0]
+    assert image.norm(100.0) < image.norm(1000.0) < image.norm(4000.0)
+    assert image.norm(1000.0) > 0.5  # linear: 0.25

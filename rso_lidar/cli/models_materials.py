@@ -1,0 +1,27 @@
+"""`rso-lidar models materials`: the materials that ship."""
+
+from rich.table import Table
+
+from rso_lidar.cli.models_show import wide
+from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
+
+
+def listed_materials() -> None:
+    """List the materials that ship: reflectance at both wavelengths, how well it is known, and what they are."""
+    table = Table(box=None, header_style="bold")
+    for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM)):
+        table.add_column(title, no_wrap=True)
+    console = wide()
+    fold = console.is_terminal
+    table.add_column("what", no_wrap=not fold, ratio=3 if fold else None)
+    table.add_column("confidence", no_wrap=not fold, ratio=2 if fold else None)
+    for line in material_lines():
+        shares = (f"{share:.3g}" for share in line.reflectance)
+        table.add_row(line.name, line.kind, *shares, line.what, line.confidence)
+    console.print(table)
+    console.print(
+        '\nReflectance is of all directions together. In a scenario: material = "mli_gold", or\n'
+        'part_materials = { bus = "mli_gold_crinkled" }; docs/scenario.md tells how to give one of your own.',
+        markup=False,
+        highlight=False,
+    )

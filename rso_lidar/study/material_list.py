@@ -1,0 +1,48 @@
+"""The materials that ship, in a line each: what they are, and how much light they send back at the lasers' wavelengths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rso_lidar.scene.library import materials
+
+WAVELENGTHS_NM = (1064.0, 1570.0)
+
+
+@dataclass(frozen=True)
+class MaterialLine:
+    """A material: `kind` of BRDF, total reflectance at each of `WAVELENGTHS_NM`, and how well the numbers are known."""
+
+    name: str
+    kind: str
+    what: str
+    reflectance: tuple[float, float]
+    confidence: str
+
+
+def material_lines() -> list[MaterialLine]:
+    """Return the materials of the catalogue in its order.
+
+    >>> [line.reflectance for line in material_lines() if line.name == "mli_gold"]
+    [(0.8, 0.87)]
+    """
+    return [
+        MaterialLine(
+            name, table["type"], table["what"], (_total(table), _total({**table, **table["at_1570_nm"]})),
+            table["confidence"],
+        )
+        for name, table in materials().items()
+    ]  # fmt: skip
+
+
+def _total(table: Mapping[str, Any]) -> float:
+    """Return the share of the light that comes back, in all directions together."""
+    if table["type"] == "lambertian":
+        total = table["reflectance"]
+    elif table["type"] == "retro_reflector":
+        total = table["reflectance"] * table["fill_fraction"] + table["diffuse"]
+    else:
+        total = table["diffuse"] + table["specular"]
+    return round(float(total), 4)
