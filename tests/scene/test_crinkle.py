@@ -19,7 +19,7 @@ FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=
 RANGE_M = 300.0
 
 
-def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=300_000, roll_deg=0.0, sun=None):
+def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=100_000, roll_deg=0.0, sun=None):
     """Return many hits on a 20 m plate, turned by an angle; everything, rays too, rolled about the line of sight."""
     rng = np.random.default_rng(3)
     half = 6.0 * math.cos(math.radians(angle_deg)) / RANGE_M
@@ -65,7 +65,7 @@ def test_the_link_budget_is_that_of_the_rays():
     of_pixel = np.bincount(photons.pixel, photons.photons, 81)
     told, _ = light(Laser(), receiver, FOIL, math.radians(20.0), np.array([3000.0]))
     assert of_pixel.mean() == pytest.approx(told[0], abs=5.0 * of_pixel.std() / 9.0)
-    assert of_pixel.std() < 0.2 * of_pixel.mean()
+    assert of_pixel.std() < 0.3 * of_pixel.mean()
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 10.0, 30.0, 60.0])
