@@ -188,7 +188,7 @@ def _sun_noise(scenario: Scenario) -> list[str]:
     if receiver.filter_width_nm is None or not isinstance(detector, Gsfl) or not sun or not scenario.surfaces:
         return []
     brdf = max(
-        float(material.brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
+        float(material.mean_brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
         for surface in scenario.surfaces
         for material in surface.materials
     )

@@ -141,7 +141,7 @@ def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s
     They are of the instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
     """
     surface = next(surface for surface in scenario.surfaces if surface.name == target)
-    brdf = [float(material.brdf_per_sr(np.array(1.0))) for material in surface.materials]
+    brdf = [float(material.mean_brdf_per_sr(np.array(1.0))) for material in surface.materials]
     lidar = scenario.instrument.at(time_s)
     share = parallax_share(lidar.laser, range_m)
     dimmest, brightest = (

@@ -49,6 +49,12 @@ class Scatterer(Part):
         With the last two left out the viewer is where the light is.
         """
 
+    def mean_brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr] of a piece that holds all of the surface's structure: without any, the BRDF itself."""
+        return self.brdf_per_sr(cos_in, cos_out, cos_phase)
+
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
         """Return the BRDF [1/sr] in sunlight, in which no lobe is narrower than the Sun's disc."""
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)

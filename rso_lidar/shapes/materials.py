@@ -53,7 +53,10 @@ def _lambertian(
     }
 
 
-_FOIL = {"tilt_deg": 7.5, "cell_mm": 50.0}  # slopes of 5 to 10 degrees; the size of a crease is assumed
+_FOIL = {
+    "tilt_deg": 5.0,
+    "cell_mm": 50.0,
+}  # the mean over cells is then the smooth twin's; the size of a crease is assumed
 
 MATERIALS: dict[str, dict[str, Any]] = {
     "lambertian_30": {
@@ -150,7 +153,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         (0.20, 0.24, 0.30),
     ),
     "mli_gold_crinkled": _phong(
-        "The same as mli_gold, cell by cell: flat pieces of foil with slopes of 7.5 degrees; glints sparkle",
+        "The same as mli_gold, cell by cell: flat pieces of foil with slopes of 5 degrees; glints sparkle",
         "Bare aluminium 0.95 (Rakic 1995, McPeak 2015 n,k) seen through Kapton",
         "medium; tilt and size of the creases are assumed",
         (0.15, 0.65, 300.0),
@@ -159,7 +162,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
         _FOIL,
     ),
     "mli_silver_crinkled": _phong(
-        "The same as mli_silver, cell by cell: flat pieces of foil with slopes of 7.5 degrees; glints sparkle",
+        "The same as mli_silver, cell by cell: flat pieces of foil with slopes of 5 degrees; glints sparkle",
         "Bare aluminium 0.95 at 1064 nm (Rakic 1995, McPeak 2015 n,k)",
         "medium; tilt and size of the creases are assumed",
         (0.10, 0.80, 300.0),

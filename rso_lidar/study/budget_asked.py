@@ -114,7 +114,7 @@ def materials_of(
     if scenario is None or not scenario.target:
         return [("lambertian 0.3", Lambertian())]
     found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
-    facing = sorted(found, key=lambda one: float(one.brdf_per_sr(np.array(1.0))))
+    facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
     return [(_name(one, wavelength_m), one) for one in ends]
 

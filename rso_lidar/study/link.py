@@ -48,7 +48,7 @@ def light(
     cosine = math.cos(tilt_rad)
     pixel_m = pixel_width_m(receiver, range_m)
     across_m = pixel_m if facet_m2 is None else np.minimum(pixel_m, math.sqrt(facet_m2 * cosine))
-    brdf_per_sr = float(material.at(laser.wavelength_m).brdf_per_sr(np.array(cosine)))
+    brdf_per_sr = float(material.at(laser.wavelength_m).mean_brdf_per_sr(np.array(cosine)))
     sent = laser.energy_mj * units.MJ / units.photon_energy_j(laser.wavelength_nm * units.NM)
     lens_sr = 0.25 * math.pi * receiver.aperture_m**2 / range_m**2
     photons: np.ndarray = (

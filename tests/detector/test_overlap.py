@@ -77,7 +77,7 @@ def test_no_pixel_is_parted(at_once):
 
 
 def test_what_two_rows_hold_of_one_moment_is_one_amplitude():
-    """At the last step that the first row watches, where the second begins: to 1e-3 of the noise, which is what of it a
+    """At the last step that the first row watches, where the second begins: to 1e-2 of the noise, more than what of it a
     row's circle forgets."""
     for rows, out in made(deep(500)):
         near, far = np.arange(0, 1000, 2), np.arange(1, 1000, 2)

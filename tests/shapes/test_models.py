@@ -245,6 +245,17 @@ def test_presets_keep_to_the_published_totals():
             assert low - 1e-9 <= at["diffuse"] + at["specular"] <= high + 1e-9, name
 
 
+@pytest.mark.parametrize("name", ["mli_gold", "mli_silver"])
+@pytest.mark.parametrize("wavelength_m", [1064e-9, 1570e-9])
+def test_crinkled_foil_is_in_the_mean_what_its_smooth_twin_is(name, wavelength_m):
+    """n = 300 with slopes of 5 degrees stands for n = 30: within a sixth where the lobe is, and closer where it is not."""
+    cosine = np.cos(np.radians([0.0, 6.0, 10.0, 15.0, 30.0, 60.0]))
+    smooth, crinkled = material_named(name, wavelength_m), material_named(f"{name}_crinkled", wavelength_m)
+    ratio = crinkled.mean_brdf_per_sr(cosine) / smooth.brdf_per_sr(cosine)
+    assert ratio[:4] == pytest.approx(1.0, abs=1 / 6)
+    assert ratio[4:] == pytest.approx(1.0, abs=0.03)
+
+
 def test_writing_twice_writes_the_same(tmp_path, built):
     first = {path.name: path.read_bytes() for path in write(tmp_path / "one")}
     second = {path.name: path.read_bytes() for path in write(tmp_path / "two")}
