@@ -99,7 +99,7 @@ def _keep_others(output: Path, identity: str) -> None:
         with suppress(RecordingError), export.open(other) as cut_off:
             if len(cut_off):
                 raise ScenarioError(
-                    f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: scenario, --set, "
+                    f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: scenario, model, --set, "
                     "--seed, --frames, --keep, version or arithmetic differs; repeat what it was begun with, or give "
                     "--overwrite to start afresh"
                 )

@@ -36,7 +36,7 @@ class Portrait:
 def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
     """Return the unit vectors right, down and ahead (3, xyz) of who looks from the direction `toward`, `up` upward.
 
-    They are the rows of lidar_from_body.
+    They are the rows of the turn lidar_from_body of a lidar that looks so.
     """
     ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
     right = np.cross(ahead, np.asarray(up, dtype=float))

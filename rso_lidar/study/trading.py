@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.export.lock import Lock
+from rso_lidar.lock import Lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.report import save
