@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import functools
-import math
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, Strict, model_validator
 
 from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, placed, told, warn
+from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, told, warn
+from rso_lidar.part import Count, NotNegative, Part, Positive, Text, Vector, Whole
 from rso_lidar.scene.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
 
@@ -156,7 +158,9 @@ def own_models() -> dict[str, ModelEntry]:
 @functools.lru_cache(maxsize=4)
 def _own_models(path: Path, _stamp: tuple[int, int, int]) -> Mapping[str, ModelEntry]:
     tables = read_own_index(path)
-    return MappingProxyType({entry.name: entry for entry in (_own_entry(path, table) for table in tables)})
+    return MappingProxyType(
+        {entry.name: entry for entry in (_entry(path, table, _OWN_CURE, own=True) for table in tables)}
+    )
 
 
 def read_own_index(path: Path) -> list[dict[str, Any]]:
@@ -167,20 +171,6 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise MeshError(f"{path}: 'model' is no list of [[model]]: mend it")
     return tables
-
-
-def _own_entry(path: Path, table: dict[str, Any]) -> ModelEntry:
-    """Return the entry of a user's own model; one who edits an index by hand is told where it went wrong."""
-    entry = _entry(path, {"mass_kg": None, "inertia_kg_m2": None, **table}, _OWN_CURE)
-    try:
-        scale = float(table.get("scale", 1.0))
-        left_out = tuple((int(first), int(last)) for first, last in table.get("left_out", ()))
-    except (TypeError, ValueError) as error:
-        raise MeshError(f"{path}: model '{entry.name}': scale or left_out: {error}: {_OWN_CURE}") from None
-    mesh_axes = table.get("mesh_axes", "z_up")
-    if not 0.0 < scale < math.inf or mesh_axes not in ("z_up", "y_up"):
-        raise MeshError(f"{path}: model '{entry.name}': scale or mesh_axes is none: {_OWN_CURE}")
-    return replace(entry, scale=scale, mesh_axes=mesh_axes, left_out=left_out, own=True)
 
 
 def materials() -> dict[str, dict[str, Any]]:
@@ -230,25 +220,50 @@ def read_table(
     raise MeshError(f"{path}: cannot be read ({reason}): {cure}")
 
 
-def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN) -> ModelEntry:
-    name = table.get("name", "?") if isinstance(table, dict) else "?"
-    elsewhere = ("hinges", "path", "scale", "mesh_axes", "left_out", "own")
-    wanted = [field.name for field in fields(ModelEntry) if field.name not in elsewhere]
+class _Table(Part):
+    """One [[model]] of an index as it is written, and what its values may be."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    name: Text
+    file: Text
+    what: Text
+    source: Text
+    licence: Text
+    confidence: Text
+    axes: Text
+    size_m: tuple[NotNegative, NotNegative, NotNegative]
+    facets: Count
+    size_bytes: Count
+    sha256: Annotated[str, Strict(), Field(pattern="^[0-9a-f]{64}$")]
+    center_of_mass_m: Vector
+    mass_kg: Positive | None = None
+    inertia_kg_m2: tuple[Vector, Vector, Vector] | None = None
+    parts: dict[Text, Text]
+    taxonomy: Taxonomy
+    hinge: tuple[Hinge, ...] = ()
+    scale: Positive = 1.0
+    mesh_axes: Literal["z_up", "y_up"] = "z_up"
+    left_out: tuple[tuple[Whole, Whole], ...] = ()
+
+    @model_validator(mode="after")
+    def _runs_in_order(self) -> Self:
+        if any(not 0 <= first <= last for first, last in self.left_out):
+            raise ValueError("left_out: the first facet of a run comes before the last; exchange them")
+        return self
+
+
+def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = False) -> ModelEntry:
+    name = str(table.get("name", "?"))[:60] if isinstance(table, dict) else "?"
+    wanted = [key for key, field in _Table.model_fields.items() if field.is_required()]
     missing = [key for key in wanted if not isinstance(table, dict) or key not in table]
     if missing:
         raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}: {cure}")
-    values = {key: table[key] for key in wanted}
     try:
-        for key in ("size_m", "center_of_mass_m"):
-            x, y, z = (float(value) for value in values[key])
-            values[key] = (x, y, z)
-        if values["inertia_kg_m2"] is not None:
-            values["inertia_kg_m2"] = tuple(tuple(row) for row in values["inertia_kg_m2"])
-        values["parts"] = MappingProxyType(dict(values["parts"]))
-        file = path.parent / str(table["file"])
-        with placed(f"{path}: model '{name}'"):
-            values["taxonomy"] = Taxonomy(**values["taxonomy"])
-            values["hinges"] = tuple(Hinge(**hinge) for hinge in table.get("hinge", ()))
-    except (TypeError, AttributeError) as error:
-        raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
-    return ModelEntry(**values, path=file)
+        read = _Table(**table)
+    except ScenarioError as error:
+        raise MeshError(f"{path}: model '{name}': {str(error).removeprefix('_Table: ')}: {cure}") from None
+    values = {key: getattr(read, key) for key in _Table.model_fields if key not in ("hinge", "parts")}
+    return ModelEntry(
+        **values, parts=MappingProxyType(dict(read.parts)), hinges=read.hinge, path=path.parent / read.file, own=own
+    )

@@ -1,6 +1,7 @@
 """The catalogue reader: what is there, and one line when it is not."""
 
 import dataclasses
+import tomllib
 
 import pytest
 import tomli_w
@@ -79,3 +80,39 @@ def test_material_without_a_type_is_an_error(tmp_path):
     (tmp_path / "materials.toml").write_text("[foil]\ndiffuse = 0.1\n")
     with pytest.raises(MeshError, match=r"materials\.toml: foil: has no 'type'"):
         read_materials(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("size_m", "x"),
+        ("size_m", [1]),
+        ("size_m", [10**400, 1, 1]),
+        ("center_of_mass_m", [float("nan"), 0.0, 0.0]),
+        ("center_of_mass_m", []),
+        ("parts", "x"),
+        ("parts", {"bus": 3}),
+        ("name", []),
+        ("name", 5),
+        ("what", 5),
+        ("facets", "many"),
+        ("mass_kg", "x"),
+        ("mass_kg", -1.0),
+        ("inertia_kg_m2", [["a"]]),
+        ("scale", True),
+        ("scale", 1e300),
+        ("mesh_axes", "x_up"),
+        ("left_out", [[5, 1]]),
+        ("left_out", [[1.5, 2.5]]),
+        ("taxonomy", {"object_class": "moon"}),
+        ("hinge", [{"name": "a"}]),
+        ("sha256", "none"),
+    ],
+)
+def test_a_value_that_is_none_is_one_line(tmp_path, key, value):
+    shipped = tomllib.loads((model("plate").path.parent / "index.toml").read_text())["model"]
+    entry = {**next(one for one in shipped if one["name"] == "tdrs"), key: value}
+    (tmp_path / "index.toml").write_text(tomli_w.dumps({"model": [entry]}))
+    with pytest.raises(MeshError, match=rf"index\.toml: model '.*': .*{key}") as caught:
+        read_models(tmp_path)
+    assert "\n" not in str(caught.value)
