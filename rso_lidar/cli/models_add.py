@@ -1,5 +1,6 @@
 """`rso-lidar models add` and `remove`: the user's own library."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -35,6 +36,10 @@ def add(
     stabilisation: Annotated[
         str | None, typer.Option("--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.")
     ] = None,
+    rate_deg_s: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--rate-deg-s", metavar="LOW HIGH", help="Usual body rates (deg/s), least and greatest."),
+    ] = None,
     what: Annotated[str | None, typer.Option("--what", help="A line for the list.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a model of yours of that name.")] = False,
 ) -> None:
@@ -54,6 +59,7 @@ def add(
             "subclass": subclass,
             "shape_family": _one_of("--shape", shape, ShapeFamily),
             "stabilisation": _one_of("--stabilisation", stabilisation, Stabilisation),
+            "rate_deg_s": _rates(rate_deg_s),
         },
     )
     entry, said = add_model(path, wanted, overwrite=overwrite)
@@ -69,6 +75,14 @@ def add(
 def remove(name: Annotated[str, typer.Argument(metavar="NAME", help="A model of your own library.")]) -> None:
     """Take a model out of your own library."""
     typer.echo(f"removed {remove_model(name)}")
+
+
+def _rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:
+    if ends is not None and not 0.0 <= ends[0] <= ends[1] < math.inf:
+        raise MeshError(
+            f"--rate-deg-s {ends[0]:g} {ends[1]:g}: is no span; give the least rate from 0, then the greatest"
+        )
+    return ends
 
 
 def _one_of(option: str, value: str | None, words: object) -> str | None:

@@ -46,11 +46,15 @@ def test_a_mesh_is_added_listed_checked_shown_and_removed(rso_lidar, library, me
         "mli_gold",
         "--class",
         "debris",
+        "--rate-deg-s",
+        "0.5",
+        "10",
         "--center-of-mass=0.5,1,1.5",
     )
     assert (status, err) == (0, [])
     assert "mine: 1 x 2 x 3 m, 12 facets, 1 part" in out
     assert "guessed    unit is millimetres" in out and "repaired   1 facet without area dropped" in out
+    assert "three axis at 0.5 to 10 deg/s" in rso_lidar("models", "mine")[1]
     assert "mine" in rso_lidar("models")[1] and "yours" in rso_lidar("models")[1]
     assert "-1.000 to 0.000" in rso_lidar("models", "mine")[1] and "mli_gold" in rso_lidar("models", "mine")[1]
     status, out, _ = rso_lidar("models", "check", "mine")
@@ -133,3 +137,10 @@ def test_what_cannot_be_is_one_line(rso_lidar, library, mesh, words, says):
     status, out, err = rso_lidar("models", *(mesh if word == "MESH" else word for word in words))
     assert status == 2 and out == "" and len(err) == 1 and says in err[0]
     assert not library.exists() or not list(library.iterdir())
+
+
+@pytest.mark.parametrize("rates", [("5", "1"), ("-1", "1"), ("0", "inf"), ("nan", "1")])
+def test_rates_that_are_no_span_are_refused(rso_lidar, library, mesh, rates):
+    status, out, err = rso_lidar("models", "add", mesh, "--rate-deg-s", *rates)
+    assert (status, out, len(err)) == (2, "", 1) and "--rate-deg-s" in err[0]
+    assert not library.exists()
