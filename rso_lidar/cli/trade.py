@@ -22,9 +22,12 @@ _INTERRUPTED = 130
 def trade(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")],
     output: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            "-o", "--output", help="Folder, or .csv, .html or .parquet; table and report go beside each other."
+            "-o",
+            "--output",
+            metavar="PATH",
+            help="Folder (made/ makes it), or .csv, .html or .parquet; table and report go beside each other.",
         ),
     ] = None,
     workers: Annotated[
@@ -68,15 +71,29 @@ def trade(
         typer.echo(line)
 
 
-def _places(file: Path, output: Path | None) -> list[Path]:
+def _places(file: Path, given: str | None) -> list[Path]:
     """Return the table's place first, then the report's, and that of another table where one is asked for."""
-    if output is None or output.is_dir():
-        stem = (output or file.parent) / file.stem
+    output = file.parent if given is None else _folder(given)
+    if output.is_dir():
+        stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
     if output.suffix.lower() not in report.SUFFIXES:
         free(output, report.SUFFIXES)
     places = [output.with_suffix(".csv"), output.with_suffix(".html")]
     return [*places, output] if output.suffix.lower() == ".parquet" else places
+
+
+def _folder(given: str) -> Path:
+    """Return a path; where a slash ends it, a folder that was made if there was none."""
+    path = Path(given)
+    if given.endswith(("/", os.sep)):
+        try:
+            path.mkdir(exist_ok=True)
+        except FileNotFoundError:
+            raise RecordingError(f"{given}: there is no folder {path.parent}; make it first") from None
+        except OSError as error:
+            raise RecordingError(f"{given}: no folder can be made there ({error.strerror}); choose another") from None
+    return path
 
 
 def _write(made: Trade, places: list[Path]) -> None:
