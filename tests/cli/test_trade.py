@@ -52,6 +52,9 @@ def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call(study, "-o", "made/")[0] == 0
     assert sorted(file.name for file in (tmp_path / "made").iterdir()) == ["study.csv", "study.html"]
+    study.write_text(STUDY.replace("energy_mj", "energy_m"), encoding="utf-8")
+    assert call(study, "-o", "none/")[0] == 2
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize(
@@ -59,8 +62,8 @@ def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
     [
         (["-o", "x.jpg"], "unknown suffix '.jpg'"),
         (["-o", "x"], "no suffix"),
-        (["-o", "no/such/"], "no/such/: there is no folder no; make it first"),
-        (["-o", "mine.csv/"], "no folder can be made there"),
+        (["-o", "no/such/"], "no/such: there is no folder no; make it first"),
+        (["-o", "mine.csv/"], "mine.csv: exists already"),
         (["-o", "no/such/x.csv"], "there is no folder"),
         (["-o", "mine.csv"], "exists already; give --overwrite"),
         (["-o", "mine.html"], "exists already; give --overwrite"),
