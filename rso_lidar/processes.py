@@ -7,9 +7,9 @@ import pickle
 import signal
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -64,7 +64,8 @@ class Processes:
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Return the future result of the function, called with what is given."""
         try:
-            return self._pool.submit(_call, *given, **chosen)
+            with _uninterrupted():
+                return self._pool.submit(_call, *given, **chosen)
         except BrokenExecutor as error:
             raise _lost() from error
 
@@ -75,6 +76,19 @@ class Processes:
             return future.result()
         except BrokenExecutor as error:
             raise _lost() from error
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Keep Ctrl-C waiting: a process that is begun inside inherits that, and is not torn out of its imports."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _lost() -> RunError:

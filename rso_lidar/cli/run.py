@@ -99,7 +99,7 @@ def _tell_of_others(output: Path, identity: str) -> None:
     others = [file.name for file in sorted(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")) if file != own]
     if others and not own.exists():
         typer.echo(
-            f"starting afresh: {', '.join(others)} is of another scenario, choice of frames, version or arithmetic",
+            f"starting afresh: {', '.join(others)} is of another scenario, model, choice of frames, version or arithmetic",
             err=True,
         )
 

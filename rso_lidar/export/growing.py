@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.hdf5_file import TEMPORARY
-from rso_lidar.export.lock import held
 from rso_lidar.export.recording import Recording
+from rso_lidar.lock import held
 from rso_lidar.records import Source
 
 _LOCK = re.compile(r"^\.(.+)\.lock$")

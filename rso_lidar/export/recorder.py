@@ -22,8 +22,8 @@ from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.export import datasets, hdf5_layout, kept
 from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
 from rso_lidar.export.lens import LensTables
-from rso_lidar.export.lock import Lock
 from rso_lidar.export.recording import Recording
+from rso_lidar.lock import Lock
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")

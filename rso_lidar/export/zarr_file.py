@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,22 @@ def opened_zarr(path: Path) -> ZarrFile:
     except ImportError:
         raise RecordingError(f"{path}: Zarr needs an extra: pip install rso-lidar[zarr], or open the .h5") from None
     try:
-        return ZarrFile(zarr.open_group(path, mode="r"))
+        root = zarr.open_group(path, mode="r")
+        for name, array in root.members(max_depth=None):
+            if isinstance(array, zarr.Array):
+                _whole(path, name, array)
+        return ZarrFile(root)
+    except RecordingError:
+        raise
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = " ".join(str(error).split())[:120]
         raise RecordingError(f"{path}: is damaged ({what}); export it again") from error
+
+
+def _whole(path: Path, name: str, array: Any) -> None:
+    """Refuse an array of which a chunk is not there: it would read as absence, which is something else."""
+    held = array.shards or array.chunks
+    wanted = math.prod(-(-side // chunk) for side, chunk in zip(array.shape, held, strict=True))
+    there = sum(1 for file in (path / name / "c").rglob("*") if file.is_file()) if array.shape else wanted
+    if there < wanted:
+        raise RecordingError(f"{path}: {name} lacks {wanted - there} of {wanted} chunks; export it again")

@@ -46,6 +46,9 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     return place
 
 
+_ALL_CHUNKS = {"write_empty_chunks": True}  # so that a chunk that is not there is one that was lost
+
+
 def _zarr(path: str | os.PathLike[str]) -> Any:
     """Return the library; the extra has to be installed."""
     try:
@@ -136,6 +139,7 @@ class Store:
             compressors=self._zarr.codecs.BloscCodec(cname="zstd", clevel=5, shuffle="shuffle"),
             dimension_names=stated["dims"],
             attributes=plain(attributes),
+            config=_ALL_CHUNKS,
         )
 
     def _scales(self) -> None:
@@ -168,7 +172,7 @@ class Store:
 
     def _resized(self, path: str, count: int) -> Any:
         """Return an array after letting it grow to a count of entries."""
-        array = self._root[path]
+        array = self._root[path].with_config(_ALL_CHUNKS)
         array.resize((count, *array.shape[1:]))
         return array
 

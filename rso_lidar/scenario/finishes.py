@@ -15,6 +15,8 @@ from rso_lidar.part import Part, Text
 from rso_lidar.scene import Material, Named, Scatterer, Surface, library
 from rso_lidar.scene.colours import facet_colours, hexed
 
+_DIGITS = 12  # of a facet's number; no mesh has so many
+
 
 class FacetMaterials(Part):
     """Which facet is of what material: overrides the materials of mesh and parts for the facets that `file` lists.
@@ -83,8 +85,8 @@ def _words(path: Path, facets: int) -> np.ndarray:
 
 def _of_array(path: Path, facets: int) -> np.ndarray:
     try:
-        numbers = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        numbers = np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception:  # NumPy reads the header as Python's: a broken one fails in a dozen ways
         raise MeshError(f"{path.name}: is no array of NumPy's; write it with numpy.save") from None
     if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
         got = f"{numbers.dtype} {numbers.shape}" if isinstance(numbers, np.ndarray) else "an archive"
@@ -95,14 +97,14 @@ def _of_array(path: Path, facets: int) -> np.ndarray:
 def _of_table(path: Path, facets: int) -> np.ndarray:
     words = np.full(facets, "", dtype=object)
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error):
         raise MeshError(f"{path.name}: cannot be read; give a text with the columns facet, material") from None
     for line, row in enumerate(rows, start=1):
         if not row or (line == 1 and row[0].strip().lower() == "facet"):
             continue
         first, dash, last = row[0].strip().partition("-")
-        if len(row) != 2 or not first.isdecimal() or (dash and not last.isdecimal()) or not row[1].strip():
+        if len(row) != 2 or not _is_number(first) or (dash and not _is_number(last)) or not row[1].strip():
             raise MeshError(f"{path.name}: line {line}: needs a facet, or a span such as 10-19, and a material")
         start, end = int(first), int(last) if dash else int(first)
         if start > end or end >= facets:
@@ -111,3 +113,7 @@ def _of_table(path: Path, facets: int) -> np.ndarray:
             )
         words[start : end + 1] = row[1].strip()
     return words
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= _DIGITS

@@ -12,7 +12,7 @@ from rso_lidar.errors import ScenarioError, placed
 from rso_lidar.motion.joint import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
 from rso_lidar.scene.library import model
-from rso_lidar.scene.surface import body_from_mesh
+from rso_lidar.scene.mesh import body_from_mesh
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target
@@ -37,7 +37,8 @@ def joints_of(target: Target) -> tuple[HingeAxes, ...]:
     """Return the hinges of a target in body axes, those that its model declares completed."""
     if not target.joint:
         return ()
-    declared = {} if target.is_path else {hinge.name: hinge for hinge in model(target.shape).hinges}
+    complete = target.is_path or target.library is not None  # a recording has written out what its library declared
+    declared = {} if complete else {hinge.name: hinge for hinge in model(target.shape).hinges}
     return tuple(_completed(joint, declared, target) for joint in target.joint)
 
 

@@ -14,6 +14,7 @@ from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
 from rso_lidar.scenario.finishes import FacetMaterials
 from rso_lidar.scenario.hinges import Joint, joints_of
+from rso_lidar.scenario.of_library import OfLibrary
 from rso_lidar.scenario.terrain import Terrain, in_words
 from rso_lidar.scene import Material
 
@@ -75,6 +76,7 @@ class Target(Body):
     `smooth_parts` are curved: normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the
     mesh's own axes, after scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no
     more than its name and an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
+    `library` is what a recording says of a model of the user's own library; who writes a scenario leaves it out.
     """
 
     model: Text | None = None
@@ -90,6 +92,7 @@ class Target(Body):
     center_of_mass_m: Vector | None = None
     joint: tuple[Joint, ...] = ()
     taxonomy: Taxonomy | None = None
+    library: OfLibrary | None = None
 
     @model_validator(mode="after")
     def _allowed(self) -> Self:
@@ -100,6 +103,8 @@ class Target(Body):
             raise ValueError(f"give model, or terrain for ground of heights{both}")
         if self.terrain is not None and (self.scale, self.size_m, self.mesh_axes) != (None, None, "z_up"):
             raise ValueError("scale, size_m and mesh_axes are for a mesh; terrain says its size itself, and z is up")
+        if self.library is not None and self.is_path:
+            raise ValueError("library is for a model of your own library, by its name; leave it out")
         if self.scale is not None and self.size_m is not None:
             raise ValueError("give scale or size_m, not both")
         names = [joint.name for joint in self.joint]

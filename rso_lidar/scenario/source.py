@@ -16,7 +16,9 @@ from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.files import files_of
-from rso_lidar.scenario.surfaces import taxonomy_of
+from rso_lidar.scenario.of_library import of_library
+from rso_lidar.scenario.surfaces import placed_in, taxonomy_of
+from rso_lidar.scene import Lambertian, Named, Scatterer
 from rso_lidar.scene.library import model
 from rso_lidar.scene.packets import engine
 
@@ -64,18 +66,19 @@ def resolved(scenario: Scenario) -> str:
     import tomli_w
 
     _warn_of_nameless(scenario)
+    meshes = _meshes(scenario)
     tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
     for table, target in zip(tree["target"], scenario.target, strict=True):
         if target.joint:
             table["joint"] = [joint.model_dump(exclude_none=True) for joint in target.joints]
+        table |= _of_library(target)
+        table |= {key: table.pop(key) for key in type(target).model_fields if key in table}  # in order again
     tables = [*tree["target"], tree["follower"]]
     for table, body in zip(tables, scenario.bodies, strict=True):
         written = _inline(body.motion, scenario.time.start_utc)
         if written is not body.motion:
             table["motion"] = written.model_dump(exclude_none=True)
-    sums = [
-        f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}{_of(target)}" for target, surface in _meshes(scenario)
-    ]
+    sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in meshes]
     parts: list[tuple[str, Part]] = [
         (body.name, part) for body in scenario.bodies for part in (body.motion, body.attitude) if part is not None
     ]
@@ -128,13 +131,28 @@ def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
     return [(target, scenario.surfaces_of(number)[0]) for number, target in enumerate(scenario.target)]
 
 
-def _of(target: Target) -> str:
-    """Return what a user's own library makes of the mesh file; nothing for a shipped model, or a path."""
-    entry = None if target.is_path else model(target.shape)
+def _of_library(target: Target) -> dict[str, Any]:
+    """Return what a target takes from the user's own library, by key; nothing for a shipped model, or a path.
+
+    A target that says it already, as one of a recording does, takes nothing more.
+    """
+    entry = None if target.is_path or target.library is not None else model(target.shape)
     if entry is None or not entry.own:
-        return ""
-    without = "".join(f", without facets {first} to {last}" for first, last in entry.left_out)
-    return f", of the user's library: scale {entry.scale!r}, {entry.mesh_axes}{without}"
+        return {}
+    mesh, kind = entry.mesh, target.taxonomy or entry.taxonomy
+    found = {
+        "library": of_library(entry).model_dump(),
+        "center_of_mass_m": placed_in(target, mesh, entry)[1],
+        "taxonomy": kind.model_dump(),
+    }
+    if target.material is None:
+        of_part: dict[str, Scatterer] = {name: Named(name=material) for name, material in entry.parts.items()}
+        of_part |= target.part_materials
+        default = Lambertian()
+        found["part_materials"] = {
+            name: of_part.get(name, default).model_dump(exclude_none=True) for name in mesh.part_names
+        }
+    return found
 
 
 def _in_words(material: Any) -> str:

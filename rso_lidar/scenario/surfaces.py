@@ -10,7 +10,18 @@ from rso_lidar.errors import RsoLidarWarning
 from rso_lidar.scenario.finishes import coloured, finished
 from rso_lidar.scenario.parts import Target
 from rso_lidar.scenario.terrain import mesh_of, taxonomy_of_terrain
-from rso_lidar.scene import Hinged, Named, Scatterer, Surface, articulated, build_surface, load_mesh, warn_of_size
+from rso_lidar.scene import (
+    Hinged,
+    Mesh,
+    Named,
+    Scatterer,
+    Surface,
+    articulated,
+    build_surface,
+    load_mesh,
+    warn_of_repairs,
+    warn_of_size,
+)
 from rso_lidar.scene.library import ModelEntry, model
 
 
@@ -25,12 +36,11 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     """Return the surface of a target as light of `wavelength_m` sees it; `file` finds a mesh that the scenario names."""
     entry: ModelEntry | None = None
     own: Mapping[str, Scatterer] = {}
-    center_of_mass_m = target.center_of_mass_m
     if target.terrain is not None:
         mesh = mesh_of(target.terrain, file)
     elif target.is_path:
         path = file(target.shape)
-        if center_of_mass_m is None:
+        if target.center_of_mass_m is None:
             warnings.warn(
                 f"target {target.name}: the centre of mass of {path.name} is assumed at its origin; "
                 "give center_of_mass_m in mesh coordinates",
@@ -38,21 +48,21 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
                 stacklevel=2,
             )
         mesh = load_mesh(path)
+        warn_of_repairs(mesh, target.name)
     else:
         entry = model(target.shape)
+        if target.library is not None:
+            target.library.check(entry)
         mesh = entry.mesh
-        if target.material is None:
+        if target.material is None and target.library is None:  # else they stand in the target
             own = {part: Named(name=name) for part, name in entry.parts.items()}
-    scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
-    if center_of_mass_m is None and entry is not None:
-        x, y, z = entry.center_of_mass_m
-        center_of_mass_m = (scale * x, scale * y, scale * z)
+    scale, center_of_mass_m = placed_in(target, mesh, entry)
     surface = build_surface(
         target.name,
         mesh,
         scale=scale,
         mesh_axes=target.mesh_axes,
-        center_of_mass_m=center_of_mass_m or (0.0, 0.0, 0.0),
+        center_of_mass_m=center_of_mass_m,
         material=target.material,
         part_materials={**own, **target.part_materials},
         smooth_parts=target.smooth_parts,
@@ -65,6 +75,15 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     if target.facet_materials is not None:
         return finished(surface, target.facet_materials, file, wavelength_m)
     return surface
+
+
+def placed_in(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:
+    """Return the scale of a target's mesh, and its centre of mass [m] in the mesh's axes after scaling."""
+    scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
+    if target.center_of_mass_m is not None:
+        return scale, target.center_of_mass_m
+    x, y, z = entry.center_of_mass_m if entry is not None else (0.0, 0.0, 0.0)
+    return scale, (scale * x, scale * y, scale * z)
 
 
 def taxonomy_of(target: Target) -> Taxonomy | None:

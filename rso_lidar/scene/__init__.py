@@ -7,7 +7,7 @@ from rso_lidar.scene.crinkle import Crinkled
 from rso_lidar.scene.extent import extent
 from rso_lidar.scene.label import label
 from rso_lidar.scene.measured import TableBrdf
-from rso_lidar.scene.mesh import Mesh, load_mesh, warn_of_size
+from rso_lidar.scene.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
 from rso_lidar.scene.microfacet import Ggx, OrenNayar
 from rso_lidar.scene.retro import RetroReflector
 from rso_lidar.scene.scatter import Scatterer
@@ -35,5 +35,6 @@ __all__ = [
     "label",
     "load_mesh",
     "material_named",
+    "warn_of_repairs",
     "warn_of_size",
 ]

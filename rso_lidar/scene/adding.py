@@ -6,10 +6,11 @@ import functools
 import hashlib
 import math
 import re
-import tomllib
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -17,13 +18,31 @@ import numpy as np
 from rso_lidar.craft import Taxonomy, size_class
 from rso_lidar.draft import beside
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.lock import Lock
 from rso_lidar.scene.cad import CHORD_MM, is_cad, tessellated
 from rso_lidar.scene.doctor import counted, helper_cube
 from rso_lidar.scene.group_names import materials_of
-from rso_lidar.scene.library import ModelEntry, materials, model, models, own_folder, own_models, read_own_index
+from rso_lidar.scene.library import (
+    ModelEntry,
+    materials,
+    model,
+    models,
+    own_folder,
+    own_models,
+    read_own_index,
+    read_table,
+)
 from rso_lidar.scene.mesh import Mesh, likely_units, load_mesh, mended, plausible
 from rso_lidar.shipped import shipped
 
+COMMANDS = (
+    "list",
+    "show",
+    "add",
+    "check",
+    "remove",
+)  # of `rso-lidar models`, which takes a model's name in their place
+_WAIT_S = 60.0  # for another process that adds a model: the largest meshes take some ten seconds
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
 _METRIC = (".glb", ".gltf")  # by their standard
@@ -53,10 +72,10 @@ class Wanted:
 
 
 @functools.cache
-def known_meshes() -> dict[str, dict[str, Any]]:
+def known_meshes() -> Mapping[str, Mapping[str, Any]]:
     """Return what is known of NASA's printable files by SHA-256: name, units_per_metre, left_out, taxonomy."""
-    text = (shipped("models") / "known_meshes.toml").read_text(encoding="utf-8")
-    return {entry["sha256"]: entry for entry in tomllib.loads(text)["mesh"]}
+    entries = read_table(shipped("models") / "known_meshes.toml", "install the package again")["mesh"]
+    return MappingProxyType({entry["sha256"]: MappingProxyType(entry) for entry in entries})
 
 
 def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False) -> tuple[ModelEntry, list[str]]:
@@ -78,34 +97,47 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
     known = known_meshes().get(hashlib.sha256(blob).hexdigest(), {})
     name = wanted.name or known.get("name") or re.sub(r"[^a-z0-9_-]+", "_", path.stem.lower()).strip("_-")
     folder = own_folder()
-    _check_name(name, folder, overwrite)
+    _check_name(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         where = "let RSO_LIDAR_MODELS name a folder that can be"
         raise MeshError(f"{folder}: cannot be made ({error.strerror or error}); {where}") from None
-    place, before = folder / f"{name}{suffix}", own_models().get(name)
-    with beside(place) as draft:
-        draft.write_bytes(blob)
-        table, said = _table(load_mesh(draft), known, wanted, unit_m)
-        table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
-    entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
-    _write_index(folder, [*entries, table])
-    if before is not None and before.path != place:
-        _unlink(before.path, folder)
-    return model(name), said
+    place = folder / f"{name}{suffix}"
+    with _alone_in(folder):
+        before = own_models().get(name)
+        if before is not None and not overwrite:
+            raise MeshError(
+                f"name '{name}': is in your library already ({folder}); give --overwrite, or another --name"
+            )
+        with beside(place) as draft:
+            draft.write_bytes(blob)
+            table, said = _table(load_mesh(draft), known, wanted, unit_m)
+            table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
+        entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
+        _write_index(folder, [*entries, table])
+        if before is not None and before.path != place:
+            _unlink(before.path, folder)
+        return model(name), said
 
 
 def remove_model(name: str) -> Path:
     """Return the mesh file that was taken out of the user's library, with its entry."""
-    own = own_models()
-    if name not in own:
-        where = "is shipped with the package, and stays" if name in models() else "is not in your library"
-        raise ScenarioError(f"model '{name}': {where}{did_you_mean(name, own)} (yours: {', '.join(own) or 'none'})")
     folder = own_folder()
-    _write_index(folder, [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name])
-    _unlink(own[name].path, folder)
+    with _alone_in(folder) if folder.is_dir() else nullcontext():
+        own = own_models()
+        if name not in own:
+            where = "is shipped with the package, and stays" if name in models() else "is not in your library"
+            raise ScenarioError(f"model '{name}': {where}{did_you_mean(name, own)} (yours: {', '.join(own) or 'none'})")
+        _write_index(folder, [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name])
+        _unlink(own[name].path, folder)
     return own[name].path
+
+
+def _alone_in(folder: Path) -> Lock:
+    """Return, as a context, the lock of a library: whoever changes the index has read what others wrote."""
+    busy = f"{folder}: another process is changing this library; try again when it is done"
+    return Lock(folder / ".index.lock", wait_s=_WAIT_S, busy=busy)
 
 
 def _unlink(place: Path, folder: Path) -> None:
@@ -124,16 +156,18 @@ def _check_numbers(wanted: Wanted) -> None:
         raise MeshError("--center-of-mass: has a number that is not finite; give three, in metres")
 
 
-def _check_name(name: str, folder: Path, overwrite: bool) -> None:
+def _check_name(name: str) -> None:
     if not _NAME.fullmatch(name):
         raise MeshError(f"name '{name}': letters, digits, _ and - only, 63 at most; give another with --name")
     if name in models():
         raise MeshError(f"name '{name}': is a shipped model's; give another with --name")
-    if name in own_models() and not overwrite:
-        raise MeshError(f"name '{name}': is in your library already ({folder}); give --overwrite, or another --name")
+    if name in COMMANDS:
+        raise MeshError(f"name '{name}': is a command of `rso-lidar models`; give another with --name")
 
 
-def _table(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | None) -> tuple[dict[str, Any], list[str]]:
+def _table(
+    mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None
+) -> tuple[dict[str, Any], list[str]]:
     """Return the index table of a mesh, and what was decided on the way."""
     said: list[str] = []
     left_out = tuple((first, last) for first, last in known.get("left_out", ()))
@@ -182,7 +216,7 @@ def _table(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | No
     return table, said
 
 
-def _scale(mesh: Mesh, known: dict[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:
+def _scale(mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:
     """Return the metres in one unit of the file, and say who says so."""
     longest = float(mesh.size_m.max())
     if wanted.size_m is not None:

@@ -23,10 +23,9 @@ class Crinkled(Scatterer):
 
     The slopes of a cell along two directions of the surface are normal, each with the standard deviation tan(`tilt_deg`);
     `pattern` picks another set. A cell's light counts by the area that it shows to light and viewer, cos θᵢ' cos θₒ' over
-    cos θᵢ cos θₒ cos τ (τ its tilt), less what its neighbours hide (Smith 1967, normal slopes; from a laser beside the
-    lens nothing more than from the lens); light that meets the foil twice is lost. Range and labels are those of the
-    facet. A ray meets one cell: where a ray's share of a pixel is much wider than a cell, frames sparkle more than they
-    should, and Phong with a lower exponent is the mean.
+    cos θᵢ cos θₒ cos τ (τ its tilt), less what its neighbours hide (Smith 1967, normal slopes); light that meets the foil
+    twice is lost. Range and labels are those of the facet. A ray meets one cell: where a ray's share of a pixel is much
+    wider than a cell, frames sparkle more than they should, and Phong with a lower exponent is the mean.
     """
 
     type: Literal["crinkled"] = "crinkled"
@@ -77,9 +76,7 @@ class Crinkled(Scatterer):
         turn = np.clip((phase - cos_in * cos_out) / flat, -1.0, 1.0)  # cosine of the azimuth between the two
         met = np.maximum((cos_in + p * sin_in) * cos_tilt, 0.0)
         left = np.maximum((cos_out + sin_out * (p * turn + q * np.sqrt(1.0 - turn**2))) * cos_tilt, 0.0)
-        seen = unhidden(cos_out, self.slope)
-        if cos_phase is not None:  # light from elsewhere is hidden from other cells
-            seen = seen * unhidden(cos_in, self.slope)
+        seen = unhidden(cos_in, cos_out, phase, self.slope)
         rho = phong_per_sr(self.diffuse, self.specular, self.exponent, met, left, phase)
         mean = (share * rho * met * left / cos_tilt).sum(axis=-1, keepdims=True)
         return np.reshape(mean * seen / np.maximum(cos_in * cos_out, 1e-9), shape)
@@ -103,15 +100,31 @@ def tilted(normal: np.ndarray, point: np.ndarray, material: Crinkled) -> np.ndar
     return unit
 
 
-def unhidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
-    """Return the share of cells that their neighbours do not hide from a direction at that cosine (Smith 1967, G₁)."""
+def unhidden(
+    cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray | float, slope: np.ndarray | float
+) -> np.ndarray:
+    """Return the share of cells that neighbours hide neither from the light nor from the viewer.
+
+    Smith 1967 for normal slopes, 1 / (1 + Λ), with what hides from the one also hiding from the other as far as their
+    azimuths agree: 1 / (1 + max Λ + λ min Λ), λ = 4.41 φ / (4.41 φ + 1) (van Ginneken, Stavridi and Koenderink 1998).
+    From one and the same place it is Smith's share for that place, from opposite sides nearly the product.
+    """
+    cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)
+    flat = np.sqrt(np.maximum(1.0 - cos_in**2, 1e-18) * np.maximum(1.0 - cos_out**2, 1e-18))
+    turn = 4.41 * np.arccos(np.clip((cos_phase - cos_in * cos_out) / flat, -1.0, 1.0))
+    one, other = _hidden(cos_in, slope), _hidden(cos_out, slope)
+    share: np.ndarray = 1.0 / (1.0 + np.maximum(one, other) + turn / (turn + 1.0) * np.minimum(one, other))
+    return share
+
+
+def _hidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
+    """Return Smith's Λ for a direction at that cosine."""
     from scipy.special import erf
 
-    cosine = np.clip(cosine, 1e-9, 1.0)
     a = cosine / (np.sqrt(np.maximum(1.0 - cosine**2, 1e-18)) * math.sqrt(2.0) * slope)
-    hidden = 0.5 * (erf(a) - 1.0) + np.exp(-np.minimum(a * a, 700.0)) / (2.0 * a * math.sqrt(math.pi))
-    share: np.ndarray = 1.0 / (1.0 + np.maximum(hidden, 0.0))
-    return share
+    hidden: np.ndarray = 0.5 * (erf(a) - 1.0) + np.exp(-np.minimum(a * a, 700.0)) / (2.0 * a * math.sqrt(math.pi))
+    above: np.ndarray = np.maximum(hidden, 0.0)
+    return above
 
 
 def _least(normal: np.ndarray) -> np.ndarray:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from rso_lidar.errors import MeshError, did_you_mean
-from rso_lidar.scene.library import materials, own_folder
+from rso_lidar.scene.library import materials, own_folder, read_table
 from rso_lidar.shipped import shipped
 
 TABLE = "material_names.toml"
@@ -33,10 +32,7 @@ def materials_of(groups: Iterable[str]) -> dict[str, str]:
 def _read(path: Path) -> dict[str, str]:
     if not path.exists():
         return {}
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise MeshError(f"{path}: cannot be read ({error}); mend it") from None
+    table = read_table(path, "mend it")
     known = materials()
     for pattern, material in table.items():
         if not isinstance(material, str) or material not in known:

@@ -13,11 +13,14 @@ from types import MappingProxyType
 from typing import Any
 
 from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed, warn
+from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, placed, told, warn
 from rso_lidar.scene.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
+_told_of: set[tuple[Path, str]] = (
+    set()
+)  # libraries, and which of their models it has been said that a shipped one hides
 _OWN_CURE = "mend that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
@@ -103,11 +106,11 @@ def model(name: str) -> ModelEntry:
     >>> model("plate").size_m
     (0.002, 4.0, 4.0)
     """
-    known, own = _shipped_models(), own_models()
+    known = _shipped_models()
     if name in known:
-        if name in own:
-            warn(f"model '{name}': is shipped, and in your library too; the shipped one is taken: rename yours")
+        _tell_of_shadow(name)
         return known[name]
+    own = own_models()
     if name not in own:
         both = [*known, *own]
         raise ScenarioError(
@@ -115,6 +118,20 @@ def model(name: str) -> ModelEntry:
             "a mesh of your own comes in with `rso-lidar models add`"
         )
     return own[name]
+
+
+def _tell_of_shadow(name: str) -> None:
+    """Warn, once a process, that a shipped model hides one of the user's own; an index that is broken hides none."""
+    place = own_folder(), name
+    if place in _told_of or not told():
+        return
+    try:
+        hidden = name in own_models()
+    except RsoLidarError:
+        return
+    if hidden:
+        _told_of.add(place)
+        warn(f"model '{name}': is shipped, and in your library too; the shipped one is taken: rename yours")
 
 
 def own_folder() -> Path:
@@ -133,11 +150,11 @@ def own_models() -> dict[str, ModelEntry]:
         status = path.stat()
     except OSError:
         return {}
-    return dict(_own_models(path, (status.st_mtime_ns, status.st_size)))
+    return dict(_own_models(path, (status.st_mtime_ns, status.st_size, status.st_ino)))
 
 
 @functools.lru_cache(maxsize=4)
-def _own_models(path: Path, _stamp: tuple[int, int]) -> Mapping[str, ModelEntry]:
+def _own_models(path: Path, _stamp: tuple[int, int, int]) -> Mapping[str, ModelEntry]:
     tables = read_own_index(path)
     return MappingProxyType({entry.name: entry for entry in (_own_entry(path, table) for table in tables)})
 
@@ -146,7 +163,7 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
     """Return the tables of a user's index, none where there is none yet."""
     if not path.exists():
         return []
-    tables = _read(path, "mend it").get("model", [])
+    tables = read_table(path, "mend it").get("model", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise MeshError(f"{path}: 'model' is no list of [[model]]: mend it")
     return tables
@@ -174,7 +191,7 @@ def materials() -> dict[str, dict[str, Any]]:
 def read_models(folder: Path) -> dict[str, ModelEntry]:
     """Return the models that the index in `folder` lists, by name."""
     path = folder / "index.toml"
-    entries = _read(path).get("model", [])
+    entries = read_table(path).get("model", [])
     if not isinstance(entries, list) or not entries:
         raise MeshError(f"{path}: lists no [[model]]: {_WRITE_AGAIN}")
     return {entry.name: entry for entry in (_entry(path, table) for table in entries)}
@@ -183,7 +200,7 @@ def read_models(folder: Path) -> dict[str, ModelEntry]:
 def read_materials(folder: Path) -> dict[str, dict[str, Any]]:
     """Return the materials that `folder` lists, by name."""
     path = folder / "materials.toml"
-    tables = _read(path)
+    tables = read_table(path)
     for name, table in tables.items():
         if not isinstance(table, dict) or "type" not in table:
             raise MeshError(f"{path}: {name}: has no 'type': {_WRITE_AGAIN}")
@@ -200,9 +217,10 @@ def _shipped_materials() -> Mapping[str, dict[str, Any]]:
     return MappingProxyType(read_materials(shipped("models")))
 
 
-def _read(
+def read_table(
     path: Path, cure: str = "install the package again or run `python -m rso_lidar.shapes.write`"
 ) -> dict[str, Any]:
+    """Return what a TOML file of a catalogue holds, or raise `MeshError` with the cure."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

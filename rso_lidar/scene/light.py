@@ -57,15 +57,17 @@ class Seen:
         """Return by how much (hit) more a cell shows to the viewer than a flat piece would; 1 where nothing is crinkled."""
         shown = np.ones(len(self.facet))
         on = self.crinkled
-        cos_out, cos_tilt = self.base_cos_out[on], _dot(self.normal[:, on], self.base[:, on])
-        shown[on] = self.cos_out[on] * unhidden(cos_out, self.slope[on]) / np.maximum(cos_out * cos_tilt, 1e-9)
+        cos_tilt = _dot(self.normal[:, on], self.base[:, on])
+        shown[on] = self.cos_out[on] / np.maximum(self.base_cos_out[on] * cos_tilt, 1e-9)
         return shown
 
     def own_brdf_per_sr(self) -> np.ndarray:
         """Return the BRDF [1/sr] (hit) for light from the lens: what the lens sees of a cell, light from there meets."""
         brdf = self.surface.brdf_per_sr(self.facet, self.cos_out)
         on = self.crinkled
-        brdf[on] *= self.shown[on] * self.cos_out[on] / np.maximum(self.base_cos_out[on], 1e-9)
+        cosine = self.base_cos_out[on]
+        brdf[on] *= self.shown[on] * self.cos_out[on] / np.maximum(cosine, 1e-9)
+        brdf[on] *= unhidden(cosine, cosine, 1.0, self.slope[on])
         return brdf
 
 
@@ -137,6 +139,7 @@ def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.nda
     met[on] = np.where(cos_in[on] > 0.0, np.clip(_dot(hits.normal[:, on], to_laser[:, on]), 0.0, 1.0), 0.0)
     brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, cos_phase)
     brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.shown[on]
+    brdf[on] *= unhidden(cos_in[on], hits.base_cos_out[on], cos_phase[on], hits.slope[on])
     return cos_in, brdf
 
 
@@ -169,7 +172,8 @@ def from_sun(hits: Seen) -> np.ndarray:
             total += cos_in * material.sunlight_brdf_per_sr(cos_in, cos_out, cos_phase)
         slope = hits.slope[on[of]]
         if isinstance(material, Crinkled):
-            total *= hits.shown[on[of]] * unhidden(np.clip(_dot(hits.base[:, on[of]], to_sun), 0.0, 1.0), slope)
+            cos_in, cos_phase = _dot(hits.base[:, on[of]], to_sun), _dot(to_viewer, to_sun)
+            total *= hits.shown[on[of]] * unhidden(cos_in, hits.base_cos_out[on[of]], cos_phase, slope)
         return total / len(points)
 
     lit[on] = share * hits.surface.by_material(hits.facet[on], ask)

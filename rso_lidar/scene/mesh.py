@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, RsoLidarWarning
+from rso_lidar.errors import MeshError, RsoLidarWarning, told, warn
 from rso_lidar.scene.gltf import MOST_FACETS, check_gltf
 from rso_lidar.scene.obj import read_obj
 
@@ -22,6 +22,7 @@ _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
 _MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
+_told_of: set[tuple[Path, str]] = set()  # files, with their SHA-256, of whose repairs it has been said
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,17 +205,21 @@ def mended(mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tu
         kept &= (mesh.source_facet < first) | (mesh.source_facet > last)
     if not kept.any():
         raise MeshError(f"{mesh.path.name}: all its facets are left out; name fewer in left_out")
-    vertices = mesh.vertices * scale
-    if mesh_axes == "y_up":
-        vertices = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
     return replace(
         mesh,
-        vertices=vertices,
+        vertices=body_from_mesh(mesh.vertices * scale, mesh_axes),
         facets=mesh.facets[kept],
         part=mesh.part[kept],
         source_facet=mesh.source_facet[kept],
         left_out=int(np.count_nonzero(~kept)),
     )
+
+
+def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
+    """Return vectors (…, xyz) of a mesh's own axes in body axes: "z_up" as they stand, "y_up" with the file's y up."""
+    if mesh_axes == "y_up":
+        return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+    return vectors
 
 
 def likely_units(largest_m: float) -> dict[str, float]:
@@ -227,6 +232,17 @@ def likely_units(largest_m: float) -> dict[str, float]:
 def plausible(largest_m: float) -> bool:
     """Return whether a spacecraft may be this large [m]."""
     return _SMALLEST_M <= largest_m <= _LARGEST_M
+
+
+def warn_of_repairs(mesh: Mesh, name: str) -> None:
+    """Warn, once a process for each file, of what was dropped of a mesh when it was loaded."""
+    if not mesh.degenerate or not told() or (mesh.path, mesh.sha256) in _told_of:
+        return
+    _told_of.add((mesh.path, mesh.sha256))
+    warn(
+        f"target {name}: {mesh.path.name}: {mesh.degenerate:,} of {mesh.source_facets:,} facets have no area and were "
+        f"dropped; `rso-lidar models check {mesh.path.name}` says more"
+    )
 
 
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.scene.brdf import Lambertian
 from rso_lidar.scene.crinkle import Crinkled
-from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.mesh import Mesh, body_from_mesh
 from rso_lidar.scene.packets import Engine, PacketScene
 from rso_lidar.scene.scatter import Scatterer
 from rso_lidar.scene.shading import corner_normals, interpolated
@@ -214,13 +214,6 @@ def _build(corners: np.ndarray) -> Any:
     outside = (triangles.max(axis=(0, 1)) + 1.0)[None]
     scene.run(outside, np.array([[1.0, 0.0, 0.0]], dtype=np.float32))  # the first ray commits the scene, in one thread
     return scene
-
-
-def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
-    """Return vectors (…, xyz) of a mesh's own axes in body axes: "z_up" as they stand, "y_up" with the file's y up."""
-    if mesh_axes == "y_up":
-        return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
-    return vectors
 
 
 def build_surface(

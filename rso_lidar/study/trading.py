@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from rso_lidar.errors import RsoLidarError, RunError, ScenarioError, unwarned
-from rso_lidar.export.lock import Lock
+from rso_lidar.lock import Lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.load import read_toml

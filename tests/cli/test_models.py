@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from rso_lidar.cli.models import app
+from rso_lidar.scene.adding import COMMANDS
 from tests.scene.test_mesh import BOX, binary_stl
 
 
@@ -26,6 +28,10 @@ def test_a_name_alone_shows_and_nothing_lists(rso_lidar, library):
     assert shown == rso_lidar("models", "show", "tdrs") and "solar_array_north" in shown[1]
     status, _, err = rso_lidar("models", "tdsr")
     assert status == 2 and len(err) == 1 and "did you mean 'tdrs'" in err[0]
+
+
+def test_no_model_may_be_called_like_a_command():
+    assert {command.name for command in app.registered_commands} == set(COMMANDS)
 
 
 def test_a_mesh_is_added_listed_checked_shown_and_removed(rso_lidar, library, mesh):

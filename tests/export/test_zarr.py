@@ -1,4 +1,5 @@
 import json
+import shutil
 import sys
 
 import h5py
@@ -135,3 +136,16 @@ def test_what_is_no_store_of_ours_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(RecordingError, match=r"pip install rso-lidar\[zarr\]"):
         export.open(tmp_path / "other.zarr")
+
+
+@pytest.mark.parametrize("gone", ["range/c/1/0/0", "intensity/c/0/0/0", "time/c/0", "labels/photons"])
+def test_a_store_that_lost_something_is_refused_and_not_read_as_absence(tmp_path, gone, monkeypatch):
+    pytest.importorskip("zarr", reason=NEEDED)
+    monkeypatch.setattr(zarr_store, "FRAMES_PER_SHARD", 3)
+    store = export.save(tmp_path / "run.zarr", make_frames(7))
+    with export.open(store) as whole:
+        assert len(whole) == 7
+    lost = store / gone
+    shutil.rmtree(lost) if lost.is_dir() else lost.unlink()
+    with pytest.raises(RecordingError, match=r"lacks \d of \d chunks; export it again"):
+        export.open(store)

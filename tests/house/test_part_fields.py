@@ -47,6 +47,7 @@ NO_SUFFIX = {  # name: why it needs none
     "k1": "a coefficient of pure numbers",
     "k2": "a coefficient of pure numbers",
     "k3": "a coefficient of pure numbers",
+    "left_out": "numbers of facets",
     "loops": "a number of loops",
     "low": "in the unit of the field that it is of",
     "max_returns": "a number of returns",

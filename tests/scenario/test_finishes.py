@@ -31,6 +31,20 @@ def test_a_table_names_facets_and_spans(tmp_path):
     assert np.array_equal(sat.part, SAT.part)  # labels stay
 
 
+def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
+    sat = painted(tmp_path, "labels.csv", "\ufefffacet,material\n3,regolith_mare\n")
+    assert np.flatnonzero(sat.matt_per_sr * np.pi < 0.3).tolist() == [3]
+
+
+@pytest.mark.parametrize("header", [b"((((", b"{'descr': '<i8', 'fortran_order': False, 'shape': (99999999999,), }"])
+def test_a_broken_array_is_one_line(tmp_path, header):
+    head = header + b" " * (118 - len(header)) + b"\n"
+    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
+    with pytest.raises(rl.MeshError, match=r"a\.npy: is no array of NumPy's") as caught:
+        finished(SAT, rl.FacetMaterials(file="a.npy"), lambda file: tmp_path / file, 1064e-9)
+    assert "\n" not in str(caught.value)
+
+
 def test_an_array_holds_a_number_for_each_facet(tmp_path):
     numbers = np.full(12, -1)
     numbers[[3, 11]] = 1
@@ -74,6 +88,7 @@ def test_colours_of_a_file_tell_materials_apart(tmp_path):
         ("a.csv", "one,osr\n", r"line 1: needs a facet, or a span"),
         ("a.csv", "1\n", r"line 1: needs a facet, or a span"),
         ("a.csv", "1-,osr\n", r"line 1: needs a facet, or a span"),
+        ("a.csv", "9" * 5000 + ",osr\n", r"line 1: needs a facet, or a span"),
         ("a.txt", "1,osr\n", r"'.txt' is not read"),
         ("a.npy", np.zeros(11, dtype=int), r"holds int64 \(11,\); give one integer for each of the 12 facets"),
         ("a.npy", np.zeros(12), r"holds float64"),

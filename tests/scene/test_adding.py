@@ -3,6 +3,8 @@
 import hashlib
 import importlib.util
 import json
+import threading
+import time
 import tomllib
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
+from rso_lidar.lock import Lock
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.adding import Wanted, add_model, known_meshes, remove_model
 from rso_lidar.scene.cad import tessellated
@@ -101,6 +104,7 @@ def test_names_that_cannot_be(library, box):
         ("box", "is in your library already"),
         ("a/b", "letters"),
         ("a.b", "letters"),
+        ("check", "is a command of `rso-lidar models`"),
     ):
         with pytest.raises(MeshError, match=says):
             add_model(box(), Wanted(name=name))
@@ -207,7 +211,6 @@ def test_a_scenario_flies_a_model_of_the_library_and_its_recording_can_be_flown_
     source = frame.source
     assert source.targets[0].mesh_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert source.targets[0].taxonomy.object_class == "payload"
-    assert "of the user's library: scale 0.001, z_up" in source.scenario
     again = next(rl.simulate(rl.Scenario.loads(source.scenario), threads=1))
     assert np.array_equal(again.range_m, frame.range_m, equal_nan=True)
     monkeypatch.setenv("RSO_LIDAR_MODELS", str(tmp_path / "elsewhere"))
@@ -261,6 +264,60 @@ def test_a_shipped_name_wins_and_says_so(library, box):
     index.write_text(index.read_text().replace('name = "box"', 'name = "plate"'))
     with pytest.warns(RsoLidarWarning, match=r"model 'plate': is shipped, and in your library too"):
         assert not model("plate").own
+    assert not model("plate").own, "said once: a second warning would be an error here"
+
+
+def test_a_broken_index_stops_what_is_flown_of_it_and_nothing_else(library, box, text):
+    add_model(box())
+    (library / "index.toml").write_text("[[model]")
+    assert next(rl.simulate(rl.Scenario.loads(text), threads=1)).valid.any(), "a shipped model"
+    with pytest.raises(MeshError, match=r"index\.toml: cannot be read"):
+        model("box")
+
+
+def test_who_adds_waits_for_who_is_adding(library, box):
+    """Without the lock the name would be free, and the index read before, and lost with, what the other writes."""
+    pytest.importorskip("fcntl")
+    add_model(box("first.stl"))
+    failed, second, same = [], box("second.stl"), box("other.stl")
+
+    def add(*given):
+        try:
+            add_model(*given)
+        except MeshError as error:
+            failed.append(str(error))
+
+    with Lock(library / ".index.lock"):
+        index = library / "index.toml"
+        waiting = [
+            threading.Thread(target=add, args=(second,)),
+            threading.Thread(target=add, args=(same, Wanted(name="third"))),
+            threading.Thread(target=remove_model, args=("first",)),
+        ]
+        for thread in waiting:
+            thread.start()
+        time.sleep(0.3)
+        assert all(thread.is_alive() for thread in waiting) and list(own_models()) == ["first"]
+        (library / "third.stl").write_bytes((library / "first.stl").read_bytes())
+        sound = index.read_text()
+        entry = sound[sound.index("[[model]]") :].replace('"first', '"third')
+        index.write_text(f"{sound}\n{entry}")
+    for thread in waiting:
+        thread.join()
+    assert sorted(own_models()) == ["second", "third"]
+    assert len(failed) == 1 and failed[0].startswith("name 'third': is in your library already")
+    assert sorted(file.name for file in library.iterdir()) == ["index.toml", "second.stl", "third.stl"]
+
+
+def test_what_is_known_of_meshes_cannot_be_changed_and_is_read_like_all_else(tmp_path, monkeypatch):
+    one = next(iter(known_meshes().values()))
+    for table in (known_meshes(), one):
+        with pytest.raises(TypeError):
+            table["name"] = "other"
+    monkeypatch.setattr("rso_lidar.scene.adding.shipped", lambda name: tmp_path)
+    known_meshes.cache_clear()
+    with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(No such file or directory\): install"):
+        known_meshes()
 
 
 def test_the_library_lies_where_the_platform_keeps_data(monkeypatch, tmp_path):

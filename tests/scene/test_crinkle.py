@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
-from rso_lidar.scene.crinkle import tilted, unhidden
+from rso_lidar.scene.crinkle import tilted
 from rso_lidar.study.link import light
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 
@@ -19,7 +19,7 @@ FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=
 RANGE_M = 300.0
 
 
-def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=300_000, roll_deg=0.0, sun=None):
+def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=100_000, roll_deg=0.0, sun=None):
     """Return many hits on a 20 m plate, turned by an angle; everything, rays too, rolled about the line of sight."""
     rng = np.random.default_rng(3)
     half = 6.0 * math.cos(math.radians(angle_deg)) / RANGE_M
@@ -36,6 +36,12 @@ def brdf_seen(material, angle_deg, *, threads=1, laser_from_m=None, rays=300_000
     return cast(beam, [foil], truth, threads=threads, laser_from_m=laser_from_m, sun=sun is not None)
 
 
+def smith(cosine, slope):
+    """Return the share of a surface of normal slopes that is not hidden (Smith 1967, as Walter et al. 2007 give it)."""
+    a = 1.0 / (math.sqrt(2.0) * slope * math.tan(math.acos(cosine))) if cosine < 1.0 else math.inf
+    return 2.0 / (1.0 + math.erf(a) + math.exp(-a * a) / (a * math.sqrt(math.pi))) if math.isfinite(a) else 1.0
+
+
 def expected(material, angle_deg):
     """Return the BRDF of the foil as the integral over slopes p, q of a cell, by Gauss-Hermite quadrature."""
     node, weight = np.polynomial.hermite_e.hermegauss(120)
@@ -45,16 +51,34 @@ def expected(material, angle_deg):
     cos_tilt = 1.0 / np.sqrt(1.0 + p**2 + q**2)
     met = np.maximum((cosine + p * sine) * cos_tilt, 0.0)
     rho = material.brdf_per_sr(met)
-    return float((w * rho * met**2 / cos_tilt).sum()) / cosine**2 * float(unhidden(np.array(cosine), material.slope))
+    return float((w * rho * met**2 / cos_tilt).sum()) / cosine**2 * smith(cosine, material.slope)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 10.0, 30.0, 60.0])
 def test_the_closed_form_is_the_integral(angle_deg):
     cosine = np.array([math.cos(math.radians(angle_deg))])
     assert FOIL.mean_brdf_per_sr(cosine) == pytest.approx(expected(FOIL, angle_deg), rel=1e-9)
-    # between two directions that are nearly one, light is hidden from the same cells twice, and nothing else changes
-    twice = FOIL.mean_brdf_per_sr(cosine, cosine, np.array([1.0]))
-    assert twice == pytest.approx(expected(FOIL, angle_deg) * unhidden(cosine, FOIL.slope), rel=1e-9)
+    same = FOIL.mean_brdf_per_sr(cosine, cosine, np.array([1.0]))
+    assert same == pytest.approx(expected(FOIL, angle_deg), rel=1e-6)  # an azimuth of 1e-8 rad
+
+
+def test_light_may_go_either_way():
+    cos_in, cos_out, cos_phase = np.array([0.9, 0.5, 0.3]), np.array([0.4, 0.8, 0.2]), np.array([0.5, 0.1, -0.7])
+    assert FOIL.mean_brdf_per_sr(cos_in, cos_out, cos_phase) == pytest.approx(
+        FOIL.mean_brdf_per_sr(cos_out, cos_in, cos_phase), rel=2e-3
+    )  # slopes beyond which a cell turns away end between two points of the quadrature
+
+
+@pytest.mark.parametrize("tilt_deg", [5.0, 15.0, 30.0])
+@pytest.mark.parametrize("angle_deg", [0.0, 45.0, 75.0, 88.0])
+def test_no_more_light_leaves_than_comes(tilt_deg, angle_deg):
+    """The reflectance of white foil over the hemisphere, by midpoints in azimuth and in the square of the sine."""
+    white = Crinkled(diffuse=1.0, specular=0.0, exponent=0.0, tilt_deg=tilt_deg)
+    sine2, azimuth = np.meshgrid((np.arange(24) + 0.5) / 24, (np.arange(24) + 0.5) * math.pi / 24)
+    cos_out, cosine = np.sqrt(1.0 - sine2).ravel(), math.cos(math.radians(angle_deg))
+    cos_phase = cosine * cos_out + math.sqrt(1.0 - cosine**2) * np.sqrt(sine2).ravel() * np.cos(azimuth).ravel()
+    mean = white.mean_brdf_per_sr(np.full(cos_out.size, cosine), cos_out, cos_phase)
+    assert 0.5 < math.pi * mean.mean() < 1.005
 
 
 def test_the_link_budget_is_that_of_the_rays():
@@ -65,7 +89,7 @@ def test_the_link_budget_is_that_of_the_rays():
     of_pixel = np.bincount(photons.pixel, photons.photons, 81)
     told, _ = light(Laser(), receiver, FOIL, math.radians(20.0), np.array([3000.0]))
     assert of_pixel.mean() == pytest.approx(told[0], abs=5.0 * of_pixel.std() / 9.0)
-    assert of_pixel.std() < 0.2 * of_pixel.mean()
+    assert of_pixel.std() < 0.3 * of_pixel.mean()
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 10.0, 30.0, 60.0])
@@ -130,9 +154,6 @@ def test_a_laser_beside_the_lens_meets_the_cells_from_there():
     cos_in, cos_out = np.abs(toward @ normal), np.abs(back @ normal)
     some = slice(None, None, 200)
     mean = FOIL.mean_brdf_per_sr(cos_in[some], cos_out[some], np.einsum("hi,hi->h", toward, back)[some])
-    mean = mean / unhidden(
-        cos_in[some], FOIL.slope
-    )  # what the lens sees of a cell, a laser beside it is taken to reach
     cells = len(np.unique(np.floor(point / 0.02).astype(int), axis=0))
     assert far.brdf_per_sr.mean() == pytest.approx(mean.mean(), abs=5 * far.brdf_per_sr.std() / math.sqrt(cells / 2))
 
