@@ -8,13 +8,14 @@ from typing import Annotated
 import typer
 
 from rso_lidar.arithmetic import on_compiling
-from rso_lidar.cli.run import progress
+from rso_lidar.cli.progress import progress
 from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
 from rso_lidar.study import report
 from rso_lidar.study.ranking import summary
 from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trading import Rows, Trade, plan_of, tabled, work, working_file
+from rso_lidar.study.trade_plan import plan_of
+from rso_lidar.study.trading import Rows, Trade, tabled, work, working_file
 
 _INTERRUPTED = 130
 

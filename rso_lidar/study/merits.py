@@ -245,8 +245,5 @@ def judged(
 
 def _size_m(scenario: Scenario, number: int) -> float:
     """Return the diagonal of the box about a target [m], hinges as they stand in the mesh, or a metre if that is more."""
-    seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in scenario.target[number].joints)]
-    corners = np.concatenate(
-        [one.outline + np.array(at) for one, at in zip(scenario.surfaces_of(number), seats, strict=True)]
-    )
+    corners = scenario.corners_of(number).reshape(-1, 3)
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1.0)

@@ -25,7 +25,7 @@ from rso_lidar.study.merits import MERITS
 from rso_lidar.study.ranking import best_first, chosen, is_number, unbeaten, words
 from rso_lidar.study.ranking import heads as column_heads
 from rso_lidar.study.trade_asked import Axis, Grid, toml_of
-from rso_lidar.study.trading import Trade
+from rso_lidar.study.trade_table import TradeTable
 
 SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # rows at most in a table of the best
@@ -53,7 +53,7 @@ summary { cursor: pointer; color: #70747c; }
 """
 
 
-def save(trade: Trade, place: Path) -> Path:
+def save(trade: TradeTable, place: Path) -> Path:
     """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -78,7 +78,7 @@ def check(places: Sequence[Path]) -> None:
             check_parquet(place)
 
 
-def report(trade: Trade) -> str:
+def report(trade: TradeTable) -> str:
     """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
     study, table = trade.study, trade.table
     failed = np.flatnonzero(table["error"] != "")
@@ -112,18 +112,18 @@ def report(trade: Trade) -> str:
 # --------------------------------------------------------------------------------------------------------- the parts
 
 
-def _counted(trade: Trade) -> str:
+def _counted(trade: TradeTable) -> str:
     study = trade.study
     seeds = f" x {study.seeds} seeds" if study.seeds > 1 else ""
     how = study.sampling.type.replace("_", " ")
     return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_target(trade))}"
 
 
-def _target(trade: Trade) -> str:
+def _target(trade: TradeTable) -> str:
     return trade.base.target[trade.study.number(trade.base)].name
 
 
-def _frames(trade: Trade) -> str:
+def _frames(trade: TradeTable) -> str:
     frames = trade.study.frames
     said_so = "all frames" if frames is None else f"frames {escape(str(frames))}"
     if not any(MERITS[name].needs != "truth" for name in trade.study.merits):
@@ -142,7 +142,7 @@ def _table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> 
     return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
-def _axes(trade: Trade) -> str:
+def _axes(trade: TradeTable) -> str:
     rows = []
     for axis in trade.study.axis:
         places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
@@ -168,7 +168,7 @@ def _merits(names: Sequence[str]) -> str:
     return _table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
 
 
-def _best(trade: Trade) -> list[str]:
+def _best(trade: TradeTable) -> list[str]:
     names = trade.study.merits
     leaders = [(name, best_first(trade, name)) for name in names]
     made = [
@@ -191,14 +191,14 @@ def _best(trade: Trade) -> list[str]:
     return made
 
 
-def _leads(trade: Trade, name: str, points: np.ndarray) -> str:
+def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
     """Return in what a point is the best, and how many are as good."""
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
     return escape(words(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
 
 
-def _points(trade: Trade, points: Sequence[tuple[str, int]]) -> str:
+def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
     told = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
@@ -215,7 +215,7 @@ def _broken(name: str) -> str:
     return escape(name).replace("_", "_<wbr>")
 
 
-def _cells(trade: Trade, point: int) -> Iterable[str]:
+def _cells(trade: TradeTable, point: int) -> Iterable[str]:
     seeds = trade.study.seeds
     yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
     for place in trade.study.places:
@@ -226,7 +226,7 @@ def _cells(trade: Trade, point: int) -> Iterable[str]:
         yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
 
 
-def _plots(trade: Trade) -> list[str]:
+def _plots(trade: TradeTable) -> list[str]:
     """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_quantity(trade, axis) for axis in trade.study.axis]
     made, shown = [], []
@@ -259,7 +259,7 @@ def _alike(values: np.ndarray) -> float | None:
     return float(known[0]) if np.all(known == known[0]) else None
 
 
-def _quantity(trade: Trade, axis: Axis) -> Quantity:
+def _quantity(trade: TradeTable, axis: Axis) -> Quantity:
     values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
     more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
     log = axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values))
@@ -291,7 +291,7 @@ def _image(figure: Any, text: str, caption: str = "") -> str:
     return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
 
 
-def _failed(trade: Trade, failed: np.ndarray) -> list[str]:
+def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
     if not failed.size:
         return []
     why, count = np.unique(trade.table["error"][failed], return_counts=True)
@@ -301,7 +301,7 @@ def _failed(trade: Trade, failed: np.ndarray) -> list[str]:
     return ["<h2>Points that could not be flown</h2>", _table([("rows", True), ("first", True), ("why", False)], rows)]
 
 
-def _again(trade: Trade) -> list[str]:
+def _again(trade: TradeTable) -> list[str]:
     source = trade.base.source
     versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
     seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
@@ -314,7 +314,7 @@ def _again(trade: Trade) -> list[str]:
     ]
 
 
-def _toml(trade: Trade) -> str:
+def _toml(trade: TradeTable) -> str:
     import tomli_w
 
     return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
@@ -323,7 +323,7 @@ def _toml(trade: Trade) -> str:
 # ------------------------------------------------------------------------------------------------------- the pictures
 
 
-def _pictures(trade: Trade) -> list[str]:
+def _pictures(trade: TradeTable) -> list[str]:
     made = []
     frames = {point: _frame_or_why(trade, point * trade.study.seeds) for point, _ in chosen(trade)}
     parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
@@ -344,7 +344,7 @@ def _pictures(trade: Trade) -> list[str]:
     return ["<h2>Frames</h2>", *made] if made else []
 
 
-def _command(trade: Trade, row: int, frame: int) -> str:
+def _command(trade: TradeTable, row: int, frame: int) -> str:
     """Return the command that makes a frame of a row again."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
@@ -361,7 +361,7 @@ def _from_here(file: Path) -> str:
         return str(file)
 
 
-def _frame_or_why(trade: Trade, row: int) -> Frame | RsoLidarError:
+def _frame_or_why(trade: TradeTable, row: int) -> Frame | RsoLidarError:
     """Return the frame that is shown of a row, or why there is none."""
     with unwarned():
         try:
@@ -370,7 +370,7 @@ def _frame_or_why(trade: Trade, row: int) -> Frame | RsoLidarError:
             return error
 
 
-def _frame(trade: Trade, row: int) -> Frame:
+def _frame(trade: TradeTable, row: int) -> Frame:
     """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
     scenario = trade.plan.scenario(row)
     numbers = trade.study.numbers(scenario)
