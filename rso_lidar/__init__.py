@@ -150,6 +150,7 @@ from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
 from rso_lidar.study.tracking import Tracking, tracking
+from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trading import Trade, trade
 from rso_lidar.study.viewing import view
 
@@ -265,6 +266,7 @@ __all__ = [
     "StateSpaceAttitude",
     "StateSpaceDrive",
     "StationKeeping",
+    "Study",
     "SunPointing",
     "Table",
     "TableBrdf",

@@ -6,7 +6,7 @@ was bad (`RsoLidarError` that is a `ValueError`) and 1 when a run failed.
 
 import difflib
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -19,6 +19,21 @@ class RsoLidarError(Exception):
 
 class ScenarioError(RsoLidarError, ValueError):
     """A scenario, or a part of one, that cannot be flown as written."""
+
+
+class SettingError(ScenarioError):
+    """A ``place=value`` that has no place in a scenario."""
+
+
+class FieldError(ScenarioError):
+    """Fields of a part that are not as they must be.
+
+    `problems` holds the place of each, step by step, and its kind in pydantic's words.
+    """
+
+    def __init__(self, message: str, problems: Sequence[tuple[tuple[str | int, ...], str]] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
 
 
 class MeshError(RsoLidarError, ValueError):

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
-from rso_lidar.cli.plot import RecordingFile
+from rso_lidar.cli.recordings import RecordingFile
 
 
 def animate(

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.check import Settings
-from rso_lidar.cli.encounters import length_m
+from rso_lidar.cli.quantities import length_m
+from rso_lidar.cli.scenarios import Settings
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import units
-from rso_lidar.cli.encounters import instant
+from rso_lidar.cli.quantities import instant
 from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets

@@ -1,16 +1,9 @@
 """`rso-lidar check`: whether a scenario is sound, and what it means."""
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
+from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.scenario import Scenario
-
-Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PLACE=VALUE", help="Set a field, as lidar.laser.energy_mj=20.")
-]
-ScenarioFile = Annotated[Path, typer.Argument(metavar="FILE", help="Scenario file (TOML).")]
 
 
 def check(file: ScenarioFile, settings: Settings = None) -> None:

@@ -1,7 +1,6 @@
 """`rso-lidar encounters`: all close approaches of one object of a catalogue to the others."""
 
 import datetime
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
+from rso_lidar.cli.quantities import instant, length_m
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.picture.encounters import encounter_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES, checked
@@ -20,7 +20,6 @@ from rso_lidar.study import encounters as find
 from rso_lidar.study.encounters import MAX_SLEW_DEG_S, checked_output, counted, write_text
 
 _GREATEST_KEEP_OUT_M = 1e7
-_LENGTHS_M = {"m": 1.0, "km": units.KM}
 _ORDERS = ("range", "time", "speed")
 
 
@@ -142,35 +141,6 @@ def _draw(table: Encounters, place: Path) -> Path:
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
     )
     return picture.save_figure(figure, place)
-
-
-def length_m(option: str, text: str) -> float:
-    """Return a length with its unit, such as ``50km`` [m]."""
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
-    try:
-        number = float(found[1]) if found else float("nan")
-    except ValueError:
-        number = float("nan")
-    if not found or not np.isfinite(number):
-        raise ScenarioError(f"{option} {text}: is no length; write for example 50km or 500m")
-    if not found[2]:
-        raise ScenarioError(f"{option} {text}: has no unit; write {text.strip()}km or {text.strip()}m")
-    if found[2] not in _LENGTHS_M:
-        raise ScenarioError(f"{option} {text}: unknown unit '{found[2]}' (known: {', '.join(_LENGTHS_M)})")
-    return number * _LENGTHS_M[found[2]]
-
-
-def instant(option: str, text: str) -> datetime.datetime:
-    """Return the UTC instant that an option gives, with its offset and of a year that element sets have."""
-    try:
-        at = datetime.datetime.fromisoformat(text.strip())
-    except ValueError:
-        raise ScenarioError(f"{option} {text}: is no time; write for example 2026-05-07T00:00:00Z") from None
-    if at.tzinfo is None:
-        raise ScenarioError(f"{option} {text}: a time without an offset is ambiguous; end it with Z or +00:00")
-    if not 1957 <= at.year <= 2056:
-        raise ScenarioError(f"{option} {text}: element sets are of 1957 to 2056; correct the year")
-    return at.astimezone(datetime.UTC)
 
 
 def _constraints(

@@ -2,7 +2,6 @@
 
 import datetime
 import tomllib
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +10,9 @@ import typer
 
 from rso_lidar import export as files
 from rso_lidar import orbit
-from rso_lidar.cli.plot import RecordingFile
-from rso_lidar.cli.run import choice, progress
-from rso_lidar.cli.truth import globe
+from rso_lidar.cli.globe import globe
+from rso_lidar.cli.progress import counted
+from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
 from rso_lidar.export.course import courses, whole
 from rso_lidar.export.czml import thinned, write_czml
@@ -22,8 +21,8 @@ from rso_lidar.export.place import free_file
 from rso_lidar.motion.aem import write_aem
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.pose import ROOT
-from rso_lidar.records import BodyState, Frame, Source
-from rso_lidar.scenario import Scenario
+from rso_lidar.records import BodyState, Source
+from rso_lidar.study.recorded import scenario_of
 from rso_lidar.study.timeline import breaks_s
 
 _OF_A_TARGET = ("tum", "kitti")
@@ -69,7 +68,7 @@ def export(
         chosen = files.Frames(read, places(read, frames))
         options: dict[str, Any] = {"target": target, "lidar_in_target": lidar_in_target}
         if wanted.name == "oem":
-            _oem(to, chosen, target, overwrite)
+            _oem(to, chosen, target, recording.parent, overwrite)
         elif wanted.name == "aem":
             _aem(to, chosen, target, overwrite)
         elif wanted.name == "czml":
@@ -80,31 +79,8 @@ def export(
         elif wanted.name in _QUICK:
             writer_for(wanted.name)(to, chosen, **options, overwrite=overwrite)
         else:
-            with progress(len(chosen), 0, "exporting") as bar:
-                writer_for(wanted.name)(to, _told(chosen, bar), overwrite=overwrite)
+            writer_for(wanted.name)(to, counted(chosen, "exporting"), overwrite=overwrite)
         typer.echo(_said(to, wanted, len(chosen), len(read)))
-
-
-def places(read: files.Recording, frames: str | None) -> list[int]:
-    """Return which frames of a recording are wanted."""
-    numbers = read.frame_index[:]
-    if not numbers.size:
-        raise RecordingError(f"{read.path}: holds no frames yet; run the scenario again")
-    wanted = choice(frames)
-    if wanted is None:
-        return list(range(numbers.size))
-    places = np.flatnonzero(np.isin(numbers, np.arange(int(numbers.max()) + 1)[wanted])).tolist()
-    if not places:
-        held = f"{numbers.size} from {numbers.min()} to {numbers.max()}"
-        raise RecordingError(f"--frames {frames}: {read.path.name} holds none of them, but {held}")
-    return list(places)
-
-
-def _told(frames: Sequence[Frame], bar: Any) -> Iterator[Frame]:
-    """Yield frames, counting them on a bar."""
-    for frame in frames:
-        yield frame
-        bar.advance()
 
 
 def _said(to: Path, wanted: Format, count: int, held: int) -> str:
@@ -112,12 +88,6 @@ def _said(to: Path, wanted: Format, count: int, held: int) -> str:
     size = held_bytes(to)
     text = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     return f"written     {to} ({wanted.name}, {kept}, {text}); lost: {wanted.loses}"
-
-
-def held_bytes(path: Path) -> int:
-    """Return the size of a file, or of all files in a folder."""
-    files_in = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files_in if file.is_file())
 
 
 # ------------------------------------------------------------------------------- what asks for time scales and the Earth
@@ -149,8 +119,8 @@ def _known(name: str | None, known: list[str]) -> str:
     return wanted
 
 
-def _oem(to: Path, frames: files.Frames, target: str | None, overwrite: bool) -> None:
-    """Write the recorded states of a body; at impulses a new segment begins."""
+def _oem(to: Path, frames: files.Frames, target: str | None, folder: Path, overwrite: bool) -> None:
+    """Write the recorded states of a body; at impulses a new segment begins. Files that it names lie in `folder`."""
     source = frames[0].source
     _about_the_earth(to, source, overwrite)
     name = _known(target, list(frames[0].truth.states))
@@ -166,16 +136,16 @@ def _oem(to: Path, frames: files.Frames, target: str | None, overwrite: bool) ->
         name,
         orbit.Epochs(_start(source), time_s),
         states,
-        breaks_s=_breaks(source, name, time_s),
+        breaks_s=_breaks(source, name, time_s, folder),
         overwrite=overwrite,
     )
 
 
-def _breaks(source: Source, name: str, time_s: np.ndarray) -> list[float]:
+def _breaks(source: Source, name: str, time_s: np.ndarray, folder: Path) -> list[float]:
     """Return the instants [s] of impulses between recorded frames that have two frames on either side."""
     try:
         with unwarned():
-            planned = sorted(breaks_s(Scenario.loads(source.scenario), name))
+            planned = sorted(breaks_s(scenario_of(source, folder), name))
     except (RsoLidarError, OSError):  # a body that is no body of the scenario, or files that are not here
         planned = []
     edges: list[float] = []

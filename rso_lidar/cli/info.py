@@ -6,9 +6,8 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.export import held_bytes
 from rso_lidar.cli.info_follow import follow
-from rso_lidar.cli.plot import RecordingFile
+from rso_lidar.cli.recordings import RecordingFile, held_bytes
 from rso_lidar.errors import RecordingError
 from rso_lidar.records import Frame
 

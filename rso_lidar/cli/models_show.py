@@ -60,7 +60,7 @@ def _light(card: ModelCard) -> Table:
     for nm in WAVELENGTHS_NM:
         table.add_column(f"{nm:g} nm, in all", justify="right")
         table.add_column("brightest pixel", justify="right")
-    for side in dict.fromkeys(echo.side for echo in card.echoes):
-        of = [echo for echo in card.echoes if echo.side == side]
-        table.add_row(side, *(f"{value:.3g}" for echo in of for value in (echo.photons, echo.brightest_photons)))
+    for side in dict.fromkeys(one.side for one in card.returns):
+        of = [one for one in card.returns if one.side == side]
+        table.add_row(side, *(f"{value:.3g}" for one in of for value in (one.photons, one.brightest_photons)))
     return table

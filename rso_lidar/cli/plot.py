@@ -6,9 +6,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
+from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.errors import RecordingError
-
-RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, or .zarr).")]
 
 
 def plot(

@@ -2,25 +2,22 @@
 
 import glob
 import importlib.metadata
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from rso_lidar import export
 from rso_lidar.arithmetic import on_compiling
-from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.cli.progress import progress
+from rso_lidar.cli.recordings import choice
+from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import frame_numbers, simulate
-
-_LOG_EVERY_S = 5.0
 
 
 def run(
@@ -104,21 +101,6 @@ def _tell_of_others(output: Path, identity: str) -> None:
         )
 
 
-def choice(text: str | None) -> slice | None:
-    """Return the slice that ``A:B`` or ``A:B:C`` means."""
-    if text is None:
-        return None
-    try:
-        ends = [int(word) if word else None for word in text.split(":")]
-        if len(ends) == 1 and ends[0] is not None:
-            return slice(ends[0], ends[0] + 1)
-        if len(ends) in (2, 3) and (len(ends) == 2 or ends[2] is None or ends[2] > 0):
-            return slice(*ends)
-    except ValueError:
-        pass
-    raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
-
-
 def _kept(text: str | None) -> tuple[str, ...]:
     """Return the records that ``A,B`` names, each once."""
     if text is None:
@@ -138,75 +120,6 @@ def _complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple
         same = recording.complete and recording.source.scenario == scenario.source.scenario
         same = same and set(recording.kept) == set(kept)
         return same and np.array_equal(recording.frame_index[:], numbers)
-
-
-class Bar(Protocol):
-    """Something that shows how far a run has come."""
-
-    def advance(self) -> None:
-        """Count one frame."""
-
-
-@contextmanager
-def progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
-    """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield _Lines(total, done, of)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
-        task = shown.add_task("frames", total=total, completed=done, rate="")
-        pace = _Pace()
-
-        class _Rich:
-            def advance(self) -> None:
-                shown.update(task, advance=1, rate=f"{pace.count():.1f} {of}s/s")
-
-        yield _Rich()
-
-
-class _Pace:
-    """How fast frames come, once the first has: what is worked out once, and compiled, says nothing of the rest."""
-
-    def __init__(self) -> None:
-        self._began = time.monotonic()
-        self._count = 0
-
-    @property
-    def first(self) -> bool:
-        """Return whether no more than one frame has come."""
-        return self._count < 2
-
-    def count(self) -> float:
-        """Count one frame, and return the frames per second."""
-        now = time.monotonic()
-        self._count += 1
-        if self._count == 1:
-            waited, self._began = now - self._began, now
-            return 1.0 / max(waited, 1e-9)
-        return (self._count - 1) / max(now - self._began, 1e-9)
-
-
-class _Lines:
-    def __init__(self, total: int, done: int, of: str) -> None:
-        self._total, self._done, self._of = total, done, of
-        self._said = time.monotonic()
-        self._pace = _Pace()
-
-    def advance(self) -> None:
-        self._done += 1
-        rate, now = self._pace.count(), time.monotonic()
-        if now - self._said < _LOG_EVERY_S and self._done < self._total:
-            return
-        if self._pace.first and self._done < self._total:
-            return  # one frame tells no pace
-        self._said = now
-        left = (self._total - self._done) / rate
-        with suppress(OSError, AttributeError):  # nobody may be listening
-            typer.echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)
 
 
 class Tally:

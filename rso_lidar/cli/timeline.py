@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Scenario

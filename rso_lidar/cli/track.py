@@ -7,8 +7,7 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
-from rso_lidar.cli.export import places
-from rso_lidar.cli.plot import RecordingFile
+from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.output import FIGURE_SUFFIXES

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,18 +9,17 @@ import numpy as np
 import typer
 
 from rso_lidar import orbit, picture
-from rso_lidar.cli.check import ScenarioFile, Settings
+from rso_lidar.cli.globe import globe
+from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.export.czml import Beam, Moving, packets, thinned, write_czml
+from rso_lidar.export.czml import thinned, write_czml
 from rso_lidar.motion.aem import write_aem
-from rso_lidar.orbit.earth import itrs_from_gcrs
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.picture.angles import angles_figure, ptu_figure
 from rso_lidar.picture.orbit import inertial_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES
-from rso_lidar.pose import ROOT, quaternion_xyzw
-from rso_lidar.records import Truth
+from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras
 
@@ -148,33 +146,6 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
         delta_v_m_s=plan.delta_v_m_s,
         title=scenario.name,
     )
-
-
-def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
-    """Return a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight."""
-    time_s = place.time_s
-    fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
-    bodies = []
-    for name, state in place.states.items():
-        turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
-        itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
-        bodies.append(Moving(name, state.position_m, _quaternion(itrs_from_body)))
-    beams = []
-    if targets:
-        nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
-        ahead = np.zeros((time_s.size, 3))
-        ahead[:, 2] = nearest
-        beams.append(Beam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
-    ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
-    start, end = ends.skyfield_time().utc_iso(places=6)
-    lines = [("follower", name) for name in targets]
-    return packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
-
-
-def _quaternion(matrix: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return quaternion_xyzw(Rotation.from_matrix(matrix))
 
 
 def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:

@@ -1,17 +1,14 @@
 """`rso-lidar view`: a recording in Rerun, in a window, or in files where there is no display."""
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.export import places
-from rso_lidar.cli.plot import RecordingFile
-from rso_lidar.cli.run import progress
+from rso_lidar.cli.progress import counted
+from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.errors import RecordingError
-from rso_lidar.records import Frame
 from rso_lidar.study.viewing import COLOURS, TOOLS, Way, show, way
 
 
@@ -48,19 +45,10 @@ def view(
         some = export.Frames(read, places(read, frames))
         if not chosen.paths:
             typer.echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
-        each = _counted(some) if chosen.tool == "rerun" else None
+        each = counted(some, "drawing") if chosen.tool == "rerun" else None
         show(chosen, some, colour=colour, folder=recording.parent, each=each)
     if chosen.paths:
         typer.echo(_said(chosen, len(some)))
-
-
-def _counted(frames: Sequence[Frame]) -> Iterator[Frame]:
-    """Yield frames, counting them on a bar."""
-    bar: Any
-    with progress(len(frames), 0, "drawing") as bar:
-        for frame in frames:
-            yield frame
-            bar.advance()
 
 
 def _said(chosen: Way, count: int) -> str:

@@ -54,10 +54,9 @@ def _span(scenario: Scenario) -> str:
 def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) -> list[str]:
     target, surfaces = scenario.target[number], scenario.surfaces_of(number)
     surface = surfaces[0]
-    origins = [(0.0, 0.0, 0.0), *(joint.position_m for joint in target.joints)]
-    size = np.concatenate([one.vertices[np.unique(one.facets)] + at for one, at in zip(surfaces, origins, strict=True)])
+    corners = scenario.corners_of(number).reshape(-1, 3)
     facets = sum(len(one.facets) for one in surfaces)
-    sides = " x ".join(f"{side:.2f}" for side in size.max(axis=0) - size.min(axis=0))
+    sides = " x ".join(f"{side:.2f}" for side in corners.max(axis=0) - corners.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
     dropped += f", {surface.mesh.left_out} left out" if surface.mesh.left_out else ""
     parts = len(surface.mesh.part_names)

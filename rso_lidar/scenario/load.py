@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import FieldError, ScenarioError, SettingError
 from rso_lidar.part import Part, explain
 
 AnyPart = TypeVar("AnyPart", bound=Part)
@@ -41,7 +41,8 @@ def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, .
     try:
         return part.model_validate(tree)
     except ValidationError as error:
-        raise ScenarioError(f"{where}: {explain(error, part, tree)}") from None
+        problems = [(one["loc"], one["type"]) for one in error.errors(include_url=False)]
+        raise FieldError(f"{where}: {explain(error, part, tree)}", problems) from None
 
 
 def _apply(tree: dict[str, Any], setting: str) -> None:
@@ -49,7 +50,7 @@ def _apply(tree: dict[str, Any], setting: str) -> None:
     place, equals, text = setting.partition("=")
     steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
     if not equals or not all(steps):
-        raise ScenarioError(f"--set {setting}: is not place=value; write for example lidar.laser.energy_mj=20")
+        raise SettingError(f"--set {setting}: is not place=value; write for example lidar.laser.energy_mj=20")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (tomllib.TOMLDecodeError, RecursionError, ValueError):
@@ -66,7 +67,7 @@ def _apply(tree: dict[str, Any], setting: str) -> None:
 def _descend(here: Any, step: str, setting: str) -> Any:
     inner = here[_position(here, step, setting)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
-        raise ScenarioError(f"--set {setting}: '{step}' holds a value, not a table; shorten the place")
+        raise SettingError(f"--set {setting}: '{step}' holds a value, not a table; shorten the place")
     return inner
 
 
@@ -78,4 +79,4 @@ def _position(entries: list[Any], step: str, setting: str) -> int:
     if step.isascii() and step.isdigit() and int(step) < len(entries):
         return int(step)
     known = ", ".join(str(name) for name in names if name)
-    raise ScenarioError(f"--set {setting}: no entry '{step}' among {len(entries)} ({known}); give a name or a number")
+    raise SettingError(f"--set {setting}: no entry '{step}' among {len(entries)} ({known}); give a name or a number")

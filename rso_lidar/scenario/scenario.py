@@ -145,6 +145,12 @@ class Scenario(Part):
         """Return the surfaces of one target by number: its body's first, then those of its hinges."""
         return tuple(surface for surface in self.surfaces if surface.target == number)
 
+    def corners_of(self, number: int) -> np.ndarray:
+        """Return the corners (facet, 3, xyz) f8 [m] of one target by number in body axes, its hinges unturned."""
+        seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in self.target[number].joints)]
+        surfaces = self.surfaces_of(number)
+        return np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
+
     @cached_property
     def instrument(self) -> Lidar:
         """Return the lidar with the files that it names found and read."""

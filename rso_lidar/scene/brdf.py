@@ -143,7 +143,7 @@ class Named(Scatterer):
         raise ScenarioError(f"{self.name}: has no BRDF of its own; choose one by at(wavelength_m)")
 
 
-_Any = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
+_Described = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
 _ONE: TypeAdapter[Scatterer] = TypeAdapter(OneMaterial)
 _BETWEEN_M = 1.29e-6  # midway, in ratio, between 1064 and 1570 nm
 _REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")
@@ -153,7 +153,7 @@ def _by_name(given: Any) -> Any:
     return {"type": "named", "name": given} if isinstance(given, str) else given
 
 
-Material = Annotated[_Any, BeforeValidator(_by_name, json_schema_input_type=_Any | Text)]
+Material = Annotated[_Described, BeforeValidator(_by_name, json_schema_input_type=_Described | Text)]
 
 
 def material_named(name: str, wavelength_m: float) -> Scatterer:

@@ -113,9 +113,8 @@ def examine(mesh: Mesh) -> Examination:
     number = number.reshape(-1)
     forward = np.bincount(number, weights=ends[:, 0] < ends[:, 1], minlength=len(count))
     component = _components(number, len(facets))
-    corners = mesh.vertices[mesh.facets]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    strays = _strays(corners, component, area)
+    area = surface.areas_m2
+    strays = _strays(surface.corners, component, area)
     front_share, hidden = _looked_at(surface)
     x, y, z = (float(side) for side in mesh.size_m)
     return Examination(

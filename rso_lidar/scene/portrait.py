@@ -33,6 +33,17 @@ class Portrait:
         return float(self.covered.sum()) * self.cell_m**2
 
 
+def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
+    """Return the unit vectors right, down and ahead (3, xyz) of who looks from the direction `toward`, `up` upward.
+
+    They are the rows of the turn lidar_from_body of a lidar that looks so.
+    """
+    ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
+    right = np.cross(ahead, np.asarray(up, dtype=float))
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(ahead, right), ahead])
+
+
 def portrait(
     surface: Surface,
     toward: tuple[float, float, float],
@@ -45,10 +56,7 @@ def portrait(
 
     The picture is a square of `side_m` [m] (None: what holds the surface from everywhere) about the middle of its bounds.
     """
-    ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
-    right = np.cross(ahead, np.asarray(up, dtype=float))
-    right /= np.linalg.norm(right)
-    down = np.cross(ahead, right)
+    right, down, ahead = viewer_axes(toward, up)
     centre, radius = surface.sphere
     side = 2.0 * radius if side_m is None else side_m
     step = (np.arange(cells) + 0.5) / cells - 0.5

@@ -83,6 +83,19 @@ class Surface:
         offset = np.einsum("fi,fi->f", normal, corners.mean(axis=1))
         return np.ascontiguousarray(np.column_stack([normal, offset]).T)
 
+    @property
+    def areas_m2(self) -> np.ndarray:
+        """Return the areas (facet) [m²]."""
+        corners = self.corners
+        double = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas: np.ndarray = 0.5 * np.linalg.norm(double, axis=1)
+        return areas
+
+    @property
+    def area_m2(self) -> float:
+        """Return the area of all facets [m²], one side of each."""
+        return float(self.areas_m2.sum())
+
     @cached_property
     def sphere(self) -> tuple[np.ndarray, float]:
         """Return centre (xyz) and radius [m] of a sphere that holds the surface."""

@@ -23,7 +23,6 @@ from rso_lidar.shapes.solids import (
 )
 
 BUS_WIDTH_M = 1.32
-BUS_HEIGHT_M = 4.18
 EARTH_FACE_DEG = 15.0  # how far the Earth face leans over
 EARTH_FACE_M = (-0.195, 0.0, 0.335)  # a point on it, the origin of what stands there
 

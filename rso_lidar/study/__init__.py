@@ -1,4 +1,4 @@
-"""Many scenarios asked one question."""
+"""Questions asked of scenarios and recordings: how far, when, which is best, how well tracked, what it looks like."""
 
 from rso_lidar.study.budget import Budget, Curve, budget
 from rso_lidar.study.encounter_scenario import scenario_text

@@ -88,7 +88,7 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
     its surface (Cauchy 1841).
     """
     if given is None and scenario is not None and scenario.target:
-        corners = _corners(scenario)
+        corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
     else:
         sides = tuple(positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
@@ -98,14 +98,6 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
         raise ScenarioError(f"target_m: {len(sides)} sides; give one (a square) or three (a box)")
     a, b, c = sides
     return sides, 0.5 * (a * b + b * c + c * a)
-
-
-def _corners(scenario: Scenario) -> np.ndarray:
-    """Return the vertices (vertex, xyz) [m] of the first target, hinges as they stand in the mesh."""
-    origins = [(0.0, 0.0, 0.0), *(joint.position_m for joint in scenario.target[0].joints)]
-    surfaces = scenario.surfaces_of(0)
-    parts = [one.vertices[np.unique(one.facets)] + at for one, at in zip(surfaces, origins, strict=True)]
-    return np.concatenate(parts)
 
 
 def materials_of(

@@ -19,13 +19,14 @@ from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.surfaces import surface_of, taxonomy_of
 from rso_lidar.scene import Surface
 from rso_lidar.scene.library import materials, model
-from rso_lidar.scene.portrait import portrait
+from rso_lidar.scene.portrait import portrait, viewer_axes
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
+_Direction = tuple[float, float, float]
 # What is seen, from which direction in body axes, and which axis points up in the picture.
-SIDES: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+SIDES: dict[str, tuple[_Direction, _Direction]] = {
     "from +x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
     "from +y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     "from +z": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -39,7 +40,7 @@ _GREY = (0.62, 0.62, 0.62)
 
 
 @dataclass(frozen=True)
-class Echo:
+class SideReturn:
     """What one flash of the seed's camera gets back from a side of a model: photons in all and in the brightest pixel."""
 
     wavelength_nm: float
@@ -61,14 +62,14 @@ class PartBounds:
 
 @dataclass(frozen=True, eq=False)
 class ModelCard:
-    """A model as it stands in the catalogue or a file: `what` and `lines` in words, `echoes` its light from `RANGE_M`."""
+    """A model as it stands in the catalogue or a file: `what` and `lines` in words, `returns` its light from `RANGE_M`."""
 
     name: str
     what: str
     parts: tuple[PartBounds, ...]
     lines: tuple[str, ...]
     views: tuple[CardView, ...]
-    echoes: tuple[Echo, ...]
+    returns: tuple[SideReturn, ...]
 
     def figure(self) -> Any:
         """Return the page, a matplotlib Figure: four sides by part, four by material, and the text."""
@@ -78,8 +79,8 @@ class ModelCard:
     def _light_lines(self) -> list[str]:
         lines = []
         for nm in WAVELENGTHS_NM:
-            of = [echo for echo in self.echoes if echo.wavelength_nm == nm]
-            told = ", ".join(f"{echo.side} {echo.photons:.3g} ({echo.brightest_photons:.3g})" for echo in of)
+            of = [one for one in self.returns if one.wavelength_nm == nm]
+            told = ", ".join(f"{one.side} {one.photons:.3g} ({one.brightest_photons:.3g})" for one in of)
             lines += (
                 [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}, {nm:g} nm, in all (brightest pixel): {told}"]
                 if of
@@ -92,13 +93,13 @@ class ModelCard:
         return save_figure(self.figure(), path, dpi=110)
 
 
-def model_card(name: str, file: Callable[[str], Path] = Path, *, echoes: bool = True) -> ModelCard:
+def model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
     """Return the card of a model of the catalogue, or of the mesh that `name`, with a suffix or a slash, is the path of."""
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
     surface = surface_of(target, file, WAVELENGTHS_NM[0] * units.NM)
-    seen = tuple(_echo(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if echoes else ()
+    seen = tuple(_side_return(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
     words, colours = _finishes(target, surface)
     parts = surface.part
     finish = surface.finish
@@ -128,13 +129,11 @@ def model_card(name: str, file: Callable[[str], Path] = Path, *, echoes: bool = 
     return ModelCard(name, what, tuple(bounds), tuple(_lines(target, surface)), tuple(views), seen)
 
 
-def _extent(surface: Surface, toward: tuple[float, ...], up: tuple[float, ...]) -> float:
+def _extent(surface: Surface, toward: _Direction, up: _Direction) -> float:
     """Return twice the distance [m] of the farthest corner from the middle, up, down or sideways in a picture."""
-    ahead = -np.array(toward) / np.linalg.norm(toward)
-    right = np.cross(ahead, up)
-    right /= np.linalg.norm(right)
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
-    return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, np.cross(ahead, right)))
+    right, down, _ = viewer_axes(toward, up)
+    return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, down))
 
 
 def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
@@ -147,40 +146,37 @@ def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[
     return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
 
 
-def _echo(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> Echo:
+def _side_return(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
     surface = surface_of(target, file, lidar.laser.wavelength_m)
-    links = {"lidar": Link.still(), target.name: Link.still(_facing(*SIDES[side], RANGE_M))}
+    links = {"lidar": Link.still(), target.name: Link.still(_lidar_from_body(*SIDES[side], RANGE_M))}
     poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)
     truth = Truth(0.0, poses, {}, np.full(3, np.nan))
     rays = optics.pixel_rays(lidar.receiver, lidar.laser, scene.extent([surface], truth))
     hits = scene.cast(rays, [surface], truth, aperture_m=lidar.receiver.aperture_m, laser_from_m=lidar.laser.offset)
     light = optics.collect(hits, lidar.laser, lidar.receiver)
     of_pixel = np.bincount(light.pixel, light.photons, 1)
-    return Echo(wavelength_nm, side, float(of_pixel.sum()), float(of_pixel.max()), int(np.count_nonzero(of_pixel)))
+    return SideReturn(
+        wavelength_nm, side, float(of_pixel.sum()), float(of_pixel.max()), int(np.count_nonzero(of_pixel))
+    )
 
 
-def _facing(toward: tuple[float, ...], up: tuple[float, ...], range_m: float) -> RigidTransform:
+def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> RigidTransform:
     """Return lidar_from_body of a body `range_m` [m] ahead that shows the side `toward` (xyz, body), `up` upward."""
     from scipy.spatial.transform import RigidTransform, Rotation
 
-    ahead = -np.array(toward) / np.linalg.norm(toward)
-    right = np.cross(ahead, up)
-    right /= np.linalg.norm(right)
-    turn = Rotation.from_matrix(np.array([right, np.cross(ahead, right), ahead]))
+    turn = Rotation.from_matrix(viewer_axes(toward, up))
     return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
 
 
 def _lines(target: Target, surface: Surface) -> list[str]:
     sides = surface.mesh.size_m
-    corners = surface.corners
-    area_m2 = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     kind = taxonomy_of(target)
     lines = [kind.in_words] if kind else []
     lines.append(
         f"{' × '.join(f'{side:.4g}' for side in sides)} m, {surface.mesh.source_facets:,} facets, "
-        f"{area_m2:,.4g} m² of surface"
+        f"{surface.area_m2:,.4g} m² of surface"
     )
     if not target.is_path:
         entry = model(target.shape)

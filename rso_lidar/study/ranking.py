@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from rso_lidar.picture.trade import said
 from rso_lidar.study.merits import MERITS, Merit
-from rso_lidar.study.trading import Trade
+from rso_lidar.study.trade_table import TradeTable
+
+_UNTOLD = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
 
 
-def best_first(trade: Trade, name: str) -> np.ndarray:
+def best_first(trade: TradeTable, name: str) -> np.ndarray:
     """Return the points in order of a figure of merit, mean over seeds, the best first; without those that have none."""
     values = MERITS[name].sign * trade.of_points(name)[0]
     order = np.argsort(-values, kind="stable")
@@ -17,7 +22,7 @@ def best_first(trade: Trade, name: str) -> np.ndarray:
     return points
 
 
-def unbeaten(trade: Trade) -> np.ndarray:
+def unbeaten(trade: TradeTable) -> np.ndarray:
     """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one."""
     values = np.stack([MERITS[name].sign * trade.of_points(name)[0] for name in trade.study.merits], axis=1)
     stands = np.array([bool(np.all(np.isfinite(row))) for row in values])
@@ -35,7 +40,7 @@ def words(merit: Merit) -> str:
     return f"{name[0].upper()}{name[1:]}{unit}"
 
 
-def chosen(trade: Trade) -> list[tuple[int, str]]:
+def chosen(trade: TradeTable) -> list[tuple[int, str]]:
     """Return the points whose frames are shown, and why: the first figure of merit's best, worst, and between, evenly."""
     points = best_first(trade, trade.study.merits[0])
     count = min(trade.study.report.pictures, points.size)
@@ -45,7 +50,7 @@ def chosen(trade: Trade) -> list[tuple[int, str]]:
     return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, told, strict=False)]
 
 
-def summary(trade: Trade) -> list[str]:
+def summary(trade: TradeTable) -> list[str]:
     """Return a few lines for a terminal: how many runs, and the best point of each figure of merit."""
     study = trade.study
     failed = int(np.sum(trade.table["error"] != ""))
@@ -57,10 +62,9 @@ def summary(trade: Trade) -> list[str]:
             continue
         row = int(points[0]) * study.seeds
         value = said(float(trade.of_points(name)[0][points[0]]))
-        places = ((place, trade.table[place][row]) for place in study.places)
+        places = ((place, head, trade.table[place][row]) for place, head in heads(study.places).items())
         at = ", ".join(
-            f"{place.rpartition('.')[2]} {said(float(value)) if is_number(trade, place) else value}"
-            for place, value in places
+            f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places
         )
         lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
     if failed:
@@ -68,6 +72,26 @@ def summary(trade: Trade) -> list[str]:
     return lines
 
 
-def is_number(trade: Trade, place: str) -> bool:
+def heads(places: Sequence[str]) -> dict[str, str]:
+    """Return by place the end of it that heads its column: as much as says what it is and tells it from the others.
+
+    >>> heads(("follower.motion.position_m.1", "target.a.material", "target.b.material", "lidar.detector.type"))
+    ... # doctest: +NORMALIZE_WHITESPACE
+    {'follower.motion.position_m.1': 'position_m.1', 'target.a.material': 'a.material',
+     'target.b.material': 'b.material', 'lidar.detector.type': 'detector.type'}
+    """
+    steps = {place: place.split(".") for place in places}
+    count = {place: 1 + bool(_UNTOLD.fullmatch(steps[place][-1])) for place in places}
+    while True:
+        ends = {place: ".".join(steps[place][-count[place] :]) for place in places}
+        shared = [place for place in places if list(ends.values()).count(ends[place]) > 1]
+        longer = [place for place in shared if count[place] < len(steps[place])]
+        if not longer:
+            return ends
+        for place in longer:
+            count[place] += 1
+
+
+def is_number(trade: TradeTable, place: str) -> bool:
     """Return whether a field's values are numbers."""
     return trade.table[place].dtype.kind in "fiu"

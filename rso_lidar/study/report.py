@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+import os
 import shlex
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -16,14 +17,15 @@ import numpy as np
 from rso_lidar.draft import beside, write_columns
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.export.parquet import check_parquet, write_parquet
-from rso_lidar.picture.frame import frame_figure
+from rso_lidar.picture.frame import frame_figure, parts_in_order
 from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.merits import MERITS
 from rso_lidar.study.ranking import best_first, chosen, is_number, unbeaten, words
+from rso_lidar.study.ranking import heads as column_heads
 from rso_lidar.study.trade_asked import Axis, Grid, toml_of
-from rso_lidar.study.trading import Trade
+from rso_lidar.study.trade_table import TradeTable
 
 SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # rows at most in a table of the best
@@ -51,7 +53,7 @@ summary { cursor: pointer; color: #70747c; }
 """
 
 
-def save(trade: Trade, place: Path) -> Path:
+def save(trade: TradeTable, place: Path) -> Path:
     """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -76,8 +78,8 @@ def check(places: Sequence[Path]) -> None:
             check_parquet(place)
 
 
-def report(trade: Trade) -> str:
-    """Return the report as HTML, pictures and all; it is the same for the same study, scenario and versions."""
+def report(trade: TradeTable) -> str:
+    """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
     study, table = trade.study, trade.table
     failed = np.flatnonzero(table["error"] != "")
     body = [
@@ -110,18 +112,18 @@ def report(trade: Trade) -> str:
 # --------------------------------------------------------------------------------------------------------- the parts
 
 
-def _counted(trade: Trade) -> str:
+def _counted(trade: TradeTable) -> str:
     study = trade.study
     seeds = f" x {study.seeds} seeds" if study.seeds > 1 else ""
     how = study.sampling.type.replace("_", " ")
     return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_target(trade))}"
 
 
-def _target(trade: Trade) -> str:
+def _target(trade: TradeTable) -> str:
     return trade.base.target[trade.study.number(trade.base)].name
 
 
-def _frames(trade: Trade) -> str:
+def _frames(trade: TradeTable) -> str:
     frames = trade.study.frames
     said_so = "all frames" if frames is None else f"frames {escape(str(frames))}"
     if not any(MERITS[name].needs != "truth" for name in trade.study.merits):
@@ -140,7 +142,7 @@ def _table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> 
     return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
-def _axes(trade: Trade) -> str:
+def _axes(trade: TradeTable) -> str:
     rows = []
     for axis in trade.study.axis:
         places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
@@ -166,7 +168,7 @@ def _merits(names: Sequence[str]) -> str:
     return _table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
 
 
-def _best(trade: Trade) -> list[str]:
+def _best(trade: TradeTable) -> list[str]:
     names = trade.study.merits
     leaders = [(name, best_first(trade, name)) for name in names]
     made = [
@@ -189,18 +191,19 @@ def _best(trade: Trade) -> list[str]:
     return made
 
 
-def _leads(trade: Trade, name: str, points: np.ndarray) -> str:
+def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
     """Return in what a point is the best, and how many are as good."""
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
     return escape(words(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
 
 
-def _points(trade: Trade, points: Sequence[tuple[str, int]]) -> str:
+def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
+    told = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
-    heads += [(_broken(place.rpartition(".")[2]), is_number(trade, place)) for place in trade.study.places]
+    heads += [(_broken(head), is_number(trade, place)) for place, head in told.items()]
     heads += [(_broken(name), True) for name in trade.study.merits]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
     rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
@@ -212,7 +215,7 @@ def _broken(name: str) -> str:
     return escape(name).replace("_", "_<wbr>")
 
 
-def _cells(trade: Trade, point: int) -> Iterable[str]:
+def _cells(trade: TradeTable, point: int) -> Iterable[str]:
     seeds = trade.study.seeds
     yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
     for place in trade.study.places:
@@ -223,7 +226,7 @@ def _cells(trade: Trade, point: int) -> Iterable[str]:
         yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
 
 
-def _plots(trade: Trade) -> list[str]:
+def _plots(trade: TradeTable) -> list[str]:
     """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_quantity(trade, axis) for axis in trade.study.axis]
     made, shown = [], []
@@ -256,10 +259,12 @@ def _alike(values: np.ndarray) -> float | None:
     return float(known[0]) if np.all(known == known[0]) else None
 
 
-def _quantity(trade: Trade, axis: Axis) -> Quantity:
+def _quantity(trade: TradeTable, axis: Axis) -> Quantity:
     values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
     more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
-    return Quantity(axis.name + more, values, axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values)))
+    log = axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values))
+    drawn = 0 if isinstance(trade.study.sampling, Grid) else trade.study.sampling.points
+    return Quantity(axis.name + more, values, log, drawn)
 
 
 def _evenly_by_ratio(values: np.ndarray) -> bool:
@@ -286,7 +291,7 @@ def _image(figure: Any, text: str, caption: str = "") -> str:
     return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
 
 
-def _failed(trade: Trade, failed: np.ndarray) -> list[str]:
+def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
     if not failed.size:
         return []
     why, count = np.unique(trade.table["error"][failed], return_counts=True)
@@ -296,7 +301,7 @@ def _failed(trade: Trade, failed: np.ndarray) -> list[str]:
     return ["<h2>Points that could not be flown</h2>", _table([("rows", True), ("first", True), ("why", False)], rows)]
 
 
-def _again(trade: Trade) -> list[str]:
+def _again(trade: TradeTable) -> list[str]:
     source = trade.base.source
     versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
     seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
@@ -309,7 +314,7 @@ def _again(trade: Trade) -> list[str]:
     ]
 
 
-def _toml(trade: Trade) -> str:
+def _toml(trade: TradeTable) -> str:
     import tomli_w
 
     return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
@@ -318,35 +323,54 @@ def _toml(trade: Trade) -> str:
 # ------------------------------------------------------------------------------------------------------- the pictures
 
 
-def _pictures(trade: Trade) -> list[str]:
+def _pictures(trade: TradeTable) -> list[str]:
     made = []
+    frames = {point: _frame_or_why(trade, point * trade.study.seeds) for point, _ in chosen(trade)}
+    parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
     for point, why in chosen(trade):
-        row = point * trade.study.seeds
+        row, frame = point * trade.study.seeds, frames[point]
         made.append(f"<h3>{escape(why)} (row {row})</h3>")
+        if isinstance(frame, RsoLidarError):
+            made.append(f"<p>{escape(str(frame))}</p>")
+            continue
         with unwarned():
-            try:
-                frame = _frame(trade, row)
-            except RsoLidarError as error:
-                made.append(f"<p>{escape(str(error))}</p>")
-                continue
             merits = ", ".join(
                 f"{words(MERITS[name])} {said(float(trade.table[name][row]))}" for name in trade.study.merits
             )
             caption = (
                 f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
             )
-            made.append(_image(frame_figure(frame), f"frame {frame.index} of row {row}", caption))
+            made.append(_image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
     return ["<h2>Frames</h2>", *made] if made else []
 
 
-def _command(trade: Trade, row: int, frame: int) -> str:
+def _command(trade: TradeTable, row: int, frame: int) -> str:
     """Return the command that makes a frame of a row again."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
-    return f"rso-lidar run {trade.plan.where} {settings} --frames {frame}:{frame + 1} -o frame.h5"
+    file = shlex.quote(_from_here(trade.plan.folder / trade.plan.where))
+    return f"rso-lidar run {file} {settings} --frames {frame}:{frame + 1} -o frame.h5"
 
 
-def _frame(trade: Trade, row: int) -> Frame:
+def _from_here(file: Path) -> str:
+    """Return the path of a file from the working folder, or from the root where no path leads there."""
+    file = file.resolve()
+    try:
+        return os.path.relpath(file, Path.cwd().resolve())
+    except ValueError:  # another drive
+        return str(file)
+
+
+def _frame_or_why(trade: TradeTable, row: int) -> Frame | RsoLidarError:
+    """Return the frame that is shown of a row, or why there is none."""
+    with unwarned():
+        try:
+            return _frame(trade, row)
+        except RsoLidarError as error:
+            return error
+
+
+def _frame(trade: TradeTable, row: int) -> Frame:
     """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
     scenario = trade.plan.scenario(row)
     numbers = trade.study.numbers(scenario)

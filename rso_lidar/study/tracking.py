@@ -131,10 +131,8 @@ def _number(names: list[str], target: str | None) -> int:
 
 def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
     """Return the target's model, hinges unturned, and its greatest extent [m]."""
-    surfaces, joints = surfaces_of(scenario, source, number, "track"), scenario.target[number].joints
-    seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in joints)]
-    corners = np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
-    model = sampled(corners)
+    surfaces_of(scenario, source, number, "track")  # or the mesh is another one
+    model = sampled(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
 
 

@@ -9,128 +9,20 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from pydantic import ValidationError
 
-from rso_lidar.errors import RsoLidarError, RunError, ScenarioError, unwarned
+from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.lock import Lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.load import read_toml
-from rso_lidar.study.merits import judged
-from rso_lidar.study.sampling import points, settings
+from rso_lidar.study.report import save
 from rso_lidar.study.trade_asked import Axis, Study, toml_of
-
-_TRIED = 300  # points at most that are tried before anything is flown
-_OF_AN_AXIS = 50  # values of one axis, alone
-Row = dict[str, Any]
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """All that a row depends on but its number: it travels to other processes."""
-
-    study: Study
-    points: tuple[tuple[Any, ...], ...]
-    text: str
-    folder: Path
-    where: str
-    seed: int
-    threads: int | None = None
-
-    def scenario(self, row: int) -> Scenario:
-        """Return the scenario of a row, or raise `ScenarioError`."""
-        changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
-        return Scenario.loads(self.text, folder=self.folder, where=self.where, settings=(*self.study.set, *changes))
-
-    def settings(self, row: int) -> dict[str, str]:
-        """Return by field what a row sets, as TOML text."""
-        chosen = settings(self.study, self.points[row // self.study.seeds])
-        return chosen | ({"seed": str(self.seed + row % self.study.seeds)} if self.study.seeds > 1 else {})
-
-    def row(self, number: int) -> Row:
-        """Return one row: merits, or why there are none."""
-        study, merits = self.study, dict.fromkeys(self.study.merits, float("nan"))
-        seed, why = self.seed, ""
-        with unwarned():
-            try:
-                scenario = self.scenario(number)
-                seed = scenario.seed
-                which, frames = study.number(scenario), study.numbers(scenario)
-                merits = judged(scenario, study.merits, which, frames, folder=self.folder, threads=self.threads)
-            except RunError:
-                raise
-            except RsoLidarError as error:
-                why = " ".join(str(error).split())
-        return {"row": number, "seed": seed, "merits": merits, "error": why}
-
-
-def plan_of(study: Study, threads: int | None = None) -> tuple[Plan, Scenario]:
-    """Return the plan of a study and its scenario, once every field that it changes is known to be one."""
-    base, path = study.base(), study.scenario_file()
-    plan = Plan(study, tuple(points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
-    with unwarned():
-        _check_fields(plan)
-        _check_points(plan)
-    return plan, base
-
-
-def _check_fields(plan: Plan) -> None:
-    """Raise where an axis names no field of the scenario, or gives values of another type."""
-    for k, axis in enumerate(plan.study.axis):
-        tried = {repr(point[k]): point[k] for point in plan.points}
-        for value in list(tried.values())[:_OF_AN_AXIS]:
-            for field, text in axis.settings(value).items():
-                _check_field(plan, f"{plan.study.where}: axis[{k}]", field, text)
-
-
-def _check_field(plan: Plan, place: str, field: str, text: str) -> None:
-    changed = (*plan.study.set, f"{field}={text}")
-    try:
-        Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed)
-    except ScenarioError as error:
-        key, misfit = _misfit(error, field)
-        if misfit:
-            said = str(error).removeprefix(f"--set {field}={text}: ")
-            named = "" if field in said else f"{field}: "
-            raise ScenarioError(f"{place}.{key}: {named}{said}") from None
-
-
-def _misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
-    """Return which key of an axis is wrong for every point, and whether one is: no such field, or another type."""
-    cause = error.__context__  # what the one line was made of
-    if not isinstance(cause, ValidationError):
-        return "field", str(error).startswith("--set ")
-    steps = field.replace("[", ".").replace("]", "").split(".")
-    for problem in cause.errors(include_url=False):
-        last = str(problem["loc"][-1]) if problem["loc"] else ""
-        if problem["type"] == "extra_forbidden" and last in steps:
-            return "field", True
-        if last == steps[-1] and (problem["type"].endswith("_type") or problem["type"] == "int_from_float"):
-            return "values", True
-    return "field", False
-
-
-def _check_points(plan: Plan) -> None:
-    """Raise where no point is a scenario that can be flown."""
-    n = len(plan.points)
-    first = None
-    for point in dict.fromkeys(np.linspace(0, n - 1, min(n, _TRIED)).round().astype(int).tolist()):
-        try:
-            plan.scenario(point * plan.study.seeds)
-        except ScenarioError as error:
-            first = first or error
-        else:
-            return
-    raise ScenarioError(f"{plan.study.where}: no point can be flown; the first: {first}")
-
-
-# ---------------------------------------------------------------------------------------------------- working through
+from rso_lidar.study.trade_plan import Plan, Row, plan_of
+from rso_lidar.study.trade_table import TradeTable
 
 
 def identity(plan: Plan, base: Scenario) -> str:
@@ -153,21 +45,18 @@ class Rows:
         """Read what is there and keep others away; the file stays when the context ends."""
         lock = Lock(self.path.with_name(f".{self.path.name}.lock"))
         try:
-            self._file = self.path.open("a+b")
-            self._file.seek(0)
-            whole = 0
-            for line in self._file:
-                row = _read(line, self._count)
-                if row is None:
-                    break
-                self.known[row["row"]] = row
-                whole += len(line)
-            self._file.truncate(whole)
+            with self._written():
+                self._file = self.path.open("a+b")
+                self._file.seek(0)
+                whole = 0
+                for line in self._file:
+                    row = _read(line, self._count)
+                    if row is None:
+                        break
+                    self.known[row["row"]] = row
+                    whole += len(line)
+                self._file.truncate(whole)
             yield self
-        except OSError as error:
-            raise RunError(
-                f"{self.path}: cannot be written ({error.strerror or error}); make room and run again"
-            ) from error
         finally:
             if self._file is not None:
                 self._file.close()
@@ -176,10 +65,20 @@ class Rows:
     def add(self, row: Row) -> None:
         """Keep a row; when this returns, a kill no longer loses it."""
         assert self._file is not None
-        self._file.write((json.dumps(row) + "\n").encode())
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with self._written():
+            self._file.write((json.dumps(row) + "\n").encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
         self.known[row["row"]] = row
+
+    @contextmanager
+    def _written(self) -> Iterator[None]:
+        """Say of what the system refuses that it was this file."""
+        try:
+            yield
+        except OSError as error:
+            told = error.strerror or error
+            raise RunError(f"{self.path}: cannot be written ({told}); make room and run again") from error
 
 
 def _read(line: bytes, count: int) -> Row | None:
@@ -212,28 +111,11 @@ def work(plan: Plan, known: dict[int, Row], workers: int | None = None) -> Itera
             raise
 
 
-@dataclass(frozen=True, eq=False)
-class Trade:
-    """A trade study and its answers: `table` holds columns (row) by name: row, seed, fields, figures of merit, error."""
-
-    study: Study
-    base: Scenario
-    plan: Plan
-    table: dict[str, np.ndarray]
-
-    def of_points(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and standard deviation (point) of a figure of merit over its seeds; NaN where none has one."""
-        values = self.table[name].reshape(-1, self.study.seeds)
-        known = np.isfinite(values)
-        count = known.sum(axis=1)
-        mean = np.where(count > 0, np.where(known, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
-        squared = np.where(known, (values - mean[:, None]) ** 2, 0.0).sum(axis=1)
-        return mean, np.where(count > 1, np.sqrt(squared / np.maximum(count - 1, 1)), np.nan)
+class Trade(TradeTable):
+    """A trade study worked through: its table, and how to write it and its report."""
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the table (.csv, .parquet) or of the report (.html), written whole or not at all."""
-        from rso_lidar.study.report import save
-
         return save(self, Path(path))
 
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.cli import main
+from rso_lidar.errors import told
 from rso_lidar.orbit import ccsds
 
 FLYBY = Path(__file__).resolve().parents[2] / "examples" / "tle_flyby.toml"
@@ -124,6 +125,22 @@ def test_an_ephemeris(call, flyby, tmp_path, target):
     numbers = np.array([cells[1:] for _, cells in segment.rows], dtype=float) * 1e3
     np.testing.assert_allclose(numbers[:, :3], [state.position_m for state in states], atol=6e-7)  # written to 1e-6 m
     np.testing.assert_allclose(numbers[:, 3:], [state.velocity_m_s for state in states], atol=6e-10)
+
+
+def test_what_a_recording_names_lies_beside_it(call, flyby, tmp_path, monkeypatch):
+    """A motion's file is looked up beside the recording, and what the run has warned of is not told again."""
+    import rso_lidar.cli.export as command
+
+    beside, asked = flyby.with_name("plan.csv"), []
+    beside.write_text("", encoding="utf-8")
+
+    def breaks_s(scenario, name):
+        asked.append((scenario.file("plan.csv"), told()))
+        return set()
+
+    monkeypatch.setattr(command, "breaks_s", breaks_s)
+    assert call(flyby, "--to", tmp_path / "x.oem")[0] == 0
+    assert asked == [(beside, False)]
 
 
 def test_impulses_break_an_ephemeris(call, tmp_path, monkeypatch):

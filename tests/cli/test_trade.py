@@ -10,7 +10,10 @@ from functools import partial
 
 import pytest
 
+from rso_lidar.study.trading import Rows
 from tests.study.trade_for_tests import STUDY, folder_with
+
+NO_PICTURES = "\n[report]\npictures = 0\n"
 
 
 @pytest.fixture
@@ -24,7 +27,7 @@ def rows_of(path):
 
 
 def test_a_table_and_a_report(call, text, tmp_path):
-    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5, -5]"))
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5, -5]") + NO_PICTURES)
     status, said, _ = call(study)
     assert status == 0
     assert said.splitlines()[0] == "Energy and beam: 6 runs, 3 could not be flown"
@@ -38,7 +41,9 @@ def test_a_table_and_a_report(call, text, tmp_path):
 
 
 def test_where_it_goes(call, text, tmp_path):
-    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    study = folder_with(
+        tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1") + NO_PICTURES
+    )
     (tmp_path / "made").mkdir()
     assert call(study, "-o", tmp_path / "made")[0] == 0
     assert call(study, "-o", tmp_path / "made" / "other.html")[0] == 0
@@ -47,11 +52,23 @@ def test_where_it_goes(call, text, tmp_path):
     assert (tmp_path / "made" / "other.csv").read_bytes() == (tmp_path / "made" / "study.csv").read_bytes()
 
 
+def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    monkeypatch.chdir(tmp_path)
+    assert call(study, "-o", "made/")[0] == 0
+    assert sorted(file.name for file in (tmp_path / "made").iterdir()) == ["study.csv", "study.html"]
+    study.write_text(STUDY.replace("energy_mj", "energy_m"), encoding="utf-8")
+    assert call(study, "-o", "none/")[0] == 2
+    assert not (tmp_path / "none").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["-o", "x.jpg"], "unknown suffix '.jpg'"),
         (["-o", "x"], "no suffix"),
+        (["-o", "no/such/"], "no/such: there is no folder no; make it first"),
+        (["-o", "mine.csv/"], "mine.csv: exists already"),
         (["-o", "no/such/x.csv"], "there is no folder"),
         (["-o", "mine.csv"], "exists already; give --overwrite"),
         (["-o", "mine.html"], "exists already; give --overwrite"),
@@ -84,7 +101,9 @@ def test_parquet_names_its_extra_before_anything_runs(call, text, tmp_path, monk
 
 
 def test_another_study_is_told_of_what_stands_there(call, text, tmp_path):
-    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    study = folder_with(
+        tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1") + NO_PICTURES
+    )
     (tmp_path / "study.csv.tmp-0badcafe").write_text("", encoding="utf-8")
     status, _, errors = call(study)
     assert status == 0
@@ -112,27 +131,40 @@ def kept_rows(output):
     return files[0].read_bytes().splitlines() if files else []
 
 
+def interrupted(monkeypatch, after):
+    """Press Ctrl-C in this process once so many rows more are kept."""
+    add, kept = Rows.add, []
+
+    def added(rows, row):
+        add(rows, row)
+        kept.append(row)
+        if len(kept) == after:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Rows, "add", added)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
-def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call, text, tmp_path):
-    asked = STUDY.replace("count  = 3", "count  = 12") + "\n[report]\npictures = 1\n"
-    study = folder_with(tmp_path, text, asked.replace('"0:4:2"', '"0:6"'))
+def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call, text, tmp_path, monkeypatch):
+    asked = STUDY.replace('merits   = ["detection_fraction", "range_error_m", ', 'merits   = ["detection_fraction", ')
+    study = folder_with(tmp_path, text, asked.replace("count  = 3", "count  = 8") + "\n[report]\npictures = 1\n")
     output = tmp_path / "cut.csv"
-    process = started(study, output)
-    process.send_signal(signal.SIGINT)
-    said, errors = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert errors.splitlines()[-1].startswith("interrupted: ")
-    assert f"of 24 runs are kept in {output}.tmp-" in errors and errors.rstrip().endswith("the same command goes on")
-    assert not output.exists() and not output.with_suffix(".html").exists()
     process = started(study, output)
     process.kill()
     process.communicate(timeout=60)
     there = len(kept_rows(output))
-    assert 4 <= there < 24  # or it was not cut off
+    assert 2 <= there < 13  # or it was not cut off
+    with monkeypatch.context() as patch:
+        interrupted(patch, after=2)
+        status, _, errors = call(study, "-o", output)
+    assert status == 130
+    assert errors[-1].startswith(f"interrupted: {there + 2} of 16 runs are kept in {output}.tmp-")
+    assert errors[-1].endswith("the same command goes on")
+    assert not output.exists() and not output.with_suffix(".html").exists()
     status, said, _ = call(study, "-o", output)
     assert status == 0
-    assert said.splitlines()[0] == f"going on after {there} of 24 runs"
+    assert said.splitlines()[0] == f"going on after {there + 2} of 16 runs"
     assert call(study, "-o", tmp_path / "whole.csv")[0] == 0
-    for suffix in (".csv", ".html"):
+    for suffix in (".csv", ".html"):  # pictures and all
         assert output.with_suffix(suffix).read_bytes() == (tmp_path / f"whole{suffix}").read_bytes()
     assert not kept_rows(output)

@@ -1,6 +1,7 @@
 """The shape of rooms and modules: short, flat, well named, and no random numbers out of nowhere."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,31 @@ def test_rooms_are_flat():
 def test_every_room_has_a_door():
     rooms = {file.parent for file in MODULES}
     assert all((room / "__init__.py").is_file() for room in rooms)
+
+
+def inner_imports(room):
+    """Return by module of a room the modules of it that it imports, within functions too."""
+    modules = {file.stem: ast.parse(file.read_text(encoding="utf-8")) for file in (PACKAGE / room).glob("*.py")}
+    found = {}
+    for name, tree in modules.items():
+        asked = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
+        door = f"rso_lidar.{room}"
+        named = {alias.name for node in asked if node.module == door for alias in node.names}
+        named |= {node.module.removeprefix(f"{door}.") for node in asked if node.module.startswith(f"{door}.")}
+        found[name] = named & set(modules) - {"__init__"}
+    return found
+
+
+@pytest.mark.parametrize("room", ["cli", "study"])
+def test_modules_of_a_room_import_each_other_in_no_circle(room):
+    list(TopologicalSorter({name: of for name, of in inner_imports(room).items() if name != "__init__"}).static_order())
+
+
+def test_commands_do_not_import_one_another():
+    imported = inner_imports("cli")
+    commands = imported.pop("app")
+    doors = {name: of & commands for name, of in imported.items() if name != "__init__"}
+    assert len(commands) > 10 and not {name: of for name, of in doors.items() if of}, "what is shared is a module"
 
 
 def dotted(node):

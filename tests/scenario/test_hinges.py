@@ -82,3 +82,15 @@ def test_taxonomy_is_the_catalogue_s_unless_given_and_survives_a_table():
     older = [{key: value for key, value in table.items() if key != "taxonomy"} for table in tables([entry])]
     assert targets(older)[0].taxonomy is None
     assert rl.Taxonomy(**{**own.model_dump(), "rate_deg_s": (0.0, 0.0)}).in_words.endswith("large, tumbling")
+
+
+def test_corners_of_a_target_are_those_of_its_mesh_whatever_turns(text):
+    """Surfaces of hinges have their own origins; put back and unturned they are the mesh again."""
+    plain = rl.Scenario.loads(text, settings=('target.plate.model="tdrs"',))
+    joint = '[{name="solar_north", angle={type="fixed", angle_deg=40}}]'
+    hinged = rl.Scenario.loads(text, settings=('target.plate.model="tdrs"', f"target.plate.joint={joint}"))
+    assert len(hinged.surfaces_of(0)) == 2
+    whole, parts = (one.corners_of(0).reshape(-1, 9) for one in (plain, hinged))
+    for found, expected in ((parts.min(axis=0), whole.min(axis=0)), (parts.max(axis=0), whole.max(axis=0))):
+        assert found == pytest.approx(expected, abs=1e-9)  # rounding
+    assert parts.sum(axis=0) == pytest.approx(whole.sum(axis=0), abs=1e-6)

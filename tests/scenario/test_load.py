@@ -3,7 +3,7 @@
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.errors import FieldError, RsoLidarError, ScenarioError, SettingError, placed
 
 ORBIT = (
     'motion = { type = "kepler", epoch_utc = 2024-09-17T12:00:00Z, semi_major_axis_km = 7000, eccentricity = 0.001, '
@@ -193,3 +193,13 @@ class TestSettings:
     def test_bad_ones(self, setting, words, text):
         with pytest.raises(ScenarioError, match=words):
             rl.Scenario.loads(text, settings=(setting,))
+
+
+def test_an_error_says_to_a_program_what_was_wrong(text):
+    """The place of each field that is wrong and its kind; a setting without a place is of another class."""
+    with pytest.raises(FieldError) as caught, placed("study.toml"):
+        rl.Scenario.loads(text, settings=("lidar.laser.energy_mj=-5", 'ptu.response.damping="much"'))
+    wrong = {".".join(map(str, place[:2])): kind for place, kind in caught.value.problems}
+    assert wrong == {"lidar.laser": "greater_than", "ptu.response": "float_type"}
+    with pytest.raises(SettingError, match="no entry 'plane'"):
+        rl.Scenario.loads(text, settings=("target.plane.scale=2",))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.scene.portrait import portrait
+from rso_lidar.scene.portrait import portrait, viewer_axes
 from tests.optics.bench_for_tests import box, sphere, surface
 
 BOX = surface("box", box(1.0, 2.0, 3.0) + np.array([5.0, -2.0, 1.0]))
@@ -42,3 +42,10 @@ def test_a_sphere_is_brightest_in_its_middle():
     assert abs(row - 99.5) < 6
     assert abs(col - 99.5) < 6
     assert np.all(seen.cosine[~seen.covered] == 0.0)
+
+
+def test_a_viewer_s_axes_are_right_handed_and_look_back():
+    right, down, ahead = viewer_axes((1.0, 0.8, 0.7), (0.0, 0.0, 1.0))
+    assert np.allclose(np.cross(right, down), ahead, rtol=0, atol=1e-15)
+    assert ahead == pytest.approx(-np.array([1.0, 0.8, 0.7]) / np.linalg.norm([1.0, 0.8, 0.7]), abs=1e-15)
+    assert down[2] < 0.0 and right[2] == 0.0

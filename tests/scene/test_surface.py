@@ -180,3 +180,9 @@ def test_single_facets_may_be_of_another_material():
     still, turned = articulated(sat, [Hinged("sat.wing", ("wing",), (0.0, 0.0, 0.0))])
     assert still.matt_per_sr == pytest.approx(expected[:8])
     assert turned.matt_per_sr == pytest.approx(expected[8:])
+
+
+def test_the_area_of_a_box_is_that_of_its_sides():
+    boxed = surface("sat", BOX, scale=0.5)
+    assert boxed.area_m2 == pytest.approx(0.25 * 2.0 * (1 * 2 + 2 * 3 + 1 * 3), rel=1e-12)
+    assert boxed.areas_m2.shape == (len(BOX),)

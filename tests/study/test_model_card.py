@@ -9,20 +9,20 @@ from rso_lidar.study.model_card import SIDES, model_card
 
 def test_a_plate_sends_back_what_the_budget_says():
     card = model_card("plate")
-    echo = {(one.wavelength_nm, one.side): one for one in card.echoes}
-    facing = echo[1064.0, "from +x"]
+    seen = {(one.wavelength_nm, one.side): one for one in card.returns}
+    facing = seen[1064.0, "from +x"]
     # a filled pixel by the closed form, which shares no radiometry with the chain; 0.5 % is what the two agree to
     budget = rl.budget("gsfl_1064", materials=[0.3], range_m=[900.0, 1000.0]).curves[0]
     assert facing.brightest_photons == pytest.approx(budget.photons[-1], rel=5e-3)
     # 16 m2 in pixels of 0.341 m
     assert facing.photons == pytest.approx(budget.photons[-1] * 16.0 / 0.34094**2, rel=5e-3)
     # another wavelength: the same energy is more photons
-    assert echo[1570.0, "from +x"].photons == pytest.approx(facing.photons * 1570 / 1064, rel=1e-6)
-    assert echo[1064.0, "from +y"].photons < 1e-2 * facing.photons  # 2 mm of edge
+    assert seen[1570.0, "from +x"].photons == pytest.approx(facing.photons * 1570 / 1064, rel=1e-6)
+    assert seen[1064.0, "from +y"].photons < 1e-2 * facing.photons  # 2 mm of edge
 
 
 def test_a_card_shows_parts_and_materials(tmp_path):
-    card = model_card("tdrs", echoes=False)
+    card = model_card("tdrs", returns=False)
     assert [view.side for view in card.views] == list(SIDES)
     for view in card.views:
         assert np.array_equal(view.part >= 0, view.material >= 0)

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.study.report import report
+from rso_lidar.study.report import _command, report
 from rso_lidar.study.trading import trade
 from tests.conftest import BENCH
 from tests.study.trade_for_tests import STUDY, folder_with
@@ -86,11 +86,15 @@ def test_it_says_what_came_out(page, made):
         assert merit in text
 
 
-def test_it_is_the_same_twice(page, made):
-    assert report(made) == page
+def test_the_command_under_a_picture_finds_the_scenario_from_the_working_folder(made, monkeypatch):
+    folder = made.plan.folder
+    for here, path in ((folder.parent, f"{folder.name}/bench.toml"), (folder, "bench.toml")):
+        monkeypatch.chdir(here)
+        assert _command(made, 0, 2).startswith(f"rso-lidar run {path} --set lidar.laser.energy_mj=5 ")
 
 
-def test_files_by_suffix(made, tmp_path):
+def test_files_by_suffix(made, page, tmp_path, monkeypatch):
+    monkeypatch.setattr("rso_lidar.study.report.report", lambda _: page)
     assert made.save(tmp_path / "x.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert made.save(tmp_path / "x.csv").read_text(encoding="utf-8").startswith("row,seed,lidar.laser.energy_mj,")
     with pytest.raises(ScenarioError, match=r"not written as '\.htm'; did you mean '\.html'"):
@@ -100,4 +104,5 @@ def test_files_by_suffix(made, tmp_path):
 def test_without_pictures_nothing_is_flown_again(made, monkeypatch):
     plain = made.study.replace(report={"pictures": 0})
     monkeypatch.setattr("rso_lidar.study.report.simulate", lambda *_, **__: pytest.fail("a frame was flashed"))
+    monkeypatch.setattr("rso_lidar.study.report._plots", lambda _: [])
     assert "<h2>Frames</h2>" not in report(replace(made, study=plain))

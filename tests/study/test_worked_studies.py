@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.scene.library import models
 from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trading import plan_of
+from rso_lidar.study.trade_plan import plan_of
 
 STUDIES = Path(__file__).resolve().parents[2] / "examples" / "studies"
 

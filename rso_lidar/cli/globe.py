@@ -1,0 +1,41 @@
+"""Bodies and lines of sight for a globe, as a CZML document."""
+
+from __future__ import annotations
+
+import datetime
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import orbit
+from rso_lidar.export.czml import Beam, Moving, packets
+from rso_lidar.orbit.earth import itrs_from_gcrs
+from rso_lidar.pose import ROOT, quaternion_xyzw
+from rso_lidar.records import Truth
+
+
+def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
+    """Return a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight."""
+    time_s = place.time_s
+    fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
+    bodies = []
+    for name, state in place.states.items():
+        turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
+        itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
+        bodies.append(Moving(name, state.position_m, _quaternion(itrs_from_body)))
+    beams = []
+    if targets:
+        nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
+        ahead = np.zeros((time_s.size, 3))
+        ahead[:, 2] = nearest
+        beams.append(Beam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
+    ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
+    start, end = ends.skyfield_time().utc_iso(places=6)
+    lines = [("follower", name) for name in targets]
+    return packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+
+
+def _quaternion(matrix: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    return quaternion_xyzw(Rotation.from_matrix(matrix))

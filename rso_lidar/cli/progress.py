@@ -1,0 +1,90 @@
+"""How far a run has come: a bar on a terminal, lines elsewhere."""
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol
+
+import typer
+
+from rso_lidar.records import Frame
+
+_LOG_EVERY_S = 5.0
+
+
+class Bar(Protocol):
+    """Something that shows how far a run has come."""
+
+    def advance(self) -> None:
+        """Count one frame."""
+
+
+@contextmanager
+def progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
+    """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        yield _Lines(total, done, of)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
+        task = shown.add_task("frames", total=total, completed=done, rate="")
+        pace = _Pace()
+
+        class _Rich:
+            def advance(self) -> None:
+                shown.update(task, advance=1, rate=f"{pace.count():.1f} {of}s/s")
+
+        yield _Rich()
+
+
+def counted(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
+    """Yield frames, counting them on a bar."""
+    with progress(len(frames), 0, doing) as bar:
+        for frame in frames:
+            yield frame
+            bar.advance()
+
+
+class _Pace:
+    """How fast frames come, once the first has: what is worked out once, and compiled, says nothing of the rest."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._count = 0
+
+    @property
+    def first(self) -> bool:
+        """Return whether no more than one frame has come."""
+        return self._count < 2
+
+    def count(self) -> float:
+        """Count one frame, and return the frames per second."""
+        now = time.monotonic()
+        self._count += 1
+        if self._count == 1:
+            waited, self._began = now - self._began, now
+            return 1.0 / max(waited, 1e-9)
+        return (self._count - 1) / max(now - self._began, 1e-9)
+
+
+class _Lines:
+    def __init__(self, total: int, done: int, of: str) -> None:
+        self._total, self._done, self._of = total, done, of
+        self._said = time.monotonic()
+        self._pace = _Pace()
+
+    def advance(self) -> None:
+        self._done += 1
+        rate, now = self._pace.count(), time.monotonic()
+        if now - self._said < _LOG_EVERY_S and self._done < self._total:
+            return
+        if self._pace.first and self._done < self._total:
+            return  # one frame tells no pace
+        self._said = now
+        left = (self._total - self._done) / rate
+        with suppress(OSError, AttributeError):  # nobody may be listening
+            typer.echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)
