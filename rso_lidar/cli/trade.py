@@ -23,9 +23,12 @@ _INTERRUPTED = 130
 def trade(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")],
     output: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            "-o", "--output", help="Folder, or .csv, .html or .parquet; table and report go beside each other."
+            "-o",
+            "--output",
+            metavar="PATH",
+            help="Folder (made/ makes it), or .csv, .html or .parquet; table and report go beside each other.",
         ),
     ] = None,
     workers: Annotated[
@@ -38,14 +41,17 @@ def trade(
 ) -> None:
     """Work through a trade study: fields of a scenario against figures of merit, as a table (.csv) and a report (.html)."""
     study = Study.load(file)
-    places = _places(file, output)
-    for place in places:
+    new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
+    places = _places(file, output, new=new)
+    for place in () if new else places:
         free(place, report.SUFFIXES, overwrite=overwrite)
-    if not os.access(places[0].parent, os.W_OK):
+    if not new and not os.access(places[0].parent, os.W_OK):
         raise RecordingError(f"{places[0]}: the folder may not be written to; choose another")
     report.check(places)
     many = workers is not None and workers > 1
     plan, base = plan_of(study, threads=1 if many else None)
+    if new:
+        _make(places[0].parent)
     kept = working_file(places[0], plan, base)
     _tell_of_others(kept)
     rows = Rows(kept, study.n_rows)
@@ -69,15 +75,29 @@ def trade(
         typer.echo(line)
 
 
-def _places(file: Path, output: Path | None) -> list[Path]:
-    """Return the table's place first, then the report's, and that of another table where one is asked for."""
-    if output is None or output.is_dir():
-        stem = (output or file.parent) / file.stem
+def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
+    """Return the table's place first, then the report's, and that of another table where one is asked for.
+
+    `new` says that a folder is meant that is not there yet.
+    """
+    output = file.parent if given is None else Path(given)
+    if new or output.is_dir():
+        stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
     if output.suffix.lower() not in report.SUFFIXES:
         free(output, report.SUFFIXES)
     places = [output.with_suffix(".csv"), output.with_suffix(".html")]
     return [*places, output] if output.suffix.lower() == ".parquet" else places
+
+
+def _make(folder: Path) -> None:
+    """Make a folder in one that there is."""
+    try:
+        folder.mkdir()
+    except FileNotFoundError:
+        raise RecordingError(f"{folder}: there is no folder {folder.parent}; make it first") from None
+    except OSError as error:
+        raise RecordingError(f"{folder}: no folder can be made there ({error.strerror}); choose another") from None
 
 
 def _write(made: Trade, places: list[Path]) -> None:

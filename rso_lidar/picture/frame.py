@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 Corner = Literal["lower left", "lower right", "upper left", "upper right"]
 
+PartKey = tuple[int, int]  # numbers of target and part
+
 WIDTH_IN = 10.6
 LETTERS = 172  # of small print in a line
 MOST_TARGETS = 3  # whose geometry is told
@@ -48,18 +51,24 @@ def save_frame(frame: Frame, path: str | Path) -> Path:
     return save_figure(frame_figure(frame), place)
 
 
-def frame_figure(frame: Frame) -> Figure:
+def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     """Return a figure of one frame: measured range, intensity, the parts that were there, and range minus truth.
 
     All four show the same square around the target, or the whole field where the target fills it; rows and columns are
     numbered as in the arrays. Limits of colour leave out one per cent at either end.
+
+    Parameters
+    ----------
+    frame : what is drawn.
+    parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
+        those with most pixels); `parts_in_order` of all frames of a series gives a part one colour in all.
     """
     window = crop(around(sighted(frame)))
     figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summary(frame), tuple(_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
     range_panel(panels[0, 0], frame, window)
     intensity_panel(panels[0, 1], frame, window)
-    _part_panel(panels[1, 0], frame, window)
+    _part_panel(panels[1, 0], frame, window, parts)
     _error_panel(panels[1, 1], frame, window)
     for axes in panels.flat:
         axes.set_xlabel("col", fontsize=9, color=hexed(QUIET))
@@ -228,18 +237,15 @@ def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
         )  # fmt: skip
 
 
-def _part_panel(axes: Axes, frame: Frame, window: Window) -> None:
+def _part_panel(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
-    labels = frame.labels
-    there = labels.target >= 0
-    kinds, places, counts = np.unique(
-        np.stack([labels.target[there], labels.part[there]], axis=-1), axis=0, return_inverse=True, return_counts=True
-    )
+    there = frame.labels.target >= 0
+    kinds, places, counts = _part_kinds(frame)
     order = np.argsort(-counts, kind="stable")
     named = len(PARTS)
-    colour = _part_colours(frame, kinds, order)
+    colour = _part_colours(frame, kinds, order, parts)
     shown = np.full(there.shape, np.nan)
     shown[there] = colour[places.reshape(-1)]
     colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hexed(NO_RETURN))
@@ -271,16 +277,37 @@ def _part_panel(axes: Axes, frame: Frame, window: Window) -> None:
     )
 
 
-def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray) -> np.ndarray:
+def _part_kinds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the kinds (kind, [target, part]) in a frame, which of them each pixel on a target is, and how many are."""
+    there = frame.labels.target >= 0
+    seen = np.stack([frame.labels.target[there], frame.labels.part[there]], axis=-1)
+    kinds, places, counts = np.unique(seen, axis=0, return_inverse=True, return_counts=True)
+    return kinds, places, counts
+
+
+def parts_in_order(frames: Sequence[Frame]) -> tuple[PartKey, ...]:
+    """Return the parts (target, part) in frames, that with most pixels in all of them first."""
+    total: dict[PartKey, int] = {}
+    for frame in frames:
+        kinds, _, counts = _part_kinds(frame)
+        for (target, part), count in zip(kinds.tolist(), counts.tolist(), strict=True):
+            total[target, part] = total.get((target, part), 0) + count
+    return tuple(sorted(total, key=lambda kind: (-total[kind], kind)))
+
+
+def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: Sequence[PartKey]) -> np.ndarray:
     """Return the number of the colour of each kind (kind, [target, part]), `len(PARTS)` for those that share the last.
 
-    Where there is a colour for every part of the recording a part keeps its own in all frames; else the parts with most
-    pixels, first in `order`, get them.
+    Where there is a colour for every part of the recording a part keeps its own in all frames; else the first in `parts`
+    get them, or without these the parts with most pixels, first in `order`.
     """
     starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
     known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
     if known and starts[-1] <= len(PARTS):
         return np.asarray(starts[kinds[:, 0]] + kinds[:, 1])
+    if parts:
+        place = {kind: k for k, kind in enumerate(parts[: len(PARTS)])}
+        return np.array([place.get((target, part), len(PARTS)) for target, part in kinds.tolist()], dtype=int)
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)
     return np.asarray(np.minimum(rank, len(PARTS)))

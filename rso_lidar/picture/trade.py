@@ -20,18 +20,23 @@ if TYPE_CHECKING:
 
 _PANEL_IN = 3.3
 _COLUMNS = 3
-_BINS = 8  # along an axis whose values were drawn
+_BINS = 8  # stretches, at most, of an axis with many values
+_OF_A_BIN, _FEWEST_BINS = 5, 3  # drawn values in a stretch, and stretches, from which a line says more than its dots
 _MOST_LEVELS = 24  # values of an axis that are told apart
 _HEAD_IN = 0.75
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """One column of a trade (row): its name in words, its values, numbers or texts, and whether it spans decades."""
+    """One column of a trade (row): its name in words, its values, numbers or texts, and whether it spans decades.
+
+    `drawn` is how many points were drawn, where the axes' values were drawn and not a grid's.
+    """
 
     name: str
     values: np.ndarray
     log: bool = False
+    drawn: int = 0
 
     @property
     def numeric(self) -> bool:
@@ -48,14 +53,20 @@ class Quantity:
 
 
 def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure:
-    """Return a figure of one figure of merit along each axis: a dot a run, and the mean of each value or stretch."""
+    """Return a figure of one figure of merit along each axis: a dot a run, and what each value or stretch gives.
+
+    The line is the mean of each value of a grid. Of drawn values it is the median of stretches that hold enough of them,
+    and there is none where these are few: a line from dot to dot would show noise as shape.
+    """
     columns = _columns(len(along))
     rows = math.ceil(len(along) / columns)
-    note = f"{better} is better   ·   a dot a run, the line their mean; the spread is what the other axes do"
+    lines = [_line(axis, merit) for axis in along]
+    line = f", the line their {'median, in stretches' if along[0].drawn else 'mean'}" if any(map(len, lines)) else ""
+    note = f"{better} is better   ·   a dot a run{line}; the spread is what the other axes do"
     figure = new_figure(max(_PANEL_IN * columns + 0.4, 7.0), _HEAD_IN + 2.7 * rows, merit.name, note)
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
-    for axes, axis in zip(panels.flat, along, strict=False):
-        _effect(axes, axis, merit)
+    for axes, axis, points in zip(panels.flat, along, lines, strict=False):
+        _effect(axes, axis, merit, points)
     for axes in panels.flat[len(along) :]:
         axes.set_axis_off()
     for row in panels:
@@ -63,37 +74,45 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     return figure
 
 
-def _effect(axes: Axes, axis: Quantity, merit: Quantity) -> None:
+def _effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
     known = np.isfinite(merit.values)
     levels, which = axis.levels()
     place = axis.values if axis.numeric else which.astype(float)
     axes.plot(place[known], merit.values[known], "o", color=PARTS[4], ms=4.5, alpha=0.6, mew=0)
-    if len(levels) <= _MOST_LEVELS and len(levels) < len(which):
-        group, middle = which, np.asarray(levels, dtype=float) if axis.numeric else np.arange(len(levels), dtype=float)
-    else:
-        group, middle = _binned(axis)
-    means = [
-        (middle[k], np.mean(merit.values[known & (group == k)]))
-        for k in range(len(middle))
-        if np.any(known & (group == k))
-    ]
-    if means:
-        axes.plot(*np.array(means).T, "o-", color=PARTS[0], lw=1.5, ms=4)
+    if len(points):
+        axes.plot(*points.T, "o-", color=PARTS[0], lw=1.5, ms=4)
     dress(axes, x=_wrapped(axis.name))
     _scaled(axes, axis, levels)
     if known.any():
         _roomy(axes, merit)
 
 
-def _binned(axis: Quantity) -> tuple[np.ndarray, np.ndarray]:
-    """Return which of equally full stretches each row is in, and their middles."""
-    count = min(_BINS, max(len(axis.values) // 3, 1))
-    order = np.argsort(np.argsort(axis.values, kind="stable"), kind="stable")
-    group = order * count // len(axis.values)
-    mean = np.array(
-        [np.mean(np.log(axis.values[group == k]) if axis.log else axis.values[group == k]) for k in range(count)]
+def _line(axis: Quantity, merit: Quantity) -> np.ndarray:
+    """Return the points (point, [place, value]) of the line through a panel; none where it would only join dots."""
+    levels, which = axis.levels()
+    if axis.drawn and axis.drawn < 3 * len(levels):  # else of a list, each drawn some times
+        count = min(_BINS, len(levels) // _OF_A_BIN)
+        if not axis.numeric or count < _FEWEST_BINS:
+            return np.empty((0, 2))
+        group, middle = _binned(axis, count)
+    elif len(levels) <= _MOST_LEVELS or not axis.numeric:
+        group, middle = which, np.asarray(levels, dtype=float) if axis.numeric else np.arange(len(levels), dtype=float)
+    else:
+        group, middle = _binned(axis, min(_BINS, len(levels) // 3))
+    each = [merit.values[(group == k) & np.isfinite(merit.values)] for k in range(len(middle))]
+    of = np.median if axis.drawn else np.mean
+    return np.array([(place, of(values)) for place, values in zip(middle, each, strict=True) if values.size]).reshape(
+        -1, 2
     )
-    return group, np.exp(mean) if axis.log else mean
+
+
+def _binned(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return which of so many stretches, with as many values in each, each row is in, and their middles."""
+    levels, which = axis.levels()
+    group = np.arange(len(levels)) * count // len(levels)
+    shown = np.log(levels) if axis.log else levels
+    mean = np.array([np.mean(shown[group == k]) for k in range(count)])
+    return group[which], np.exp(mean) if axis.log else mean
 
 
 def _scaled(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:

@@ -27,12 +27,14 @@ from rso_lidar.scene.library import (
     materials,
     model,
     models,
+    own_entry,
     own_folder,
     own_models,
     read_own_index,
     read_table,
 )
 from rso_lidar.scene.mesh import Mesh, likely_units, load_mesh, mended, plausible
+from rso_lidar.scene.surface import FARTHEST_M
 from rso_lidar.shipped import shipped
 
 COMMANDS = (
@@ -43,6 +45,7 @@ COMMANDS = (
     "check",
     "remove",
 )  # of `rso-lidar models`, which takes a model's name in their place
+_LEAST_M = 1e-4  # the index holds sizes to a tenth of a millimetre
 _WAIT_S = 60.0  # for another process that adds a model: the largest meshes take some ten seconds
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,62}")
 _DEFAULT = "lambertian_30"
@@ -115,6 +118,9 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
             draft.write_bytes(blob)
             table, said = _table(load_mesh(draft), known, wanted, unit_m)
             table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
+            if not _LEAST_M < (largest_m := max(table["size_m"])) < FARTHEST_M:
+                raise MeshError(f"{path.name}: is {largest_m:.4g} m across; say what it is with --scale or --size-m")
+            own_entry(folder / "index.toml", table)
         entries = [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name]
         _write_index(folder, [*entries, table])
         if before is not None and before.path != place:
@@ -126,13 +132,15 @@ def remove_model(name: str) -> Path:
     """Return the mesh file that was taken out of the user's library, with its entry."""
     folder = own_folder()
     with _alone_in(folder) if folder.is_dir() else nullcontext():
-        own = own_models()
-        if name not in own:
+        own, tables = own_models(), read_own_index(folder / "index.toml")
+        if name not in own and name not in [table.get("name") for table in tables]:
             where = "is shipped with the package, and stays" if name in models() else "is not in your library"
             raise ScenarioError(f"model '{name}': {where}{did_you_mean(name, own)} (yours: {', '.join(own) or 'none'})")
-        _write_index(folder, [entry for entry in read_own_index(folder / "index.toml") if entry.get("name") != name])
-        _unlink(own[name].path, folder)
-    return own[name].path
+        _write_index(folder, [table for table in tables if table.get("name") != name])
+        files = [str(table.get("file", "")) for table in tables if table.get("name") == name]
+        place = folder / Path(files[0] or name).name
+        _unlink(place, folder)
+    return place
 
 
 def _alone_in(folder: Path) -> Lock:

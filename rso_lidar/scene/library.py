@@ -20,9 +20,7 @@ from rso_lidar.scene.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
-_told_of: set[tuple[Path, str]] = (
-    set()
-)  # libraries, and which of their models it has been said that a shipped one hides
+_told_of: set[object] = set()  # libraries, and which of their models it has been said that a shipped one hides
 _OWN_CURE = "mend that line, or add the mesh again with `rso-lidar models add --overwrite`"
 
 
@@ -112,7 +110,9 @@ def model(name: str) -> ModelEntry:
     if name in known:
         _tell_of_shadow(name)
         return known[name]
-    own = own_models()
+    own, broken = _own()
+    if name in broken:
+        raise MeshError(broken[name])
     if name not in own:
         both = [*known, *own]
         raise ScenarioError(
@@ -128,7 +128,7 @@ def _tell_of_shadow(name: str) -> None:
     if place in _told_of or not told():
         return
     try:
-        hidden = name in own_models()
+        hidden = name in _own()[0]
     except RsoLidarError:
         return
     if hidden:
@@ -146,21 +146,44 @@ def own_folder() -> Path:
 
 
 def own_models() -> dict[str, ModelEntry]:
-    """Return the models of the user's own library by name, none where there is no library."""
+    """Return the models of the user's own library by name, none where there is no library.
+
+    An entry that cannot be read is left out, and told of once; who asks for it gets the reason.
+    """
+    good, broken = _own()
+    for reason in broken.values():
+        if reason not in _told_of and told():
+            _told_of.add(reason)
+            warn(reason)
+    return dict(good)
+
+
+def _own() -> tuple[Mapping[str, ModelEntry], Mapping[str, str]]:
+    """Return the user's own models by name, and by name why others cannot be read."""
     path = own_folder() / "index.toml"
     try:
         status = path.stat()
     except OSError:
-        return {}
-    return dict(_own_models(path, (status.st_mtime_ns, status.st_size, status.st_ino)))
+        return {}, {}
+    return _own_models(path, (status.st_mtime_ns, status.st_size, status.st_ino))
 
 
 @functools.lru_cache(maxsize=4)
-def _own_models(path: Path, _stamp: tuple[int, int, int]) -> Mapping[str, ModelEntry]:
-    tables = read_own_index(path)
-    return MappingProxyType(
-        {entry.name: entry for entry in (_entry(path, table, _OWN_CURE, own=True) for table in tables)}
-    )
+def _own_models(path: Path, _stamp: tuple[int, int, int]) -> tuple[Mapping[str, ModelEntry], Mapping[str, str]]:
+    good: dict[str, ModelEntry] = {}
+    broken: dict[str, str] = {}
+    for table in read_own_index(path):
+        try:
+            entry = own_entry(path, table)
+            good[entry.name] = entry
+        except MeshError as error:
+            broken[str(table.get("name", "?"))] = str(error)
+    return MappingProxyType(good), MappingProxyType(broken)
+
+
+def own_entry(path: Path, table: dict[str, Any]) -> ModelEntry:
+    """Return the entry that a table of the user's index at `path` makes, or raise `MeshError` with the cure."""
+    return _entry(path, table, _OWN_CURE, own=True)
 
 
 def read_own_index(path: Path) -> list[dict[str, Any]]:

@@ -23,7 +23,7 @@ _scenes: OrderedDict[str, Any] = OrderedDict()
 _held: WeakValueDictionary[str, PacketScene] = WeakValueDictionary()
 _scenes_lock = Lock()
 _SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
-_FARTHEST_M = 1e7  # float32 still resolves a metre there
+FARTHEST_M = 1e7  # float32 still resolves a metre there
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,9 +255,9 @@ def build_surface(
                 known = ", ".join(mesh.part_names)
                 raise ScenarioError(f"{key}: no part '{part}' in {mesh.path.name}{guess} ({known})")
     vertices = body_from_mesh(mesh.vertices * scale - np.asarray(center_of_mass_m), mesh_axes)
-    if not float(np.abs(vertices).max()) < _FARTHEST_M:
+    if not float(np.abs(vertices).max()) < FARTHEST_M:
         raise MeshError(
-            f"{mesh.path.name} reaches beyond {_FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"
+            f"{mesh.path.name} reaches beyond {FARTHEST_M:g} m as scaled; mend scale, size_m or center_of_mass_m"
         )
     default = material or Lambertian()
     materials = []

@@ -105,7 +105,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Merit:
-    """One figure of merit: `needs` says what has to be done for it, and `better` which way is."""
+    """One figure of merit: `needs` says what has to be done for it, and `better` which way is.
+
+    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better.
+    """
 
     name: str
     unit: str
@@ -113,6 +116,11 @@ class Merit:
     needs: Literal["truth", "frames", "tracker"]
     meaning: str
     value: Callable[[Run], float]
+    decimals: int = 6
+
+    def of(self, run: Run) -> float:
+        """Return the value of a run, to `decimals`."""
+        return round(float(self.value(run)), self.decimals) + 0.0  # no -0
 
     @property
     def sign(self) -> float:
@@ -155,11 +163,13 @@ MERITS = {
             "detection_fraction", "1", "more", "frames",
             "of all pixels on the target, the share that reports its range",
             lambda run: _ratio(run.sums.found, run.sums.pixels),
+            decimals=9,
         ),
         Merit(
             "photons_per_pixel", "photons", "more", "frames",
             "expected photons of a pixel on the target, mean of all",
             lambda run: _ratio(run.sums.photons, run.sums.pixels),
+            decimals=9,
         ),
         Merit(
             "range_error_m", "m", "less", "frames",
@@ -180,7 +190,7 @@ MERITS = {
         Merit(
             "tracker_error_m", "m", "less", "tracker",
             "rms distance of the constant-velocity filter's estimate (`rso-lidar track`) from the target's origin, over the "
-            "flashed frames from the first fix",
+            "flashed frames from the first fix; it follows the nearest of several targets in the field, whichever is meant",
             lambda run: _rms(run.tracker_error_m),
         ),
         Merit(
@@ -230,7 +240,7 @@ def judged(
             for _ in passing:
                 pass
     run = Run(scenario, number, sums, error_m)
-    return {name: float(MERITS[name].value(run)) for name in names}
+    return {name: MERITS[name].of(run) for name in names}
 
 
 def _size_m(scenario: Scenario, number: int) -> float:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from rso_lidar.picture.trade import said
 from rso_lidar.study.merits import MERITS, Merit
 from rso_lidar.study.trade_table import TradeTable
+
+_UNTOLD = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
 
 
 def best_first(trade: TradeTable, name: str) -> np.ndarray:
@@ -57,15 +62,34 @@ def summary(trade: TradeTable) -> list[str]:
             continue
         row = int(points[0]) * study.seeds
         value = said(float(trade.of_points(name)[0][points[0]]))
-        places = ((place, trade.table[place][row]) for place in study.places)
+        places = ((place, head, trade.table[place][row]) for place, head in heads(study.places).items())
         at = ", ".join(
-            f"{place.rpartition('.')[2]} {said(float(value)) if is_number(trade, place) else value}"
-            for place, value in places
+            f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places
         )
         lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
     if failed:
         lines.append(f"not flown: {next(text for text in trade.table['error'].tolist() if text)}")
     return lines
+
+
+def heads(places: Sequence[str]) -> dict[str, str]:
+    """Return by place the end of it that heads its column: as much as says what it is and tells it from the others.
+
+    >>> heads(("follower.motion.position_m.1", "target.a.material", "target.b.material", "lidar.detector.type"))
+    ... # doctest: +NORMALIZE_WHITESPACE
+    {'follower.motion.position_m.1': 'position_m.1', 'target.a.material': 'a.material',
+     'target.b.material': 'b.material', 'lidar.detector.type': 'detector.type'}
+    """
+    steps = {place: place.split(".") for place in places}
+    count = {place: 1 + bool(_UNTOLD.fullmatch(steps[place][-1])) for place in places}
+    while True:
+        ends = {place: ".".join(steps[place][-count[place] :]) for place in places}
+        shared = [place for place in places if list(ends.values()).count(ends[place]) > 1]
+        longer = [place for place in shared if count[place] < len(steps[place])]
+        if not longer:
+            return ends
+        for place in longer:
+            count[place] += 1
 
 
 def is_number(trade: TradeTable, place: str) -> bool:

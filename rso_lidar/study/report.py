@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+import os
 import shlex
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -16,12 +17,13 @@ import numpy as np
 from rso_lidar.draft import beside, write_columns
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.export.parquet import check_parquet, write_parquet
-from rso_lidar.picture.frame import frame_figure
+from rso_lidar.picture.frame import frame_figure, parts_in_order
 from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.merits import MERITS
 from rso_lidar.study.ranking import best_first, chosen, is_number, unbeaten, words
+from rso_lidar.study.ranking import heads as column_heads
 from rso_lidar.study.trade_asked import Axis, Grid, toml_of
 from rso_lidar.study.trade_table import TradeTable
 
@@ -77,7 +79,7 @@ def check(places: Sequence[Path]) -> None:
 
 
 def report(trade: TradeTable) -> str:
-    """Return the report as HTML, pictures and all; it is the same for the same study, scenario and versions."""
+    """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
     study, table = trade.study, trade.table
     failed = np.flatnonzero(table["error"] != "")
     body = [
@@ -198,9 +200,10 @@ def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
 
 def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
+    told = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
-    heads += [(_broken(place.rpartition(".")[2]), is_number(trade, place)) for place in trade.study.places]
+    heads += [(_broken(head), is_number(trade, place)) for place, head in told.items()]
     heads += [(_broken(name), True) for name in trade.study.merits]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
     rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
@@ -259,7 +262,9 @@ def _alike(values: np.ndarray) -> float | None:
 def _quantity(trade: TradeTable, axis: Axis) -> Quantity:
     values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
     more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
-    return Quantity(axis.name + more, values, axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values)))
+    log = axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values))
+    drawn = 0 if isinstance(trade.study.sampling, Grid) else trade.study.sampling.points
+    return Quantity(axis.name + more, values, log, drawn)
 
 
 def _evenly_by_ratio(values: np.ndarray) -> bool:
@@ -320,22 +325,22 @@ def _toml(trade: TradeTable) -> str:
 
 def _pictures(trade: TradeTable) -> list[str]:
     made = []
+    frames = {point: _frame_or_why(trade, point * trade.study.seeds) for point, _ in chosen(trade)}
+    parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
     for point, why in chosen(trade):
-        row = point * trade.study.seeds
+        row, frame = point * trade.study.seeds, frames[point]
         made.append(f"<h3>{escape(why)} (row {row})</h3>")
+        if isinstance(frame, RsoLidarError):
+            made.append(f"<p>{escape(str(frame))}</p>")
+            continue
         with unwarned():
-            try:
-                frame = _frame(trade, row)
-            except RsoLidarError as error:
-                made.append(f"<p>{escape(str(error))}</p>")
-                continue
             merits = ", ".join(
                 f"{words(MERITS[name])} {said(float(trade.table[name][row]))}" for name in trade.study.merits
             )
             caption = (
                 f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
             )
-            made.append(_image(frame_figure(frame), f"frame {frame.index} of row {row}", caption))
+            made.append(_image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
     return ["<h2>Frames</h2>", *made] if made else []
 
 
@@ -343,7 +348,26 @@ def _command(trade: TradeTable, row: int, frame: int) -> str:
     """Return the command that makes a frame of a row again."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
-    return f"rso-lidar run {trade.plan.where} {settings} --frames {frame}:{frame + 1} -o frame.h5"
+    file = shlex.quote(_from_here(trade.plan.folder / trade.plan.where))
+    return f"rso-lidar run {file} {settings} --frames {frame}:{frame + 1} -o frame.h5"
+
+
+def _from_here(file: Path) -> str:
+    """Return the path of a file from the working folder, or from the root where no path leads there."""
+    file = file.resolve()
+    try:
+        return os.path.relpath(file, Path.cwd().resolve())
+    except ValueError:  # another drive
+        return str(file)
+
+
+def _frame_or_why(trade: TradeTable, row: int) -> Frame | RsoLidarError:
+    """Return the frame that is shown of a row, or why there is none."""
+    with unwarned():
+        try:
+            return _frame(trade, row)
+        except RsoLidarError as error:
+            return error
 
 
 def _frame(trade: TradeTable, row: int) -> Frame:

@@ -16,7 +16,6 @@ from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.load import read_toml, validated
-from rso_lidar.shipped import find
 from rso_lidar.simulate import frame_numbers
 from rso_lidar.study.merits import MERITS
 
@@ -202,7 +201,7 @@ class Study(Part):
 
     @classmethod
     def load(cls, path: str | Path) -> Study:
-        """Return the study of a TOML file; what it names is looked up beside it, then among what is shipped."""
+        """Return the study of a TOML file; the scenario that it names is looked up from its folder."""
         path = Path(path)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name)
 
@@ -260,11 +259,11 @@ class Study(Part):
 
     def scenario_file(self) -> Path:
         """Return where the scenario lies."""
-        path = find(self.scenario, self._folder)
-        if path is None:
+        folder = self._folder or Path()
+        path = folder / Path(self.scenario).expanduser()
+        if not path.is_file():
             raise ScenarioError(
-                f"{self._where}: scenario: no file '{self.scenario}' beside the study nor among the shipped data; "
-                "check the name"
+                f"{self._where}: scenario: no file '{self.scenario}' in {folder.resolve()}; give its path from the study"
             )
         return path
 

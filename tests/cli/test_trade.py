@@ -52,11 +52,23 @@ def test_where_it_goes(call, text, tmp_path):
     assert (tmp_path / "made" / "other.csv").read_bytes() == (tmp_path / "made" / "study.csv").read_bytes()
 
 
+def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
+    study = folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1"))
+    monkeypatch.chdir(tmp_path)
+    assert call(study, "-o", "made/")[0] == 0
+    assert sorted(file.name for file in (tmp_path / "made").iterdir()) == ["study.csv", "study.html"]
+    study.write_text(STUDY.replace("energy_mj", "energy_m"), encoding="utf-8")
+    assert call(study, "-o", "none/")[0] == 2
+    assert not (tmp_path / "none").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["-o", "x.jpg"], "unknown suffix '.jpg'"),
         (["-o", "x"], "no suffix"),
+        (["-o", "no/such/"], "no/such: there is no folder no; make it first"),
+        (["-o", "mine.csv/"], "mine.csv: exists already"),
         (["-o", "no/such/x.csv"], "there is no folder"),
         (["-o", "mine.csv"], "exists already; give --overwrite"),
         (["-o", "mine.html"], "exists already; give --overwrite"),

@@ -127,7 +127,7 @@ def test_scenarios_of_the_pages_fly(page):
         if "version" not in (said := tomllib.loads(block)):
             continue
         if "merits" in said:
-            plan_of(Study.loads(block, folder=ROOT / "examples"))
+            plan_of(Study.loads(block, folder=ROOT))
             continue
         frame = next(rl.simulate(rl.Scenario.loads(block), threads=1))
         assert frame.valid.any()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frame import _free_corner, _geometry, summary
+from rso_lidar.picture.frame import _free_corner, _geometry, parts_in_order, summary
 from rso_lidar.records import Reading
 
 
@@ -87,6 +87,29 @@ def test_many_parts_share_the_last_colour(handmade):
     assert len(words) == 11
     assert words[-1].startswith("4 more  ")
     assert sum(int(word.split("  ")[1].replace(",", "")) for word in words) == there.sum()
+
+
+def test_in_a_series_one_of_many_parts_keeps_its_colour(handmade):
+    frame = handmade.make_frame(2600.0, 300.0)
+    parts = tuple(f"part_{k}" for k in range(14))
+    entry = dataclasses.replace(frame.source.targets[0], parts=parts, materials=("m",) * 14)
+    source = dataclasses.replace(frame.source, targets=(entry,))
+    there = frame.labels.target >= 0
+    series = []
+    for most in (11, 2):  # the part with most pixels, first of one frame and then of the other
+        spread = np.where(
+            np.arange(there.size).reshape(there.shape) % 3, most, np.cumsum(there).reshape(there.shape) % 14
+        )
+        labels = dataclasses.replace(frame.labels, part=np.where(there, spread, -1))
+        series.append(dataclasses.replace(frame, source=source, labels=labels))
+    order, colours = parts_in_order(series), {}
+    for one in series:
+        legend = panels(frame_figure(one, order))["Parts, by the labels"].get_legend()
+        for text, patch in zip(legend.get_texts(), legend.get_patches(), strict=True):
+            colours.setdefault(text.get_text().split("  ")[0], set()).add(patch.get_facecolor())
+    assert set(order[:2]) == {(0, 2), (0, 11)}
+    assert len(colours) == 11 and "4 more" in colours
+    assert all(len(own) == 1 for own in colours.values())
 
 
 def test_words_say_time_returns_and_geometry(handmade):

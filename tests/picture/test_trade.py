@@ -24,10 +24,27 @@ def test_means_along_an_axis_of_numbers_and_of_words():
 
 def test_drawn_values_are_averaged_in_stretches():
     place = np.linspace(0.0, 1.0, 64)
-    figure = effects_figure(Quantity("m", 2.0 * place), [Quantity("a", place)], "less")
+    figure = effects_figure(Quantity("m", 2.0 * place), [Quantity("a", place, drawn=64)], "less")
     middle, mean = drawn(figure.axes[0])[1].T
     assert len(middle) == 8
     assert mean == pytest.approx(2.0 * middle)
+
+
+def test_few_drawn_values_are_dots_alone_and_seeds_make_them_no_more():
+    place, text = np.repeat(np.linspace(0.0, 1.0, 14), 4), np.repeat([f"x{k}" for k in range(14)], 4)
+    for axis in (Quantity("a", place, drawn=14), Quantity("b", text, drawn=14)):
+        assert len(drawn(effects_figure(Quantity("m", np.cos(40.0 * place)), [axis], "less").axes[0])) == 1
+
+
+def test_the_line_through_drawn_values_is_a_median_and_that_of_a_grid_of_one_axis_its_runs():
+    place = np.arange(20.0)
+    wild = np.where(place == 7.0, 1e9, place)
+    figure = effects_figure(Quantity("m", wild), [Quantity("a", place, drawn=20)], "less")
+    assert drawn(figure.axes[0])[1].tolist() == [[2.0, 2.0], [7.0, 8.0], [12.0, 12.0], [17.0, 17.0]]
+    listed = Quantity("b", np.tile([1.0, 2.0], 10), drawn=20)  # of a list: its values, ten times each
+    assert [x for x, _ in drawn(effects_figure(Quantity("m", wild), [listed], "less").axes[0])[1]] == [1.0, 2.0]
+    figure = effects_figure(Quantity("m", wild), [Quantity("a", place)], "less")
+    assert drawn(figure.axes[0])[1].tolist() == np.stack([place, wild], axis=1).tolist()
 
 
 def test_what_has_no_value_is_left_out():

@@ -239,8 +239,27 @@ def test_a_library_that_was_tampered_with_says_so(library, box):
         assert old in sound
         index.write_text(sound.replace(old, new))
         with pytest.raises((MeshError, ScenarioError)) as caught:
-            own_models()
+            model("box")
         assert "\n" not in str(caught.value) and "index.toml" in str(caught.value)
+
+
+def test_a_broken_entry_is_left_out_and_can_be_taken_out(library, box):
+    add_model(box())
+    add_model(box(), Wanted(name="other"))
+    index = library / "index.toml"
+    index.write_text(index.read_text().replace("scale = 1.0", 'scale = "a"', 1))
+    with pytest.warns(RsoLidarWarning, match=r"model 'box': scale: should be a valid number"):
+        assert set(own_models()) == {"other"}
+    assert model("other").scale == 1.0
+    remove_model("box")
+    assert set(own_models()) == {"other"} and not (library / "box.stl").exists()
+
+
+@pytest.mark.parametrize("scale", [1e300, 1e9, 1e-9])
+def test_a_size_that_nothing_has_is_refused_before_anything_is_written(library, box, scale):
+    with pytest.raises(MeshError, match=r"m across; say what it is with --scale or --size-m"):
+        add_model(box(), Wanted(scale=scale))
+    assert not list(library.glob("*.stl")) and own_models() == {}
 
 
 def test_what_an_index_leaves_out_is_told_before_a_run(library, tmp_path, text):

@@ -9,6 +9,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.sampling import points, settings, shares
 from rso_lidar.study.trade_asked import MOST_ROWS, Study, toml_of
+from tests.study.trade_for_tests import STUDY, folder_with
 
 HEAD = """
 version = 1
@@ -41,6 +42,15 @@ def test_a_latin_hypercube_has_one_point_in_each_stratum_of_each_axis(n):
     energy, beam = np.array(points(study)).T  # and the values lie where the shares say
     assert energy == pytest.approx(100.0 ** drawn[:, 0], rel=1e-11)  # twelve digits are kept
     assert beam == pytest.approx(0.5 + 2.0 * drawn[:, 1], rel=1e-11)
+
+
+def test_the_scenario_is_found_from_the_study_s_folder_alone(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder_with(tmp_path, text).parent)
+    (tmp_path / "below").mkdir()
+    asked = STUDY.replace("bench.toml", "../bench.toml")
+    assert Study.loads(asked, folder=tmp_path / "below").base().name == "a plate on a bench"
+    with pytest.raises(ScenarioError, match=r"no file 'bench.toml' in \S+below; give its path from the study"):
+        Study.loads(STUDY, folder=tmp_path / "below").base()
 
 
 def test_drawn_points_depend_on_the_seed_alone():

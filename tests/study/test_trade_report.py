@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.study.report import report
+from rso_lidar.study.report import _command, report
 from rso_lidar.study.trading import trade
 from tests.conftest import BENCH
 from tests.study.trade_for_tests import STUDY, folder_with
@@ -84,6 +84,13 @@ def test_it_says_what_came_out(page, made):
     assert "numpy" in text and "sampling 0; scenario 7" in text
     for merit in made.study.merits:
         assert merit in text
+
+
+def test_the_command_under_a_picture_finds_the_scenario_from_the_working_folder(made, monkeypatch):
+    folder = made.plan.folder
+    for here, path in ((folder.parent, f"{folder.name}/bench.toml"), (folder, "bench.toml")):
+        monkeypatch.chdir(here)
+        assert _command(made, 0, 2).startswith(f"rso-lidar run {path} --set lidar.laser.energy_mj=5 ")
 
 
 def test_files_by_suffix(made, page, tmp_path, monkeypatch):

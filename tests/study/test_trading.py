@@ -12,7 +12,7 @@ from rso_lidar.arithmetic import using
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.link import light
-from rso_lidar.study.ranking import best_first, chosen, summary, unbeaten
+from rso_lidar.study.ranking import best_first, chosen, heads, summary, unbeaten
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trade_plan import plan_of
 from rso_lidar.study.trading import Rows, identity, trade, work
@@ -127,6 +127,18 @@ def test_ranking(wall):
     assert [point for point, _ in chosen(wall)] == [order[0], order[3], order[5], order[8]]
     assert np.flatnonzero(unbeaten(wall)).tolist() == [6]
     assert "best" in summary(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summary(wall)[1]
+
+
+def test_columns_are_headed_with_as_much_as_tells_them_apart():
+    places = ("follower.motion.position_m.1", "lidar.laser.energy_mj", "target.a.material", "target.b.material", "seed")
+    assert list(heads(places).values()) == ["position_m.1", "energy_mj", "a.material", "b.material", "seed"]
+    assert heads(("material", "target.a.material", "lidar.detector.type")) == {
+        "material": "material",
+        "target.a.material": "a.material",
+        "lidar.detector.type": "detector.type",
+    }
+    both = ("follower.motion.position_m.1", "target.a.motion.position_m.1")
+    assert list(heads(both).values()) == ["follower.motion.position_m.1", "a.motion.position_m.1"]
 
 
 # ------------------------------------------------------------------------------------------------ errors in points
