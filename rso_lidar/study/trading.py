@@ -6,9 +6,9 @@ import hashlib
 import importlib.metadata
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,6 +19,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.lock import Lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
+from rso_lidar.scene.library import own_models
 from rso_lidar.study.report import save
 from rso_lidar.study.trade_asked import Axis, Study, toml_of
 from rso_lidar.study.trade_plan import Plan, Row, plan_of
@@ -26,10 +27,35 @@ from rso_lidar.study.trade_table import TradeTable
 
 
 def identity(plan: Plan, base: Scenario) -> str:
-    """Return eight hex digits that name a study: SHA-256 of it, of its scenario as resolved, and of the version."""
+    """Return eight hex digits that name a study: SHA-256 of it, of its scenario as resolved, and of the version.
+
+    What its points name counts by content: files beside the scenario, and models of the user's own library.
+    """
     version = importlib.metadata.version("rso-lidar"), base.source.versions["arithmetic"]
-    parts = (plan.study.model_dump_json(), plan.text, base.source.scenario, *version)
+    named = [_content(word, plan.folder) for word in sorted(set(_words([list(point) for point in plan.points])))]
+    parts = (plan.study.model_dump_json(), plan.text, base.source.scenario, *named, *version)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Return the texts in a value of an axis, down through its lists and tables."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _words(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from _words(inner)
+
+
+def _content(word: str, folder: Path) -> str:
+    """Return what a text names, as far as it names a file or a model that may change; else nothing."""
+    own = own_models().get(word)
+    place = folder / word
+    with suppress(OSError, ValueError):
+        return repr(own) if own else hashlib.sha256(place.read_bytes()).hexdigest() if place.is_file() else ""
+    return ""
 
 
 class Rows:

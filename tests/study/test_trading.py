@@ -263,3 +263,19 @@ def test_only_one_at_a_time(tmp_path):
         with pytest.raises(rl.RecordingError, match="another run is writing it"):
             with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
                 pass
+
+
+def test_a_mesh_that_an_axis_names_is_part_of_what_a_study_is(tmp_path):
+    """Rows of one mesh are not taken for those of another of the same name."""
+    study = folder_with(
+        tmp_path,
+        WALL,
+        'version = 1\nname = "meshes"\nscenario = "bench.toml"\nmerits = ["pixels_on_target"]\n\n'
+        '[[axis]]\nfield = "target.wall.model"\nvalues = ["./box.off", "plate"]\n',
+    )
+    box = "OFF\n3 1 0\n0 0 0\n0 {0} 0\n0 0 1\n3 0 1 2\n"
+    names = []
+    for side in (1, 2, 1):
+        (tmp_path / "box.off").write_text(box.format(side))
+        names.append(identity(*plan_of(Study.load(study))))
+    assert names[0] == names[2] != names[1]
