@@ -11,11 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, Strict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, told, warn
-from rso_lidar.part import Count, NotNegative, Part, Positive, Text, Vector, Whole
+from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
 from rso_lidar.scene.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
 
@@ -243,10 +243,10 @@ def read_table(
     raise MeshError(f"{path}: cannot be read ({reason}): {cure}")
 
 
-class _Table(Part):
+class _Table(BaseModel):
     """One [[model]] of an index as it is written, and what its values may be."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True)
 
     name: Text
     file: Text
@@ -284,8 +284,10 @@ def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = Fals
         raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}: {cure}")
     try:
         read = _Table(**table)
+    except ValidationError as error:
+        raise MeshError(f"{path}: model '{name}': {explain(error, _Table, table)}: {cure}") from None
     except ScenarioError as error:
-        raise MeshError(f"{path}: model '{name}': {str(error).removeprefix('_Table: ')}: {cure}") from None
+        raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
     values = {key: getattr(read, key) for key in _Table.model_fields if key not in ("hinge", "parts")}
     return ModelEntry(
         **values, parts=MappingProxyType(dict(read.parts)), hinges=read.hinge, path=path.parent / read.file, own=own
