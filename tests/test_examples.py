@@ -328,9 +328,11 @@ def proximity():
     return scenario, list(rl.simulate(scenario, frames=[0, 20, 39], keep=["photons"]))
 
 
-def test_proximity_1570_is_warned_of_its_window_alone():
-    (line,) = load("proximity_1570").advice()
-    assert "7.1 m about the first crossing" in line
+def test_proximity_1570_is_warned_of_its_field_and_its_window_alone():
+    """21 m of satellite at 46 m are 26 degrees wide, and the field is 20."""
+    field, window = load("proximity_1570").advice()
+    assert "part of it is outside the field of view 68% of the time" in field
+    assert "7.1 m about the first crossing" in window
 
 
 def test_proximity_1570_ranges_what_it_sees(proximity):

@@ -85,7 +85,7 @@ def test_wheel_finds_what_it_ships(away):
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
 def test_wheel_flies_two_frames_of_an_example(away, example):
-    for file in (example, example.with_suffix(".py")):  # the twin may hold the dynamics
+    for file in example.parent.glob(f"{example.stem}.*"):  # the twin may hold the dynamics, a table the motion
         shutil.copy(file, away.folder)
     command = ["run", example.name, "-o", f"{example.stem}.h5", "--frames", "0:2", "--overwrite"]
     away("runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)", *command)
