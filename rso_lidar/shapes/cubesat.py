@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar.craft import Hinge, Taxonomy, size_class
 from rso_lidar.errors import ScenarioError
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import Model, Piece, wing_hinges
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube, wall
 
 RAIL_M = 0.0085
@@ -193,16 +193,8 @@ def _wing(form: _Form) -> tuple[Solid, Solid, Solid]:
 def _hinges(form: _Form) -> tuple[Hinge, ...]:
     """Return the hinges of the wings, each along +y through the middle of its boards."""
     y, top = 0.5 * form.side_m[1], 0.5 * form.side_m[2] - 0.002
-    return tuple(
-        Hinge(
-            name=f"solar_{side}",
-            parts=(f"solar_array_{side}", f"solar_substrate_{side}"),
-            position_m=(0.0, sign * y, top),
-            axis=(0.0, 1.0, 0.0),
-            normal=(0.0, 0.0, 1.0),
-        )
-        for side, sign in (("left", 1.0), ("right", -1.0))
-    )
+    sides = {side: (0.0, sign * y, top) for side, sign in (("left", 1.0), ("right", -1.0))}
+    return wing_hinges(sides, axis=(0.0, 1.0, 0.0), normal=(0.0, 0.0, 1.0), parts=("array", "substrate"))
 
 
 def _front(form: _Form, solid: Solid) -> Solid:

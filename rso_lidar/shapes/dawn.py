@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.craft import Taxonomy
+from rso_lidar.shapes.model import Model, Piece, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -105,15 +105,8 @@ def dawn() -> Model:
             stabilisation="three_axis",
             rate_deg_s=(0.0, 0.1),
         ),
-        hinges=tuple(
-            Hinge(
-                name=f"solar_{side}",
-                parts=tuple(f"solar_{part}_{side}" for part in ("array", "substrate", "yoke")),
-                position_m=(0.0, y, 0.0),
-                axis=(0.0, 1.0, 0.0),
-                normal=(1.0, 0.0, 0.0),
-            )
-            for side, y in (("left", SIDE_M), ("right", -SIDE_M))
+        hinges=wing_hinges(
+            {"left": (0.0, SIDE_M, 0.0), "right": (0.0, -SIDE_M, 0.0)}, axis=(0.0, 1.0, 0.0), normal=(1.0, 0.0, 0.0)
         ),
     )
 

@@ -6,7 +6,7 @@ import math
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes import rosetta_payload as payload
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import Model, Piece, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -111,15 +111,10 @@ def rosetta() -> Model:
             rate_deg_s=(0.0, 0.1),
         ),
         hinges=(
-            *(
-                Hinge(
-                    name=f"solar_{side}",
-                    parts=tuple(f"solar_{part}_{side}" for part in ("array", "substrate", "yoke")),
-                    position_m=(HINGE_X_M, y, HINGE_Z_M),
-                    axis=(0.0, 1.0, 0.0),
-                    normal=(0.0, 0.0, -1.0),
-                )
-                for side, y in (("left", 1.02), ("right", -1.02))
+            *wing_hinges(
+                {"left": (HINGE_X_M, 1.02, HINGE_Z_M), "right": (HINGE_X_M, -1.02, HINGE_Z_M)},
+                axis=(0.0, 1.0, 0.0),
+                normal=(0.0, 0.0, -1.0),
             ),
             Hinge(
                 name="antenna_elevation",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.craft import Taxonomy
+from rso_lidar.shapes.model import Model, Piece, wing_hinges
 from rso_lidar.shapes.solids import (
     Solid,
     ball,
@@ -92,15 +92,8 @@ def tdrs() -> Model:
             stabilisation="three_axis",
             rate_deg_s=(0.0, 0.01),
         ),
-        hinges=tuple(
-            Hinge(
-                name=f"solar_{side}",
-                parts=tuple(f"solar_{part}_{side}" for part in ("array", "substrate", "yoke")),
-                position_m=(x, 0.0, 0.0),
-                axis=(1.0, 0.0, 0.0),
-                normal=(0.0, 0.0, 1.0),
-            )
-            for side, x in (("north", 1.36), ("south", -1.36))
+        hinges=wing_hinges(
+            {"north": (1.36, 0.0, 0.0), "south": (-1.36, 0.0, 0.0)}, axis=(1.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0)
         ),
     )
 
