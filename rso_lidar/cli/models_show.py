@@ -32,6 +32,7 @@ def show(
     if output is not None:
         free(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = model_card(name)
+    drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
     console = Console()
     for line in (card.what, *card.lines):
         console.print(line, markup=False, highlight=False)
@@ -41,8 +42,8 @@ def show(
     wide().print(_parts(card))
     console.print("\nBody axes, from the centre of mass.", markup=False)
     console.print(_joint(name, card), markup=False, highlight=False, soft_wrap=True)
-    if output is not None:
-        typer.echo(str(card.save(output)))
+    if drawn is not None:
+        typer.echo(str(drawn))
 
 
 def wide() -> Console:
