@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.errors import RecordingError
 from rso_lidar.lock import Lock, held
 
-fcntl = pytest.importorskip("fcntl")
+fcntl = pytest.importorskip("fcntl", reason="locks are POSIX's")
 
 
 def test_a_second_is_refused_waits_or_is_let_in(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,10 @@ class Piece:
     material: str
     mass_kg: float
     hollow: bool = False
+
+    def turned(self, axis: str, angle_deg: float) -> Piece:
+        """Return the part turned about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+        return replace(self, solid=self.solid.turned(axis, angle_deg))
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,7 @@ def rocket_body() -> Model:
         "avionics": Piece(_avionics(), "white_paint", 220.0),
         "antenna": Piece(_antennas(), "black_paint", 2.0),
     }
-    pieces = {
-        name: Piece(piece.solid.turned("y", 90), piece.material, piece.mass_kg, piece.hollow)
-        for name, piece in along_z.items()
-    }
+    pieces = {name: piece.turned("y", 90) for name, piece in along_z.items()}
     return Model(
         name="rocket_body",
         what="Spent cryogenic upper stage of the Centaur III class (Atlas V), one engine, with its payload adapter",

@@ -38,10 +38,7 @@ def zenit_stage() -> Model:
         "bottles": Piece(_bottles(), "titanium_bare", 150.0, hollow=True),
         "antenna": Piece(_antennas(), "black_paint", 5.0),
     }
-    pieces = {
-        name: Piece(piece.solid.turned("y", 90), piece.material, piece.mass_kg, piece.hollow)
-        for name, piece in along_z.items()
-    }
+    pieces = {name: piece.turned("y", 90) for name, piece in along_z.items()}
     return Model(
         name="zenit_stage",
         what="Spent second stage of the Zenit-2 class (SL-16 R/B): one fixed nozzle, four steering chambers",

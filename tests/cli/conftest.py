@@ -28,6 +28,21 @@ def rso_lidar(capsys):
 
 
 @pytest.fixture
+def refused(call, bench, tmp_path, monkeypatch):
+    """Return a function that sees a module's `call` of `bench` refused: one line, status 2, and nothing written."""
+
+    def see(arguments, said):
+        monkeypatch.chdir(tmp_path)
+        before = sorted(tmp_path.iterdir())
+        status, printed, errors = call(bench, *arguments)
+        assert (status, printed, len(errors)) == (2, "", 1)
+        assert said in errors[0]
+        assert sorted(tmp_path.iterdir()) == before
+
+    return see
+
+
+@pytest.fixture
 def alone():
     """Return a function that makes a runner of one command's function, which gives its output or raises its error."""
 

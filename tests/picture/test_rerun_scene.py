@@ -23,7 +23,7 @@ PLATE = Shape(
 @pytest.fixture
 def rerun():
     """The library; without it what it writes cannot be tested."""
-    return pytest.importorskip("rerun", reason="needs the extra view")
+    return pytest.importorskip("rerun", reason="the extra view is not installed")
 
 
 # ------------------------------------------------------------------------------------------------- without the library

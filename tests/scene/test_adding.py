@@ -296,7 +296,7 @@ def test_a_broken_index_stops_what_is_flown_of_it_and_nothing_else(library, box,
 
 def test_who_adds_waits_for_who_is_adding(library, box):
     """Without the lock the name would be free, and the index read before, and lost with, what the other writes."""
-    pytest.importorskip("fcntl")
+    pytest.importorskip("fcntl", reason="locks are POSIX's")
     add_model(box("first.stl"))
     failed, second, same = [], box("second.stl"), box("other.stl")
 
@@ -369,7 +369,7 @@ def test_a_gltf_with_data_beside_it_is_not_torn_apart(library, tmp_path):
 @pytest.mark.parametrize("name", ["part.step", "part.igs"])
 def test_solids_come_in_through_the_extra(name, library):
     if importlib.util.find_spec("cascadio") is None:
-        pytest.skip("needs the extra step")
+        pytest.skip("the extra step is not installed")
     entry, said = add_model(SOLIDS / name)
     assert any(line.startswith("unit       the file says its own: 3.5 m") for line in said)
     assert entry.size_m == (1.0, 2.0, 3.5) and entry.path.suffix == ".glb"
