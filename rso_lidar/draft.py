@@ -1,15 +1,21 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and by one process at a time."""
 
 from __future__ import annotations
 
 import csv
+import errno
 import itertools
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
+
+_LOOK_S = 0.1  # is_locked holds a lock for microseconds: whoever wants it meanwhile waits that long
+_POLL_S = 0.02  # between two attempts to take a lock
+_REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 @contextmanager
@@ -48,6 +54,66 @@ def free(place: Path, suffixes: Sequence[str], *, overwrite: bool = False) -> Pa
     if not place.parent.is_dir():
         raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
     return place
+
+
+@contextmanager
+def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -> Iterator[None]:
+    """Hold a lock file, as a context, so that no other process writes what it guards.
+
+    The system releases the lock of a process that is killed. The file is removed when the context ends.
+
+    Parameters
+    ----------
+    path : the lock's own file, ``.<name>.lock`` beside what it guards.
+    wait_s : how long to wait for another process to release it [s].
+    busy : the message where it was not released; by default, that another run is writing the file.
+
+    Raises
+    ------
+    RecordingError : another process holds the lock, or the folder may not be written.
+    RunError : the file system refuses the lock file for another reason, such as a full disk.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(path, thread_local=False)
+    try:
+        if not path.parent.is_dir():  # FileLock would make it
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+        lock.acquire(timeout=wait_s, poll_interval=_POLL_S)
+    except Timeout:
+        says = busy or f"{path.name[1:-5]}: another run is writing it; wait, or give another name"
+        raise RecordingError(says) from None
+    except OSError as error:
+        if error.errno in _REFUSED:
+            raise RecordingError(
+                f"{path.parent}: may not be written ({error.strerror}); choose another folder"
+            ) from None
+        raise RunError(f"{path}: cannot be written ({error.strerror}); make room and run again") from error
+    try:
+        yield
+    finally:
+        if os.name == "posix":  # while it is held: filelock refuses a lock whose file is gone, and takes a new one
+            with suppress(OSError):
+                path.unlink()
+        lock.release()
+
+
+def is_locked(path: Path) -> bool | None:
+    """Return whether a running process holds a lock file; None where the system cannot tell."""
+    from filelock import lock_descriptor
+
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return None
+    try:
+        return not lock_descriptor(descriptor, blocking=False)
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
 
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:

@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from rso_lidar.draft import is_locked
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.hdf5_file import TEMPORARY
 from rso_lidar.export.recording import Recording
-from rso_lidar.lock import held
 from rso_lidar.records import Source
 
 _LOCK = re.compile(r"^\.(.+)\.lock$")
@@ -47,13 +47,13 @@ def growth(path: Path) -> Growth:
     temporary = {name for name in (*names, *locks) if name.startswith(f"{output.name}.tmp-") and TEMPORARY.search(name)}
     ours = [path.with_name(name) for name in temporary if not name.endswith(".starting") and named in (None, name)]
     for file in sorted(ours):
-        if file.name in locks and held(file.with_name(f".{file.name}.lock")):
+        if file.name in locks and is_locked(file.with_name(f".{file.name}.lock")):
             return _seen(output, file, running=True)
     if output.exists():
         return _seen(output, output, running=False)
     left = sorted((file for file in ours if file.exists()), key=lambda file: file.stat().st_mtime_ns)
     if left:
-        unknown = held(left[-1].with_name(f".{left[-1].name}.lock")) is None
+        unknown = is_locked(left[-1].with_name(f".{left[-1].name}.lock")) is None
         return _seen(output, left[-1], running=unknown)
     Recording(path).close()  # which says what is wrong
     raise RecordingError(f"{path}: was taken away while it was looked at; look again")

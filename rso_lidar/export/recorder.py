@@ -18,12 +18,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from rso_lidar.draft import hold_lock
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.export import datasets, hdf5_layout, kept
 from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
 from rso_lidar.export.lens import LensTables
 from rso_lidar.export.recording import Recording
-from rso_lidar.lock import Lock
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")
@@ -96,6 +96,7 @@ class Recorder:
         self._source, self._overwrite, self._resume = source, overwrite, resume
         self._changing_lens = changing_lens
         self._lenses: LensTables | None = None
+        self._lock = contextlib.ExitStack()
         self._file: Any = None
         self._first: Frame | None = None
         self._superblock = b""
@@ -104,12 +105,12 @@ class Recorder:
         self._spaces: dict[tuple[int, ...], Any] = {}
 
     def __enter__(self) -> Self:
-        self._lock = Lock(self.path.with_name(f".{self.temporary.name}.lock"))
+        self._lock.enter_context(hold_lock(self.path.with_name(f".{self.temporary.name}.lock")))
         try:
             if self.temporary.exists():
                 self._look_at_old()
         except BaseException:
-            self._lock.release()
+            self._lock.close()
             raise
         return self
 
@@ -146,7 +147,7 @@ class Recorder:
                 if kind is None:
                     self._publish()
         finally:
-            self._lock.release()
+            self._lock.close()
 
     def write(self, frame: Frame) -> None:
         """Add one frame; when this returns, a kill no longer loses it."""

@@ -7,7 +7,7 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -16,9 +16,8 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar.craft import Taxonomy, size_class
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, hold_lock
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
-from rso_lidar.lock import Lock
 from rso_lidar.scene.cad import CHORD_MM, is_cad, tessellated
 from rso_lidar.scene.doctor import counted, helper_cube
 from rso_lidar.scene.group_names import materials_of
@@ -143,10 +142,10 @@ def remove_model(name: str) -> Path:
     return place
 
 
-def _alone_in(folder: Path) -> Lock:
+def _alone_in(folder: Path) -> AbstractContextManager[None]:
     """Return, as a context, the lock of a library: whoever changes the index has read what others wrote."""
     busy = f"{folder}: another process is changing this library; try again when it is done"
-    return Lock(folder / ".index.lock", wait_s=_WAIT_S, busy=busy)
+    return hold_lock(folder / ".index.lock", wait_s=_WAIT_S, busy=busy)
 
 
 def _unlink(place: Path, folder: Path) -> None:

@@ -15,8 +15,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from rso_lidar.draft import hold_lock
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.lock import Lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library import own_models
@@ -69,24 +69,23 @@ class Rows:
     @contextmanager
     def opened(self) -> Iterator[Rows]:
         """Read what is there and keep others away; the file stays when the context ends."""
-        lock = Lock(self.path.with_name(f".{self.path.name}.lock"))
-        try:
-            with self._written():
-                self._file = self.path.open("a+b")
-                self._file.seek(0)
-                whole = 0
-                for line in self._file:
-                    row = _read(line, self._count)
-                    if row is None:
-                        break
-                    self.known[row["row"]] = row
-                    whole += len(line)
-                self._file.truncate(whole)
-            yield self
-        finally:
-            if self._file is not None:
-                self._file.close()
-            lock.release()
+        with hold_lock(self.path.with_name(f".{self.path.name}.lock")):
+            try:
+                with self._written():
+                    self._file = self.path.open("a+b")
+                    self._file.seek(0)
+                    whole = 0
+                    for line in self._file:
+                        row = _read(line, self._count)
+                        if row is None:
+                            break
+                        self.known[row["row"]] = row
+                        whole += len(line)
+                    self._file.truncate(whole)
+                yield self
+            finally:
+                if self._file is not None:
+                    self._file.close()
 
     def add(self, row: Row) -> None:
         """Keep a row; when this returns, a kill no longer loses it."""

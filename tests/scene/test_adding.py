@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.draft import hold_lock
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
-from rso_lidar.lock import Lock
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.adding import Wanted, add_model, known_meshes, remove_model
 from rso_lidar.scene.cad import tessellated
@@ -306,7 +306,7 @@ def test_who_adds_waits_for_who_is_adding(library, box):
         except MeshError as error:
             failed.append(str(error))
 
-    with Lock(library / ".index.lock"):
+    with hold_lock(library / ".index.lock"):
         index = library / "index.toml"
         waiting = [
             threading.Thread(target=add, args=(second,)),
