@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test mutants lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -40,6 +40,9 @@ demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an
 
 test: lint ## run every check: format, lint, floors, types, tests and doctests
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadscope
+
+mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
+	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
 
 lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint, floors, types
 	$(BIN)/ruff format --check .
