@@ -20,7 +20,7 @@ from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, did_you_mean
 from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
 from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
-from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written
+from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written_text
 from rso_lidar.shipped import find
 
 if TYPE_CHECKING:
@@ -148,7 +148,10 @@ class Catalog:
         return SeveralSets(tuple(of_one(self.sets, self.where, name, number)))
 
     def write(self, path: str | Path) -> None:
-        """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt), rounded to what a TLE can hold."""
+        """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt), rounded to what a TLE can hold.
+
+        A warning counts the sets that no TLE can hold; the rest is written. Where none is left, it is a `CatalogError`.
+        """
         path = Path(_path(path))
         suffix = path.suffix.lower()
         if suffix == ".json":
@@ -156,8 +159,7 @@ class Catalog:
         elif suffix == ".csv":
             text = written_csv(self.sets)
         elif suffix in (".tle", ".3le", ".txt"):
-            named = [(*([f"0 {entry.name}"] if entry.name else []), *written(entry)) for entry in self.sets]
-            text = "".join(f"{line}\n" for lines in named for line in lines)
+            text = written_text(self.sets, self.where)
         else:
             raise CatalogError(f"{path}: '{suffix}' is no format of catalogues: use .json, .csv or .tle")
         with beside(path) as draft:

@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import REASONS, failed
+from rso_lidar.orbit.teme import MOST_AGE_S, TOO_OLD, failed
 
 SWITCH_S = 1e-4  # a set ends so long before the next begins: an instant has one set
 
@@ -30,6 +30,8 @@ class Fleet:
         self._models = [entry.satrec() for entry in self.sets]
         epochs = [entry.epoch_utc for entry in self.sets]
         # SGP4 subtracts dates, so that the leap seconds of an epoch must be counted on: they change at half years only.
+        start = Epochs(start_utc, np.zeros(1))
+        self._since_epoch_s = np.array([float(start.since(epoch)[0]) for epoch in epochs])
         halves = [(epoch.year, epoch.month > 6) for epoch in epochs]
         first = dict(zip(halves, epochs, strict=True))
         self._eras = list(first.values())
@@ -42,7 +44,7 @@ class Fleet:
     def grid(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position [m], velocity [m/s] (set, time, 3) and SGP4's error codes (set, time) at common instants.
 
-        NaN where there is no state; `which` picks the sets by number.
+        NaN where there is no state, or none within `MOST_YEARS` of the epoch; `which` picks the sets by number.
         """
         from sgp4.api import SatrecArray
 
@@ -56,6 +58,7 @@ class Fleet:
             error[rows], position[rows], velocity[rows] = SatrecArray([self._models[k] for k in which[rows]]).sgp4(
                 *dates
             )
+        error[np.abs(self._since_epoch_s[which][:, None] + time_s) > MOST_AGE_S] = TOO_OLD
         return *_checked(position, velocity, error), error
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,6 +76,7 @@ class Fleet:
                 rows = mine[begin:end]
                 model = self._models[which[rows[0]]]
                 error[rows], position[rows], velocity[rows] = model.sgp4_array(whole[begin:end], fraction[begin:end])
+        error[np.abs(self._since_epoch_s[which] + time_s) > MOST_AGE_S] = TOO_OLD
         return _checked(position, velocity, error)
 
     def _dates(self, time_s: np.ndarray, era: int) -> tuple[np.ndarray, np.ndarray]:
@@ -165,11 +169,6 @@ def _in_turn(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> li
     first = int(np.searchsorted(begin_s, 0.0, side="right")) - 1
     flown = [pair for pair in zip(begin_s, ordered, strict=False) if pair[0] < duration_s][max(first, 0) :]
     return [(-np.inf if k == 0 else begin, entry) for k, (begin, entry) in enumerate(flown)]
-
-
-def reason(error: int) -> str:
-    """Return in words why SGP4 has no state, from its error code; 0 stands for a state that is nowhere possible."""
-    return REASONS.get(error, "it has decayed or gone astray")
 
 
 def _checked(position_km: np.ndarray, velocity_km_s: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,8 +17,8 @@ class Omm(Part):
     """Motion by SGP4 from a mean-elements message written inline, with the numbers that its OMM gives.
 
     They are SGP4's mean elements (TEME, WGS72), not osculating ones. Validity: about a kilometre, growing by one to three
-    a day; a warning is given beyond a week from the epoch. For a rendezvous within kilometres, give the chief so and the
-    other by a relative motion about it.
+    a day. Beyond a week from the epoch there is a warning, beyond 5 years an error. For a rendezvous within kilometres,
+    give the chief so and the other by a relative motion about it.
     """
 
     type: Literal["omm"] = "omm"

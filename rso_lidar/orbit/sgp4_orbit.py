@@ -28,7 +28,7 @@ class Tle(Part):
 
     Of several sets of one object, `sets = "nearest"` flies the one nearest to the start of the run, `"all"` at each
     instant the nearest, with a jump between sets that a warning tells of. Accuracy is that of element sets: about a
-    kilometre, growing by one to three a day.
+    kilometre, growing by one to three a day. Beyond a week from the epoch there is a warning, beyond 5 years an error.
     """
 
     type: Literal["tle"] = "tle"

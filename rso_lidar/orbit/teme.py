@@ -24,6 +24,11 @@ from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 
 STALE_DAYS = 7.0
+# Vallado's published verification of SGP4 (AIAA 2006-6753) flies no set farther than 1281 days from its epoch (20413).
+# The theory has one constant B* for the air, whose density changes by up to ten within half a solar cycle, 5.5 years.
+MOST_YEARS = 5.0
+MOST_AGE_S = MOST_YEARS * 365.25 * units.DAY_S
+TOO_OLD = 101  # beside the codes of Vallado's program
 _LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may go on below the ground, and beyond the Moon
 # What the codes of Vallado's program mean.
 REASONS = {
@@ -35,13 +40,16 @@ REASONS = {
     6: "it has decayed (its distance is less than the Earth's radius)",
 }
 _ASTRAY = "it has decayed or gone astray"
+_OUT_OF_DATE = (
+    f"it is more than {MOST_YEARS:g} years from the epoch of the elements, where they tell nothing of the orbit"
+)
 
 
 def states(elements: ElementSet, epochs: Epochs) -> BodyState:
     """Return position [m] and velocity [m/s] (time, 3) in GCRS axes by SGP4; its failures raise `PropagationError`.
 
     Validity: element sets are good to about a kilometre at their epoch, and lose one to three a day; a warning is given
-    beyond a week from it.
+    beyond a week from it, and beyond `MOST_YEARS` there is no state.
     """
     warn_stale(elements, age_days(elements, epochs))
     position_m, velocity_m_s, error = teme(elements, epochs)
@@ -58,8 +66,8 @@ def age_days(elements: ElementSet, epochs: Epochs) -> float:
 
 
 def warn_stale(elements: ElementSet, days: float) -> None:
-    """Warn where elements are flown more than a week from their epoch."""
-    if days > STALE_DAYS:
+    """Warn where elements are flown more than a week from their epoch; beyond `MOST_YEARS` they are refused instead."""
+    if STALE_DAYS < days <= MOST_AGE_S / units.DAY_S:
         warn(
             f"{elements.kind} {elements.label}: flown {days:.1f} days from its epoch {elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
             f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the run"
@@ -74,14 +82,19 @@ def failed(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) 
     return bad
 
 
+def reason(error: int) -> str:
+    """Return in words why there is no state, from an error code; 0 stands for a state that is nowhere possible."""
+    return _OUT_OF_DATE if error == TOO_OLD else REASONS.get(error, _ASTRAY)
+
+
 def failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.ndarray) -> str:
     """Return in words which satellite SGP4 cannot fly, when and why."""
     first = int(np.argmax(bad))
     code = int(error[first])
-    reason = f"{REASONS.get(code, _ASTRAY)}, SGP4 error {code}" if code else _ASTRAY
+    why = reason(code) + (f", SGP4 error {code}" if code in REASONS else "")
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
-        f"time_s = {epochs.time_s[first]:g}: {reason}: fly nearer to the elements' epoch "
+        f"time_s = {epochs.time_s[first]:g}: {why}: fly nearer to the elements' epoch "
         f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
     )
 
@@ -91,13 +104,15 @@ def teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, 
     error, position_km, velocity_km_s = elements.satrec().sgp4_array(
         *epochs.utc_julian(leap_seconds_at=elements.epoch_utc)
     )
+    error = np.where(np.abs(epochs.since(elements.epoch_utc)) > MOST_AGE_S, TOO_OLD, error)
     return position_km * units.KM, velocity_km_s * units.KM, error
 
 
 def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position [m] and velocity [m/s] (satellite, time, 3) in TEME axes of many sgp4 Satrecs, and error codes.
 
-    The codes (satellite, time) are SGP4's, 0 where it gave a state. Leap seconds are counted as at each satellite's epoch.
+    The codes (satellite, time) are SGP4's, 0 where it gave a state, `TOO_OLD` beyond `MOST_YEARS` from the epoch. Leap
+    seconds are counted as at each satellite's epoch.
     """
     from sgp4.api import SatrecArray
 
@@ -107,6 +122,9 @@ def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.
     for rows, (whole, fraction) in _by_leap_seconds(satrecs, epochs):
         chosen = satrecs if len(rows) == len(satrecs) else [satrecs[row] for row in rows]
         error_of, position_of, velocity_of = SatrecArray(chosen).sgp4(whole, fraction)
+        days = np.array([[model.jdsatepoch, model.jdsatepochF] for model in chosen])
+        age_days = (whole - days[:, :1]) + (fraction - days[:, 1:])
+        error_of[np.abs(age_days) * units.DAY_S > MOST_AGE_S] = TOO_OLD
         position_of *= units.KM
         velocity_of *= units.KM
         if len(rows) == len(satrecs):

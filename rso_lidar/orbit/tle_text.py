@@ -6,17 +6,20 @@ Hoots & Roehrich, Spacetrack Report 3; CelesTrak's FAQ on the checksum; Space-Tr
 
 from __future__ import annotations
 
+import calendar
 import datetime
 import math
 import re
+from collections.abc import Sequence
 from typing import Any
 
-from rso_lidar.errors import CatalogError
+from rso_lidar.errors import CatalogError, warn
 from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, impossible
 
 LINE_LENGTH = 69
 _ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10
 _HIGHEST_ALPHA5 = 339_999
+_FIRST_YEAR, _LAST_YEAR = 1957, 2056  # that the two digits of an epoch can mean
 _ELEMENT_LINE = re.compile(r"\s*([12]) [ 0-9A-Za-z][ 0-9]{4}")
 # Vallado's verification set goes on after column 69 with start, stop and step in minutes.
 _SPAN = re.compile(r"(?:\s+-?\d+\.\d*){3}\s*")
@@ -124,12 +127,23 @@ def _fields(line1: str, line2: str) -> dict[str, Any]:
 
 def _epoch(line1: str) -> datetime.datetime:
     """Return the epoch of a line 1; two-digit years below 57 are of this century. 1e-8 day are 864 us, exactly."""
-    year, (day, _, decimals) = int(line1[18:20]), line1[20:32].strip().partition(".")
-    if not 1 <= int(day) <= 366:
+    year, (day, _, decimals) = _year(line1), line1[20:32].strip().partition(".")
+    if not 1 <= int(day) <= _days_of(year):
         return NO_EPOCH
-    first = datetime.datetime(year + (2000 if year < 57 else 1900), 1, 1, tzinfo=datetime.UTC)
+    first = datetime.datetime(year, 1, 1, tzinfo=datetime.UTC)
     microseconds = int(decimals or 0) * 86_400_000_000 // 10 ** len(decimals)
     return first + datetime.timedelta(days=int(day) - 1, microseconds=microseconds)
+
+
+def _year(line1: str) -> int:
+    """Return the year of the epoch of a line 1."""
+    year = int(line1[18:20])
+    return year + (1900 if year >= _FIRST_YEAR % 100 else 2000)
+
+
+def _days_of(year: int) -> int:
+    """Return how many days a year has."""
+    return 366 if calendar.isleap(year) else 365
 
 
 def _unpacked(field: str) -> float:
@@ -195,8 +209,11 @@ def _line_problem(which: int, line: str) -> str | None:
             return f"{what} '{field}' is not a number: fetch the set again"
     if which == 1:
         day = line[20:32].strip()
-        if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day) and 1.0 <= float(day) < 367.0):
+        if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day)):
             return f"epoch '{line[18:32]}' is no year and day: fetch the set again"
+        year = _year(line)
+        if not 1.0 <= float(day) < _days_of(year) + 1.0:
+            return f"epoch '{line[18:32]}' is no year and day ({year} has {_days_of(year)} days): fetch the set again"
         for what, (first, end) in _PACKED.items():
             if not _PACKED_NUMBER.fullmatch(line[first:end]):
                 return f"{what} '{line[first:end]}' is not a number: fetch the set again"
@@ -232,15 +249,13 @@ def written(elements: ElementSet) -> tuple[str, str]:
     if number > 99_999:
         code = f"{_ALPHA5[number // 10_000 - 10]}{number % 10_000:04d}"
     epoch, e = elements.epoch_utc, round(elements.eccentricity * 1e7)
-    midnight = epoch.replace(hour=0, minute=0, second=0, microsecond=0)
-    day, in_day = epoch.timetuple().tm_yday, round((epoch - midnight) / datetime.timedelta(microseconds=864))
     designator = re.sub(r"^(?:19|20)(\d\d)-", r"\1", elements.object_id)[:8]
     rate = f"{elements.mean_motion_dot_rev_day2:+.8f}".replace("+0.", " .").replace("-0.", "-.")
     out = CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
-    if len(rate) != 10 or e > 9_999_999 or in_day == 10**8 or not 1957 <= epoch.year <= 2056 or impossible(elements):
+    if len(rate) != 10 or e > 9_999_999 or not _FIRST_YEAR <= epoch.year <= _LAST_YEAR or impossible(elements):
         raise out
     line1 = (
-        f"1 {code}{elements.classification[:1]} {designator:8s} {epoch.year % 100:02d}{day:03d}.{in_day:08d} {rate} "
+        f"1 {code}{elements.classification[:1]} {designator:8s} {_written_epoch(elements)} {rate} "
         f"{_packed(elements.mean_motion_ddot_rev_day3, out)} {_packed(elements.bstar_per_earth_radius, out)} "
         f"{elements.ephemeris_type % 10:d} {elements.element_set_no % 10_000:4d}"
     )
@@ -253,6 +268,51 @@ def written(elements: ElementSet) -> tuple[str, str]:
     if _problem(line1, 1, line2, 2, ""):
         raise out
     return line1, line2
+
+
+def written_text(sets: Sequence[ElementSet], where: str) -> str:
+    """Return the lines of element sets, each below its name; a warning counts those that no TLE can hold.
+
+    Parameters
+    ----------
+    sets : element sets in the order of the text
+    where : name of their source in the warning
+
+    Raises
+    ------
+    CatalogError
+        where a TLE can hold none of them: what is wrong with the first
+    """
+    lines: list[str] = []
+    left_out: list[CatalogError] = []
+    for entry in sets:
+        try:
+            pair = written(entry)
+        except CatalogError as error:
+            left_out.append(error)
+            continue
+        lines += [f"0 {entry.name}"] if entry.name else []
+        lines += pair
+    if left_out and not lines:
+        raise left_out[0]
+    if left_out:
+        warn(f"{where}: {len(left_out)} of {len(sets):,} element sets are left out, the first is {left_out[0]}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _written_epoch(elements: ElementSet) -> str:
+    """Return the epoch as line 1 has it: the nearest that its columns hold, in steps of 1e-8 day (864 us).
+
+    The last half step of a year is day 1 of the next year, but for 2056, after which two digits mean 1957.
+    """
+    epoch = elements.epoch_utc
+    midnight = epoch.replace(hour=0, minute=0, second=0, microsecond=0)
+    in_day_us = (epoch - midnight) / datetime.timedelta(microseconds=1) + 1e-3 * elements.epoch_rest_ns
+    steps = round(in_day_us / 864.0)
+    if steps == 10**8:
+        after = midnight + datetime.timedelta(days=1)
+        midnight, steps = (after, 0) if after.year <= _LAST_YEAR else (midnight, steps - 1)
+    return f"{midnight.year % 100:02d}{midnight.timetuple().tm_yday:03d}.{steps:08d}"
 
 
 def _packed(value: float, out: CatalogError) -> str:

@@ -7,7 +7,9 @@ import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.fleet import Fleet
 from rso_lidar.orbit.sgp4_orbit import Tle, gcrs_from_teme
+from rso_lidar.orbit.teme import TOO_OLD, teme_states
 
 # CelesTrak: TerraSAR-X. A rocket body of Vallado's verification set decays within a day.
 LOW = (
@@ -155,3 +157,36 @@ def test_a_set_whose_drag_threw_it_off_is_refused():
     with pytest.warns(RsoLidarWarning), pytest.raises(PropagationError, match=r"99009.*epoch") as caught:
         tle.states(epochs)
     assert caught.value.bad.tolist() == [True, True]
+
+
+FIVE_YEARS_S = 5.0 * 365.25 * 86400.0  # the limit that docs/orbits.md says
+
+
+@pytest.mark.parametrize("sets", ["nearest", "all"])
+def test_a_set_far_from_its_epoch_is_refused(sets):
+    """Near the limit a set is flown with a warning, beyond it before or after there is no state."""
+    part = Tle(lines=LOW, sets=sets)
+    epoch = part.elements().epoch_utc
+    for sign in (1.0, -1.0):
+        time_s = sign * np.array([0.0, FIVE_YEARS_S - 1.0, FIVE_YEARS_S + 1.0])
+        with pytest.warns(RsoLidarWarning, match=r"flown 1826\.2 days"):
+            part.states(Epochs(epoch, time_s[:2]))
+        with pytest.raises(
+            PropagationError, match=r"31698.* at 1 of 3 epochs.*more than 5 years from the epoch"
+        ) as caught:
+            part.states(Epochs(epoch, time_s))
+        assert caught.value.bad.tolist() == [False, False, True]
+    with pytest.raises(PropagationError, match="more than 5 years from the epoch"):  # once 22,900 km and a mild word
+        part.states(Epochs(epoch + datetime.timedelta(days=36525), np.zeros(1)))
+
+
+def test_many_sets_far_from_their_epochs_have_no_states():
+    part = Tle(lines=LOW)
+    epochs = Epochs(part.elements().epoch_utc, np.array([FIVE_YEARS_S - 1.0, FIVE_YEARS_S + 1.0]))
+    error = teme_states([part.elements().satrec()] * 2, epochs)[2]
+    assert error.tolist() == [[0, TOO_OLD]] * 2
+    fleet = Fleet([part.elements()] * 2, epochs.start_utc)
+    position, _, error = fleet.grid(np.array([0, 1]), epochs.time_s)
+    assert np.isnan(position[:, :, 0]).tolist() == [[False, True]] * 2
+    assert error.tolist() == [[0, TOO_OLD]] * 2
+    assert np.isnan(fleet.at(np.array([0, 1]), epochs.time_s)[0][:, 0]).tolist() == [False, True]

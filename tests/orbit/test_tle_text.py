@@ -5,9 +5,9 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.errors import CatalogError
+from rso_lidar.errors import CatalogError, RsoLidarWarning
 from rso_lidar.orbit.catalog import Catalog, parse_lines
-from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.element_set import ElementSet, epoch_of
 from rso_lidar.orbit.tle_text import checksum, norad_id, written
 
 # CelesTrak: TerraSAR-X
@@ -79,6 +79,11 @@ def test_shifted_columns_keep_the_checksum_and_are_seen():
     ("line", "change", "message"),
     [
         (1, (20, 32, "367.00000000"), "is no year and day"),
+        (1, (20, 32, "366.00000000"), "is no year and day (2026 has 365 days)"),
+        (1, (20, 32, "366.99999999"), "is no year and day (2026 has 365 days)"),
+        (1, (20, 32, "000.50000000"), "is no year and day (2026 has 365 days)"),
+        (1, (18, 32, "24367.00000000"), "is no year and day (2024 has 366 days)"),
+        (1, (18, 32, "57366.00000000"), "is no year and day (1957 has 365 days)"),
         (1, (62, 63, "4"), "SGP4-XP"),
         (2, (8, 16, "190.0000"), "inclination 190 is not from 0 to 180"),
         (2, (52, 63, " 0.00000000"), "mean motion 0 rev/day is not above 0"),
@@ -147,3 +152,57 @@ def test_controls_in_an_element_line_are_seen():
         (only,) = parse_lines([LINES[0][:9] + sign + LINES[0][10:], LINES[1]], "file")
         assert only.problem is not None
         assert only.problem.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("2024-12-31T23:59:59.9999999", "25001.00000000"),  # 2024 has 366 days
+        ("2025-12-31T23:59:59.999568", "26001.00000000"),  # half a step of 864 us, 432 us, before the new year
+        ("2025-12-31T23:59:59.999567999", "25365.99999999"),
+        ("2025-03-31T23:59:59.9999999", "25091.00000000"),
+        ("2024-12-31T12:00:00", "24366.50000000"),
+        ("1999-12-31T23:59:59.9999", "00001.00000000"),
+        ("2056-12-31T23:59:59.9999", "56366.99999999"),  # two digits cannot say 2057
+    ],
+)
+def test_an_epoch_is_the_nearest_that_the_columns_hold(text, columns):
+    (only,) = parse_lines(LINES, "file")
+    epoch, rest_ns = epoch_of(text)
+    change = {"line1": "", "line2": "", "epoch_utc": epoch, "epoch_rest_ns": rest_ns}
+    lines = written(ElementSet(**{**only.__dict__, **change}))
+    assert lines[0][18:32] == columns
+    (read,) = parse_lines(lines, "file")
+    assert read.problem is None
+    assert abs((read.epoch_utc - epoch).total_seconds()) <= (864e-6 if epoch.year == 2056 else 433e-6)
+
+
+def test_a_day_that_a_leap_year_has_is_read():
+    text = LINES[0][:18] + "24366.50000000" + LINES[0][32:]
+    (only,) = parse_lines((summed(text), LINES[1]), "file")
+    assert (only.problem, only.epoch_utc) == (None, datetime.datetime(2024, 12, 31, 12, tzinfo=datetime.UTC))
+
+
+def test_a_set_that_no_tle_can_hold_does_not_stop_the_others(tmp_path):
+    (only,) = parse_lines(LINES, "file")
+    bare = {**only.__dict__, "line1": "", "line2": ""}
+    sets = [ElementSet(**{**bare, "norad_id": number}) for number in (7, 340_000, 9, 500_000)]
+    with pytest.warns(RsoLidarWarning) as told:
+        Catalog(tuple(sets), where="some.json").write(tmp_path / "some.tle")
+    assert [str(warning.message) for warning in told] == [
+        "some.json: 2 of 4 element sets are left out, the first is NORAD 340000: its number is above 339999, no TLE can "
+        "name it: write .json"
+    ]
+    assert [entry.norad_id for entry in Catalog.from_file(tmp_path / "some.tle")] == [7, 9]
+    with pytest.raises(CatalogError, match="above 339999"):
+        Catalog(tuple(sets[1::2])).write(tmp_path / "none.tle")
+    assert not (tmp_path / "none.tle").exists()
+
+
+def test_one_bad_day_spoils_one_record():
+    text = summed(LINES[0][:18] + "25366.50000000" + LINES[0][32:])
+    catalog = Catalog.from_text("\n".join((text, LINES[1], *LINES)), "some.tle")
+    assert len(catalog) == 1
+    assert catalog.problems == (
+        "some.tle: line 1: epoch '25366.50000000' is no year and day (2025 has 365 days): fetch the set again",
+    )

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
+from rso_lidar.errors import PropagationError
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.catalog import Catalog
 from rso_lidar.orbit.element_set import ElementSet
@@ -204,6 +205,17 @@ def test_the_warning_of_a_stale_follower_is_of_the_sets_flown():
         encounters([elements(1), mate], 1, within_m=1e3, start_utc=EPOCH, days=15.0)
     fresh = [elements(1, hours=24.0 * day) for day in (0, 5, 10, 15)]  # no warning, which would be an error here
     encounters([*fresh, mate], 1, within_m=1e3, start_utc=EPOCH, days=15.0)
+
+
+def test_sets_too_far_from_their_epochs_are_not_flown():
+    old, mate = elements(9, hours=-5.1 * 365.25 * 24.0), elements(10, anomaly=0.01)
+    table = encounters([elements(1), old, mate], 1, within_m=50e3, start_utc=EPOCH, days=0.1)
+    assert {row.norad_id for row in table.rows} == {10}
+    ((label, why),) = table.rejected
+    assert label == "OBJECT 9 (NORAD 9)"
+    assert why.startswith("it is more than 5 years from the epoch of the elements")
+    with pytest.raises(PropagationError, match=r"^follower OBJECT 9 \(NORAD 9\): .* more than 5 years from the epoch"):
+        encounters([elements(1), old, mate], 9, within_m=50e3, start_utc=EPOCH, days=0.1)
 
 
 @pytest.mark.parametrize(
