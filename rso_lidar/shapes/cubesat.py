@@ -264,5 +264,7 @@ def _thrusters(form: _Form) -> Solid:
     bell = wall([(0.0018, 0.0), (0.0070, 0.010)], 0.0008, 20).moved(z=0.003)
     nozzles = [bell.moved(a, b) for a in (-0.016, 0.016) for b in (-0.016, 0.016)]
     return (
-        join(plate, *nozzles).facing((-1, 0, 0)).moved(-0.5 * x - 0.002, -0.055 if y > z else 0.0, -0.045 * (z > 0.2))
+        join(plate, *nozzles)
+        .facing((-1, 0, 0))
+        .moved(-0.5 * x - 0.002, -0.055 if y - z > 0.001 else 0.0, -0.045 * (z > 0.2))
     )

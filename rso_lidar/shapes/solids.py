@@ -12,6 +12,9 @@ from rso_lidar.units import DEG
 
 Point = Sequence[float]
 
+AXIS_M = 1e-9  # a point of a profile nearer to the axis lies on it: rounding moves a point by less than 1e-13 m
+_TIE = 1e-6  # components of a unit vector that differ by less are equal: the first one counts, whatever rounding says
+
 
 class Solid(NamedTuple):
     """A closed surface of triangles: `vertices` (n, 3) [m] and `facets` (k, 3), wound so that normals point outward."""
@@ -92,7 +95,7 @@ def revolved(profile_m: Iterable[Point], sides: int = 32) -> Solid:
     A profile that begins and ends on the axis makes a closed body; one that stays off the axis is closed upon itself
     and makes a ring. Either sense of the profile will do.
     """
-    profile = [(float(radius), float(z)) for radius, z in profile_m]
+    profile = [(float(radius) if abs(radius) > AXIS_M else 0.0, float(z)) for radius, z in profile_m]
     solid_body = profile[0][0] == 0.0 and profile[-1][0] == 0.0
     angle = np.arange(sides) * (2.0 * math.pi / sides)
     rings: list[np.ndarray] = []
@@ -125,7 +128,7 @@ def cylinder(radius_m: float, bottom_m: float, top_m: float, sides: int = 32) ->
 def frustum(bottom_radius_m: float, top_radius_m: float, bottom_m: float, top_m: float, sides: int = 32) -> Solid:
     """Return a truncated cone about +z; a radius of 0 makes a tip."""
     profile = [(0.0, bottom_m), (bottom_radius_m, bottom_m), (top_radius_m, top_m), (0.0, top_m)]
-    return revolved([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > 0.0], sides)
+    return revolved([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > AXIS_M], sides)
 
 
 def ring(inner_m: float, outer_m: float, bottom_m: float, top_m: float, sides: int = 48) -> Solid:
@@ -196,12 +199,15 @@ def pipe(points_m: Iterable[Point], radius_m: float, sides: int = 8) -> Solid:
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
     tangents = np.concatenate([steps[:1], steps[:-1] + steps[1:], steps[-1:]])
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    across = np.eye(3)[np.argmin(np.abs(tangents[0]))]
+    slant = np.abs(tangents[0])
+    across, before = np.eye(3)[np.argmax(slant < slant.min() + _TIE)], tangents[0]
     angle = (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
     vertices = []
     for point, tangent in zip(points, tangents, strict=True):
-        across = across - tangent * (across @ tangent)  # carried along, so that the bar does not twist
-        across = across / np.linalg.norm(across)
+        # The shortest turn from one tangent to the next, so that the bar does not twist (Bishop 1975, Am. Math. Monthly 82)
+        across = across - (before + tangent) * ((across @ tangent) / (1.0 + before @ tangent))
+        across = across - tangent * (across @ tangent)
+        across, before = across / np.linalg.norm(across), tangent
         up = np.cross(tangent, across)
         vertices.append(point + radius_m * (np.outer(np.cos(angle), across) + np.outer(np.sin(angle), up)))
     n = len(points)

@@ -90,7 +90,8 @@ def glb(model: Model) -> bytes:
 
     meshes = []
     for name, piece in model.pieces.items():
-        vertices = piece.solid.vertices.astype("<f4")
+        # To 1e-9 m, so that rounding, which other processors do otherwise, changes no byte; + 0.0 turns -0.0 into 0.0
+        vertices = (np.round(piece.solid.vertices, 9) + 0.0).astype("<f4")
         wide = len(vertices) > 65535
         indices = piece.solid.facets.ravel().astype("<u4" if wide else "<u2")
         low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()

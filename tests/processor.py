@@ -1,0 +1,38 @@
+"""The tests as on another processor: `python -m tests.processor <arguments of pytest>`.
+
+NumPy, its BLAS, the C library and numba each choose their code by the processor they find. Here they are told to take what
+the oldest one has, which rounds otherwise: what hangs on the last bit comes out differently.
+"""
+
+import os
+import platform
+import sys
+from pathlib import Path
+
+
+def other_processor() -> dict[str, str]:
+    """Return the environment variables that hide what this processor can do beyond the oldest of its kind."""
+    from numpy._core import _multiarray_umath as numpy_core
+
+    # NumPy's own list: the names of features and groups change with its releases, and unknown ones are refused.
+    optional = [name for name in numpy_core.__cpu_dispatch__ if numpy_core.__cpu_features__[name]]
+    kept = os.environ.get("NPY_DISABLE_CPU_FEATURES", "").replace(",", " ").split()
+    variables = {"NPY_DISABLE_CPU_FEATURES": " ".join([*kept, *optional]), "NUMBA_CPU_NAME": "generic"}
+    if platform.machine().lower() in ("x86_64", "amd64"):
+        variables["OPENBLAS_CORETYPE"] = "Prescott"
+        if sys.platform == "linux":
+            variables["GLIBC_TUNABLES"] = "glibc.cpu.hwcaps=-AVX2,-AVX512F,-FMA,-FMA4"
+    return variables
+
+
+def dispatched() -> list[str]:
+    """Return what NumPy uses here beyond the oldest processor."""
+    from numpy._core import _multiarray_umath as numpy_core
+
+    return [name for name in numpy_core.__cpu_dispatch__ if numpy_core.__cpu_features__[name]]
+
+
+if __name__ == "__main__":
+    machine_code = Path(sys.prefix) / "numba-generic"  # beside what this processor's own runs keep
+    os.environ |= other_processor() | {"NUMBA_CACHE_DIR": str(machine_code)}
+    os.execv(sys.executable, [sys.executable, "-m", "pytest", *sys.argv[1:]])
