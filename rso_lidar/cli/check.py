@@ -2,6 +2,7 @@
 
 import typer
 
+from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.scenario import Scenario
 
@@ -9,4 +10,5 @@ from rso_lidar.scenario import Scenario
 def check(file: ScenarioFile, settings: Settings = None) -> None:
     """Validate a scenario and print orbit, geometry, optics, link budget and warnings."""
     scenario = Scenario.load(file, tuple(settings or ()))
+    on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
     typer.echo(scenario.describe())

@@ -77,10 +77,22 @@ def plate(
     )
 
 
-def trial(detector: Gsfl | Empirical, photons: Photons, rng: np.random.Generator) -> Trial:
-    """Return what a detector makes of one return in each pixel, such as `plate` makes."""
+def trial(
+    detector: Gsfl | Empirical, photons: Photons, rng: np.random.Generator, true_m: np.ndarray | None = None
+) -> Trial:
+    """Simulate what a detector makes of a return in each pixel, such as `plate` makes.
+
+    Parameters
+    ----------
+    detector : the detector.
+    photons : light on a row of pixels.
+    rng : generator of the noise.
+    true_m : (pixel) ranges [m] that the reports are held to (None: of the one return in each pixel).
+    """
     reading, _ = detector.detect(photons, rng)
-    error = reading.range_m.ravel().astype(float) - photons.delay_s * units.RANGE_PER_DELAY_M_S
+    if true_m is None:
+        true_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
+    error = reading.range_m.ravel().astype(float) - true_m
     with np.errstate(invalid="ignore"):
         detected = np.abs(error) < _NEAR_M
     return Trial(detected, error[detected], reading.intensity_counts.ravel()[detected])

@@ -16,7 +16,8 @@ from rso_lidar.orbit import Numerical
 from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.compliance import broken
 from rso_lidar.scenario.environment import environment_advice
-from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, parallax_share, preview
+from rso_lidar.scenario.preview import Preview, Sight, parallax_share, preview
+from rso_lidar.scenario.returns import cast_attitudes
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -206,8 +207,8 @@ def _sun_noise(scenario: Scenario) -> list[str]:
     if louder < _LOUDER:
         return []
     return [
-        f"sunlight on the brightest material makes the noise of a pixel {louder:.2f} times that in the dark "
-        f"({rate:.2g} photons/s): more false triggers, and less precision than the budget says; narrow "
+        f"sunlight on the brightest material makes the noise of a pixel that it fills {louder:.2f} times that in the dark "
+        f"({rate:.2g} photons/s): more false triggers, and less precision than in the dark; narrow "
         "lidar.receiver.filter_width_nm"
     ]
 
@@ -258,17 +259,19 @@ def _beam(scenario: Scenario, seen: Preview) -> list[str]:
 
 
 def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return where most pixels of a target clip the converter: its median pixel at the nearest instant, as it stands."""
     lines = []
-    for sight in seen.sights:
-        nearest_m = float(sight.range_m.min())
+    for number, sight in enumerate(seen.sights):
+        row = int(np.argmin(sight.range_m))
+        nearest_m = float(sight.range_m[row])
         if nearest_m < 1e-3:
             continue
-        time_s = float(seen.time_s[np.argmin(sight.range_m)])
-        dimmest, _ = filled_pixel_photons(scenario, sight.name, nearest_m, time_s)
-        if float(scenario.lidar.detector.counts(np.array(dimmest))) >= scenario.lidar.detector.full_scale_counts:
+        returns = cast_attitudes(scenario, seen, number, row, most=1)[0]
+        photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
+        if float(scenario.lidar.detector.counts(np.array(photons))) >= scenario.lidar.detector.full_scale_counts:
             lines.append(
-                f"target {sight.name}: at {nearest_m:.0f} m even its dimmest material clips the converter in a filled pixel "
-                f"({dimmest:,.0f} photons); lower lidar.laser.energy_mj or the aperture"
+                f"target {sight.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
+                f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
             )
     return lines
 

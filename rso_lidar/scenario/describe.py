@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.detector import Empirical
-from rso_lidar.detector.trial import Trial, plate, trial
+from rso_lidar.detector.trial import Trial, trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.orbit.omm import Omm
 from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.environment import environment_lines
-from rso_lidar.scenario.preview import Preview, Sight, filled_pixel_photons, preview
+from rso_lidar.scenario.preview import Preview, Sight, preview
+from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, copy_pixels
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
 _TRIALS, _FEWEST = 4000, 200
+_FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
 _MOST_SAMPLES = 4_000_000  # that a trial may take, so that a long gate is described in seconds
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
@@ -39,8 +42,8 @@ def describe(scenario: Scenario) -> str:
     lines += _plan_lines(scenario)
     lines += environment_lines(scenario, seen)
     lines += _instrument_lines(scenario, seen)
-    for sight in seen.sights:
-        lines += _budget_lines(scenario, sight, seen)
+    for number in range(len(seen.sights)):
+        lines += _budget_lines(scenario, number, seen)
     warned = advice(scenario, seen)
     lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
     return "\n".join(lines)
@@ -220,34 +223,49 @@ def _detector_lines(scenario: Scenario) -> list[str]:
     return lines
 
 
-def _budget_lines(scenario: Scenario, sight: Sight, seen: Preview) -> list[str]:
-    surface = next(one for one in scenario.surfaces if one.name == sight.name)
-    left_out = ", retro-reflectors left out" if len({one.retro for one in surface.materials}) > 1 else ""
+def _budget_lines(scenario: Scenario, number: int, seen: Preview) -> list[str]:
+    """Return what the median and the brightest pixel of a target get of one flash, and what the detector makes of that."""
+    sight = seen.sights[number]
     lines = [
-        f"budget      {sight.name}, a filled pixel on the boresight that faces the lidar, dimmest to brightest "
-        f"material{left_out}:"
+        f"budget      {sight.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
     ]
-    for place, at in (("first", 0), ("last", -1)):
-        range_m, time_s = float(sight.range_m[at]), float(seen.time_s[at])
+    for place, row in (("first", 0), ("last", len(seen.time_s) - 1)):
+        range_m, time_s = float(sight.range_m[row]), float(seen.time_s[row])
         if range_m < 1e-3:
             lines.append(f"  {place:<9} the lidar is at the target's origin")
             continue
-        ends = np.unique(np.round(filled_pixel_photons(scenario, sight.name, range_m, time_s), 6))
-        made = [_trial(scenario, value, time_s) for value in ends]
-        photons = " to ".join(f"{value:,.0f}" for value in ends)
-        probability = " to ".join(f"{one.probability:.3f}" for one in made)
-        noise = " to ".join(_in_cm(one.range_noise_m) for one in made)
         pixel_m = range_m * scenario.lidar.at(time_s).receiver.pixel_tangent
+        across = sight.across_m[row] / pixel_m
+        size = f"{across:.0f}" if across >= 10.0 else f"{across:.1f}"
+        casts = cast_attitudes(scenario, seen, number, row)
+        fill = float(np.mean([one.brightest_fill for one in casts]))
+        chosen = [_trial(scenario, casts, [one.pixel_at(share) for one in casts], time_s) for share in (0.5, 1.0)]
+        probability = _ends_of([f"{one.probability:.3f}" for one in chosen])
+        noise = _ends_of([_noise(one) for one in chosen])
+        alike = f"mean of {len(casts)} attitudes" if len(casts) > 1 else "one attitude"
         lines.append(
-            f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, "
-            f"target {sight.across_m[at] / pixel_m:.0f} pixels across, "
-            f"{photons} photons, P(detect) {probability}, range noise {noise}"
+            f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
+            f"brightest pixel; {_photons(casts)}, P(detect) {probability}, range noise {noise} ({alike})"
         )
     return lines
 
 
-def _trial(scenario: Scenario, photons: float, time_s: float) -> Trial:
-    """Return what up to 4000 pixels of this detector make of so many photons, through its whole chain; the same draws."""
+def _photons(casts: Sequence[TargetReturns]) -> str:
+    """Return the photons of the median and the brightest pixel in words: medians over attitudes, and how these spread."""
+    median, brightest = (np.array([one.photons_at(share) for one in casts]) for share in (0.5, 1.0))
+    text = _ends_of([f"{np.median(values):,.0f}" for values in (median, brightest)]) + " photons"
+    if len(casts) < 2:
+        return text
+    low, high = np.quantile(brightest, [0.1, 0.9])
+    return f"{text} (brightest {low:,.0f} to {high:,.0f} in 8 of 10 attitudes)"
+
+
+def _ends_of(texts: Sequence[str]) -> str:
+    return " to ".join(dict.fromkeys(texts))
+
+
+def _trial(scenario: Scenario, casts: Sequence[TargetReturns], pixels: Sequence[int | None], time_s: float) -> Trial:
+    """Simulate up to 4000 pixels with the light of one pixel of each flash, through the whole chain; the same draws."""
     lidar = scenario.instrument.at(time_s)
     detector = lidar.detector
     gate = None if isinstance(detector, Empirical) else detector.gate
@@ -255,10 +273,12 @@ def _trial(scenario: Scenario, photons: float, time_s: float) -> Trial:
     if gate is not None and not isinstance(detector, Empirical):  # many pulses, and many samples, take their time
         samples = gate.n_samples(detector.readout.sample_s)
         n = max(min(_TRIALS // gate.pulses, _MOST_SAMPLES // samples), _FEWEST)
-    middle_m = 0.5 * (detector.sees_from_m + min(detector.sees_to_m, 1e6))
-    seen = plate(photons, n, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
-    return trial(detector, seen, np.random.Generator(np.random.Philox(_TRIALS)))
+    # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
+    shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
+    photons, true_m = copy_pixels(casts, pixels, n, shift_m)
+    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m)
 
 
-def _in_cm(value_m: float) -> str:
-    return f"{value_m / units.CM:.1f} cm" if np.isfinite(value_m) else "none"
+def _noise(made: Trial) -> str:
+    """Return the range noise in words; of few reports the quartiles say nothing, and most of them are false alarms."""
+    return f"{made.range_noise_m / units.CM:.1f} cm" if len(made.range_error_m) >= _FEWEST_REPORTS else "none"

@@ -12,7 +12,6 @@ import numpy as np
 from rso_lidar import motion
 from rso_lidar.errors import RsoLidarWarning
 from rso_lidar.optics import Laser
-from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import PoseTree
 from rso_lidar.records import BodyState, Truth
@@ -137,23 +136,6 @@ def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: 
     hull_m = np.linalg.norm(there, axis=-1)
     range_m, rate, off, in_field = (np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field))
     return Sight(name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0))
-
-
-def filled_pixel_photons(scenario: Scenario, target: str, range_m: float, time_s: float = 0.0) -> tuple[float, float]:
-    """Return the photons of a pixel on the boresight that a facing facet fills, of the dimmest and brightest material.
-
-    Retro-reflectors are left out where there is another material: they are far smaller than a pixel. The photons are of the
-    instrument that is planned for `time_s`; a laser beside the lens lights the boresight from there.
-    """
-    surface = next(surface for surface in scenario.surfaces if surface.name == target)
-    broad = [material for material in surface.materials if not material.retro] or surface.materials
-    brdf = [float(material.mean_brdf_per_sr(np.array(1.0))) for material in broad]
-    lidar = scenario.instrument.at(time_s)
-    share = parallax_share(lidar.laser, range_m)
-    dimmest, brightest = (
-        share * filled_pixel(lidar.laser, lidar.receiver, value, range_m) for value in (min(brdf), max(brdf))
-    )
-    return dimmest, brightest
 
 
 def parallax_share(laser: Laser, range_m: float) -> float:

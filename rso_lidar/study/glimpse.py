@@ -7,16 +7,14 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar import optics, scene
 from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.detector.trial import plate, trial
-from rso_lidar.optics import Receiver
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario.returns import cast_target
 
 _MOST_RAYS = 40_000_000  # in all casts together, shared evenly: beyond, the grid in a pixel is made coarser
 _LEVELS, _DECADES = 145, (0.0, 6.0)  # of photons, at which a detector is tried
@@ -107,34 +105,20 @@ def glimpses(
 
 
 def _glimpse(scenario: Scenario, truth: Truth, target: int, finest: int, curve: DetectionCurve) -> Glimpse:
-    lidar = scenario.instrument.at(truth.time_s)
-    k = min(lidar.receiver.rays_per_side, finest)
-    receiver = _coarser(lidar.receiver, k)
-    rays = optics.pixel_rays(receiver, lidar.laser, scene.extent(scenario.surfaces, truth))
-    hits = scene.cast(
-        rays, scenario.surfaces, truth, 1, laser_from_m=lidar.laser.offset, aperture_m=receiver.aperture_m
-    )
-    light = optics.collect(hits, lidar.laser, receiver)
-    n_pixels = receiver.n_rows * receiver.n_cols
-    mine = hits.target[light.hit] == target
-    seen = np.unique(light.pixel[mine])
-    if not seen.size:
+    seen = cast_target(scenario, truth, target, finest)
+    if not seen.pixel.size:
         return NOTHING
-    photons = np.bincount(light.pixel[mine], light.photons[mine], n_pixels)[seen]
-    range_m = hits.range_m[light.hit]
-    watched = mine & (range_m >= lidar.detector.sees_from_m) & (range_m <= lidar.detector.sees_to_m)
-    found = curve(np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen])
-    on = hits.target == target
+    detector = scenario.instrument.at(truth.time_s).detector
+    light, range_m = seen.light, seen.hits.range_m[seen.light.hit]
+    watched = seen.hits.target[light.hit] == target
+    watched &= (range_m >= detector.sees_from_m) & (range_m <= detector.sees_to_m)
+    n_pixels = light.shape[0] * light.shape[1]
+    found = curve(np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
     return Glimpse(
-        target_pixels=int(seen.size),
-        filled_pixels=float(hits.weight[on].sum()),
-        brightest_photons=float(photons.max()),
-        median_photons=float(np.median(photons)),
+        target_pixels=int(seen.pixel.size),
+        filled_pixels=seen.filled_pixels,
+        brightest_photons=float(seen.photons.max()),
+        median_photons=float(np.median(seen.photons)),
         detection_probability=float(found.max()),
         expected_returns=float(found.sum()),
     )
-
-
-@lru_cache(maxsize=64)
-def _coarser(receiver: Receiver, k: int) -> Receiver:
-    return receiver.replace(rays_per_pixel=k * k, filter_width_nm=None)
