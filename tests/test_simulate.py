@@ -9,6 +9,7 @@ import rso_lidar as rl
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import truth
+from rso_lidar.simulate import flash
 
 
 @pytest.fixture(scope="module")
@@ -366,3 +367,29 @@ def test_a_target_through_the_lidar_itself_is_no_error(text, path):
         frame = next(rl.simulate(scenario.replace(target=(plate,)), frames=[0], keep=("hits", "photons")))
     assert np.isfinite(frame.kept["photons"].photons).all()
     assert (frame.kept["hits"].range_m > 0.0).all()
+
+
+def test_no_two_stages_or_frames_draw_from_one_stream(text, monkeypatch):
+    """Two generators a frame, of pointing and of detection: none of all that a run asks for begins like another.
+
+    What the lidar's mount does and what its pixels do are independent then; both are what their own stage's stream says.
+    """
+    scenario, asked, rng = rl.Scenario.loads(text), {}, rl.Scenario.rng
+
+    def remembered(self, frame, stage=0):
+        generator = rng(self, frame, stage)
+        asked.setdefault(generator.bit_generator.state["state"]["key"].tobytes(), []).append((frame, stage))
+        return generator
+
+    monkeypatch.setattr(rl.Scenario, "rng", remembered)
+    frames = list(rl.simulate(scenario, frames=range(3), threads=1))
+    calls = [call for calls in asked.values() for call in calls]
+    assert len(asked) == len(calls) == 6, "two stages or two frames share a stream"
+    for frame in frames:
+        stages = {stage for index, stage in calls if index == frame.index}
+        assert len(stages) == 2
+        made = [flash(scenario, frame.truth, rng(scenario, frame.index, stage)) for stage in sorted(stages)]
+        assert sum(np.array_equal(one.range_m, frame.range_m, equal_nan=True) for one in made) == 1
+        jitter = (frame.truth.pointing.actual_rad - frame.truth.pointing.measured_rad) / np.deg2rad(0.001)
+        drawn = [rng(scenario, frame.index, stage).standard_normal(4) for stage in sorted(stages)]
+        assert sum(np.allclose(jitter, four[:2] - four[2:], atol=1e-6) for four in drawn) == 1

@@ -39,3 +39,25 @@ def test_noise_has_the_autocorrelation_of_two_poles(path):
         x = lag * STEP_S / tau
         assert abs(products.mean() - (1.0 + x) * math.exp(-x)) < 4.5 * products.std() / math.sqrt(20_000)
     assert abs(noise.mean(dtype=float)) < 4.5 * noise.mean(axis=1).std() / math.sqrt(20_000)
+
+
+@pytest.mark.parametrize("path", arithmetic.CHOICES)
+def test_gain_of_a_pixel_takes_the_avalanche_along_and_not_the_amplifiers_own_noise(path):
+    """mean g q and variance σ² + g² s² ∫h²-sum: gain acts before the amplifier. 4.5 standard errors over rows.
+
+    White excess of rms s a step is s² rate-free Campbell: s²/Δ · integration²/(4τ). Gains, mean and both noises at once.
+    """
+    rows, n, s = 12_000, 48, 400.0
+    rng = np.random.default_rng(11)
+    gain = np.repeat(np.array([0.4, 1.0, 1.8], np.float32), rows // 3)
+    quiet = np.broadcast_to(np.linspace(500.0, 3500.0, n, dtype=np.float32), (rows, n))
+    excess = (s * rng.standard_normal((rows, n))).astype(np.float32)
+    with arithmetic.using(path):
+        made = amplified(filters(NOISY, n, STEP_S), quiet.copy(), excess.copy(), gain, np.random.default_rng(12))
+    own2, shot2 = 1000.0**2, s**2 / STEP_S * NOISY.integration_s**2 / (4.0 * NOISY.pole_s)
+    for g in (0.4, 1.0, 1.8):
+        of = gain == np.float32(g)
+        rest = made[of].astype(float) - g * quiet[of]
+        means, squares = rest.mean(axis=1), (rest**2).mean(axis=1)
+        assert abs(means.mean()) < 4.5 * means.std() / math.sqrt(len(means))
+        assert abs(squares.mean() - own2 - g**2 * shot2) < 4.5 * squares.std() / math.sqrt(len(squares))

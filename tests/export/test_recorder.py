@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from frames_for_tests import SOURCE, assert_same, datasets, leave_unfinished, make_frame, make_frames
 
@@ -123,6 +124,45 @@ def test_exception_keeps_the_temporary_file_and_resume_goes_on(tmp_path):
             recorder.write(make_frame(k, shape=(6, 5)))
     assert datasets(output) == datasets(whole)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.h5", "run.h5.tmp-00000000", "whole.h5"]
+
+
+def test_resume_goes_on_past_the_first_block_of_small_datasets(tmp_path):
+    """4099 frames, three past a chunk of 4096, each row of truth, settings and time a number of its own."""
+    output, count = tmp_path / "run.h5", 4099
+    leave_unfinished(output, make_frames(1, shape=(1, 1)), RUN)
+    unfinished, rng, rows = tmp_path / f"run.h5.tmp-{RUN}", np.random.default_rng(4), {}
+
+    def lengthen(name, item):
+        if not (isinstance(item, h5py.Dataset) and item.maxshape and item.maxshape[0] is None):
+            return
+        item.resize(count, axis=0)
+        if item.chunks[0] > 1:
+            rows[name] = rng.permutation(item.size).reshape(item.shape).astype(item.dtype)
+            item[:] = np.sort(rows[name]) if name == "time" else rows[name]
+            rows[name] = item[:]
+        else:
+            zeros = (0,) * (item.ndim - 1)
+            mask, chunk = item.id.read_direct_chunk((0, *zeros))
+            for k in range(1, count):
+                item.id.write_direct_chunk((k, *zeros), chunk, mask)
+
+    with h5py.File(unfinished, "r+", libver=("v110", "v110")) as file:
+        file.visititems(lengthen)
+    assert {"time", "truth/tdrs/position", "ptu/pan_actual_rad"} <= rows.keys()
+    with export.Recorder(output, SOURCE, run_id=RUN, resume=True) as recorder:
+        assert recorder.written == count
+        recorder.write(make_frame(count, shape=(1, 1)))
+    with h5py.File(output) as file:
+        assert len(file["time"]) == count + 1
+        for name, values in rows.items():
+            np.testing.assert_array_equal(file[name][:count], values, err_msg=name)
+        assert file["time"][count] == 0.1 * count
+        images = [item for item in file.values() if isinstance(item, h5py.Dataset) and item.chunks == (1, 1, 1)]
+        assert images
+        for item in images:
+            assert np.array_equal(
+                item[:count], np.broadcast_to(item[0], item[:count].shape), equal_nan=item.dtype.kind == "f"
+            )
 
 
 def test_resume_with_nothing_to_resume_starts_at_the_beginning(tmp_path):

@@ -82,6 +82,27 @@ def test_limits_bite(response):
     assert course[-1, 0] == pytest.approx(60.0, abs=0.1)  # and it arrives
 
 
+@pytest.mark.parametrize(
+    ("response", "lag"), [(FirstOrder(time_constant_s=0.05), 0.5), (SecondOrder(natural_hz=4, damping=0.7), 0.0)]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_angle_on_a_ramp_is_the_sum_of_its_rates(response, lag, sign):
+    """a t²/2 while it speeds up, by the mean rate of each tick; a first-order drive goes by the new rate, a t dt/2 more.
+
+    Then the greatest rate times the time: both from rest, with start and demand on either side of zero.
+    """
+    limited = response.replace(max_rate_deg_s=30.0, max_acceleration_deg_s2=100.0)
+    start = ((sign * 5.0 * DEG, 0.0), (0.0, 0.0))
+    course = sign * answer(limited, sign * 95.0 * DEG, 2000, start)[:, 0] / DEG - 5.0
+    time = np.arange(1, 2001) * TICK_S
+    speeding = time < 0.3 - 1e-9
+    ramp = 0.5 * 100.0 * time**2 + lag * 100.0 * time * TICK_S
+    np.testing.assert_allclose(course[speeding], ramp[speeding], rtol=1e-9)
+    cruise = (time > 0.3 + 1e-9) & (time < 1.5)
+    at_full_rate = 0.5 * 30.0 * 0.3 + lag * 30.0 * TICK_S + 30.0 * (time - 0.3)
+    np.testing.assert_allclose(course[cruise], at_full_rate[cruise], rtol=1e-9)
+
+
 @pytest.mark.parametrize("response", [FirstOrder(time_constant_s=0.05), SecondOrder(natural_hz=4, damping=0.7)])
 def test_wide_limits_change_no_bit(response):
     wide = response.replace(max_rate_deg_s=1e9, max_acceleration_deg_s2=1e12, pan_limits_deg=(-1e5, 1e5))

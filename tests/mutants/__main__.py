@@ -19,7 +19,11 @@ WANTED = 0.95  # of the faults that are not equivalent
 LIMIT_S = 1800.0  # a fault that makes a loop endless is seen too
 # What a fault must pass to survive: the tests named with it, its room's, and those that fly the whole walk.
 WHOLE = ["tests/test_simulate.py", "tests/golden", "tests/property", "tests/physics"]
-ROOM = {"simulate": [], "export": ["tests/export", "tests/property/test_save_load.py"]}
+ROOM = {
+    "simulate": [],
+    "export": ["tests/export", "tests/property/test_save_load.py"],
+    "orbit": ["tests/orbit", "tests/study/test_screening.py", "tests/study/test_screening_sets.py"],
+}
 
 
 def stages(fault: Fault, *, named_only: bool) -> Iterator[list[str]]:

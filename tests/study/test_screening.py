@@ -121,6 +121,24 @@ def test_nothing_is_missed_that_a_fine_grid_finds(follower, within_m):
         assert stay.left == (stay.leave_s < duration_s)
 
 
+@pytest.mark.parametrize("step_s", [300.0, 600.0])
+def test_an_encounter_that_the_cubic_misses_is_found_by_its_error_bound(step_s):
+    """A transfer orbit meets a circular one at its perigee, half a metre apart; limit 20 m; wherever the grid falls about it.
+
+    At perigee the fourth derivative is (1 + 3 e) mu^2 / r^5, on the circle mu^2 / r^5, both along r: the cubic errs
+    by h^4 / 384 times their difference, 0.5 km for h = 300 s, and without a bound nothing would come within the limit.
+    """
+    follower = elements(1, 15.984746, raan=12.1581, anomaly=3.4391)
+    there = elements(3, 2.27, e=0.727, argument=40.0)
+    h4, r_m = step_s**4, 6.647e6
+    assert 3.0 * 0.727 * 3.986e14**2 / r_m**5 * h4 / 384.0 > 500.0  # m: far outside the limit
+    for phase in (0.0, 0.2, 0.45, 0.5, 0.7):
+        begin = START + datetime.timedelta(seconds=20064.002 - (2.0 + phase) * step_s)
+        (stay,) = screen(follower, [there], begin, 5.0 * step_s, 20.0, step_s).stays
+        assert stay.time_s == pytest.approx((2.0 + phase) * step_s, abs=2e-3)
+        assert stay.range_m < 1.0
+
+
 def test_minima_and_edges_are_good_to_the_millisecond():
     objects, within_m = fleet(), 150e3
     found = screen(LEO, objects, START, 6 * 3600.0, within_m)
