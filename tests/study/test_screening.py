@@ -123,7 +123,7 @@ def test_nothing_is_missed_that_a_fine_grid_finds(follower, within_m):
 
 @pytest.mark.parametrize("step_s", [300.0, 600.0])
 def test_an_encounter_that_the_cubic_misses_is_found_by_its_error_bound(step_s):
-    """A transfer orbit meets a circular one at its perigee, half a metre apart; limit 20 m; wherever the grid falls about it.
+    """A transfer orbit meets a circular one at its perigee, half a metre apart, limit 20 m, wherever the grid falls.
 
     At perigee the fourth derivative is (1 + 3 e) mu^2 / r^5, on the circle mu^2 / r^5, both along r: the cubic errs
     by h^4 / 384 times their difference, 0.5 km for h = 300 s, and without a bound nothing would come within the limit.
