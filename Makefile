@@ -30,8 +30,8 @@ venv: $(VENV)/.installed ## install rso_lidar into .venv
 demo: $(VENV)/.installed ## fly the example: a recording, a contact sheet and an animation, in out/
 	@mkdir -p out
 	$(BIN)/rso-lidar run examples/tdrs_approach.toml -o $(DEMO).h5 --overwrite
-	$(BIN)/rso-lidar plot $(DEMO).h5 -o $(DEMO).png
-	$(BIN)/rso-lidar animate $(DEMO).h5 $(DEMO).gif
+	$(BIN)/rso-lidar plot $(DEMO).h5 -o $(DEMO).png --overwrite
+	$(BIN)/rso-lidar animate $(DEMO).h5 $(DEMO).gif --overwrite
 	@echo
 	@echo "A flash LiDAR hops from 3 km to 300 m behind a TDRS satellite (examples/tdrs_approach.toml):"
 	@echo "  $(DEMO).png  contact sheet: range and intensity, frame by frame, as the satellite grows"

@@ -41,18 +41,59 @@ def beside(place: Path) -> Iterator[Path]:
             draft.unlink(missing_ok=True)
 
 
-def free(place: Path, suffixes: Sequence[str], *, overwrite: bool = False) -> Path:
-    """Return a path once it is sure that a file of one of these suffixes may be written there."""
+def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
+    """Check that a file may be written at a path, and return the path with a leading ``~`` expanded.
+
+    Every command and function that writes a file asks here before it begins, so that all refuse alike.
+
+    Parameters
+    ----------
+    path : of the file to write.
+    suffixes : those that it may have, in lower case; empty, any.
+    overwrite : whether an older file may be replaced.
+
+    Raises
+    ------
+    RecordingError
+        For another suffix, an existing file, a folder, a device, and a folder that is missing or read-only.
+    """
+    try:
+        place = Path(path).expanduser()
+        check_suffix(place, suffixes)
+        with suppress(FileNotFoundError, NotADirectoryError):
+            place.lstat()  # which says, as `exists` does not, why a name cannot even be looked up
+        if place.is_dir():
+            raise RecordingError(f"{place}: is a folder; name a file in it")
+        if place.exists() and not place.is_file():
+            raise RecordingError(f"{place}: is not a regular file; give another name")
+        if place.exists() and not overwrite:
+            raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
+        if not place.parent.is_dir():
+            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+        if not os.access(place.parent, os.W_OK | os.X_OK):
+            raise RecordingError(f"{place}: the folder may not be written to; choose another")
+    except (OSError, RuntimeError, ValueError) as error:  # a name too long, no such user, a NUL character
+        if isinstance(error, RecordingError):
+            raise
+        what = getattr(error, "strerror", None) or error
+        raise RecordingError(f"{os.fspath(path)}: cannot be written here ({what}); choose another place") from None
+    return place
+
+
+def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
+    """Raise an error where a path has none of these suffixes (lower case); an empty list allows all."""
     suffix = place.suffix.lower()
-    if suffix not in suffixes:
+    if suffixes and suffix not in suffixes:
         what = f"unknown suffix '{place.suffix}'" if suffix else "the name has no suffix"
-        raise RecordingError(f"{place}: {what}{did_you_mean(suffix, suffixes)} (known: {', '.join(suffixes)})")
-    if place.is_dir():
-        raise RecordingError(f"{place}: is a folder; name a file in it")
-    if place.exists() and not overwrite:
-        raise RecordingError(f"{place}: exists already; give --overwrite or another name")
-    if not place.parent.is_dir():
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
+        guess = did_you_mean(suffix, suffixes) or ";"
+        raise RecordingError(f"{place}: {what}{guess} (known: {', '.join(suffixes)})")
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
+    """Write a text as UTF-8 with plain line feeds, whole or not at all, and return its path."""
+    place = free(path, overwrite=overwrite)
+    with beside(place) as draft:
+        draft.write_text(text, encoding="utf-8", newline="\n")
     return place
 
 

@@ -113,8 +113,26 @@ def placed(place: str) -> Iterator[None]:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest known word, or an empty string.
 
+    A suffix has too few letters for a share of them to mean anything: one is near another only if a single slip of the
+    hand (a letter too many, missing, wrong, or swapped with its neighbour) leads from one to the other and the first
+    letter is right.
+
     >>> did_you_mean("natural_freq_hz", ["natural_hz", "damping"])
     "; did you mean 'natural_hz'?"
+    >>> did_you_mean(".cvs", [".csv", ".png"]), did_you_mean(".foo", [".oem", ".csv"])
+    ("; did you mean '.csv'?", '')
     """
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    if word.startswith("."):
+        near = [suffix for suffix in known if word[1:2] == suffix[1:2] and _is_one_slip(word, suffix)]
+    else:
+        near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _is_one_slip(word: str, meant: str) -> bool:
+    """Return whether one letter more, less or other, or two neighbours swapped, turn a word into another."""
+    start = 0
+    while start < min(len(word), len(meant)) and word[start] == meant[start]:
+        start += 1
+    one, two = word[start:], meant[start:]
+    return one[1:] == two or one == two[1:] or one[1:] == two[1:] or (one[:2] == two[1::-1] and one[2:] == two[2:])

@@ -96,7 +96,7 @@ rays_per_pixel = 4
 """
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def text() -> str:
     """Return a small scenario that needs no orbit and takes little time."""
     return BENCH

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from rso_lidar.draft import beside, hold_lock, is_locked
+from rso_lidar.draft import beside, free, hold_lock, is_locked, write_text
 from rso_lidar.errors import RecordingError, RunError
 
 
@@ -120,3 +120,64 @@ def test_no_lock_where_nothing_may_be_written(tmp_path, monkeypatch):
     with pytest.raises(RecordingError, match=r"may not be written \(Permission denied\); choose another folder"):
         hold_lock(tmp_path / ".index.lock").__enter__()
     assert is_locked(tmp_path / ".index.lock") is None, "what may not be looked at is not known to be free"
+
+
+def test_a_free_path_comes_back_with_the_home_folder_in_full(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    assert free("~/x.csv", (".csv",)) == tmp_path / "x.csv"
+    assert free(str(tmp_path / "X.CSV"), (".csv",)) == tmp_path / "X.CSV"
+    assert free(tmp_path / "any.thing") == tmp_path / "any.thing"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_file_is_free_only_to_overwrite(tmp_path):
+    (tmp_path / "x.csv").write_text("precious")
+    with pytest.raises(
+        RecordingError, match=r"x\.csv: exists already; give --overwrite \(overwrite=True\) or another name"
+    ):
+        free(tmp_path / "x.csv")
+    assert free(tmp_path / "x.csv", overwrite=True) == tmp_path / "x.csv"
+    assert (tmp_path / "x.csv").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("x.cvs", "unknown suffix '.cvs'; did you mean '.csv'? (known: .csv, .png)"),
+        ("x.foo", "unknown suffix '.foo'; (known: .csv, .png)"),
+        ("x", "the name has no suffix; (known: .csv, .png)"),
+        ("", "the name has no suffix"),
+        ("folder.csv", "is a folder; name a file in it"),
+        ("none/x.csv", "there is no folder"),
+        ("fifo.csv", "is not a regular file"),
+        ("x" * 300 + ".csv", "cannot be written here (File name too long)"),
+        ("x\0.csv", "cannot be written here"),
+        ("~nobody_of_that_name/x.csv", "cannot be written here"),
+    ],
+)
+def test_what_is_not_free(tmp_path, monkeypatch, name, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "fifo.csv")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(RecordingError) as told:
+        free(name, (".csv", ".png"), overwrite=True)
+    assert said in str(told.value)
+    assert "\n" not in str(told.value)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_read_only_folder_is_told_before_work_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr("rso_lidar.draft.os.access", lambda *_: False)  # root may write everywhere
+    with pytest.raises(RecordingError, match="the folder may not be written to"):
+        free(tmp_path / "x.csv")
+
+
+def test_a_text_is_written_whole_and_an_older_one_kept(tmp_path):
+    path = tmp_path / "a.oem"
+    assert write_text(path, "one\n").read_bytes() == b"one\n"
+    with pytest.raises(RecordingError, match="exists already"):
+        write_text(path, "two")
+    assert write_text(path, "three", overwrite=True).read_text() == "three"
+    assert [file.name for file in tmp_path.iterdir()] == ["a.oem"]

@@ -63,3 +63,25 @@ def test_did_you_mean_without_anything_known():
 
 def test_did_you_mean_takes_what_can_be_read_once():
     assert "fov_deg" in errors.did_you_mean("fov_dge", (word for word in ["fov_deg"]))
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        (".cvs", ".csv"),
+        (".csvv", ".csv"),
+        (".cs", ".csv"),
+        (".h6", ".h5"),
+        (".hdf", ".hdf5"),
+        (".h", ".h5"),
+        (".pnng", ".png"),
+    ],
+)
+def test_a_suffix_with_one_slip_is_known(written, meant):
+    assert errors.did_you_mean(written, [".png", ".csv", ".h5", ".hdf5", ".oem"]) == f"; did you mean '{meant}'?"
+
+
+@pytest.mark.parametrize("written", [".foo", ".txt", ".xyz", ".jpg", ".mat", ".o", ".", "", ".h5x9", ".zip", ".pdfs"])
+def test_a_suffix_that_only_shares_letters_is_no_guess(written):
+    known = [".png", ".csv", ".h5", ".hdf5", ".oem", ".aem", ".czml", ".npz", ".zarr", ".tum", ".ply", ".pcd", ".bop"]
+    assert errors.did_you_mean(written, known) == ""

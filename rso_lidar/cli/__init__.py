@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         sys.exit(status)
     except usage_error as error:
         if error.format_message():  # without any words the help has been shown, and says enough
-            _say(f"error: {error.format_message().rstrip('.')}; see rso-lidar --help")
+            _say(f"error: {_with_hint(error.format_message().rstrip('.'), error)}")
         sys.exit(2)
     except RunError as error:
         # After a write that failed, HDF5 may crash while the interpreter cleans up: leave at once, all said.
@@ -50,6 +50,13 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except OSError as error:
         _say(f"error: output: cannot be written ({error.strerror or error}); make room, or send it elsewhere")
         sys.exit(1)
+
+
+def _with_hint(message: str, error: Any) -> str:
+    """Return the message of a usage error with the command whose help tells more."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "rso-lidar"
+    return f"{message}{' ' if message.endswith('?') else '; '}try '{command} --help'"
 
 
 def _collect_seldom() -> None:

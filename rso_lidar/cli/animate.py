@@ -6,7 +6,10 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
+from rso_lidar.draft import free
+from rso_lidar.picture.animation import ANIMATION_SUFFIXES
 
 
 def animate(
@@ -16,8 +19,10 @@ def animate(
         int, typer.Option("--max-frames", min=1, help="Thin the recording evenly to this many.")
     ] = 120,
     rate_hz: Annotated[float | None, typer.Option("--rate", min=0.1, help="Pictures per second.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Animate a recording as GIF or MP4."""
+    output = free(output, ANIMATION_SUFFIXES, overwrite=overwrite)
     with export.open(recording) as frames:
         picture.animate(frames, output, max_frames=max_frames, frame_rate_hz=rate_hz)
     typer.echo(f"{output}")

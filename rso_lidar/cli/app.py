@@ -31,9 +31,9 @@ app = typer.Typer(
     name="rso-lidar",
     help="Fly a flash LiDAR past a satellite before you build one.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,
+    context_settings={"max_content_width": 110},
 )
 
 app.command("check")(check.check)

@@ -5,13 +5,15 @@ from typing import Annotated
 
 import typer
 
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import length_m
 from rso_lidar.cli.scenarios import Settings
+from rso_lidar.draft import free
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.study import budget as worked_out
-from rso_lidar.study.encounters import checked_output
+from rso_lidar.study.budget import SUFFIXES
 
 
 def budget(
@@ -40,14 +42,11 @@ def budget(
     ] = None,
     settings: Settings = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Work out photons, detection, precision and pixels on target against range, in closed form."""
     if output is not None:
-        checked_output(output, overwrite=overwrite)
-        if output.suffix.lower() not in _SUFFIXES:
-            guess = did_you_mean(output.suffix.lower(), _SUFFIXES)
-            raise ScenarioError(f"{output}: unknown suffix '{output.suffix}'{guess} (known: {', '.join(_SUFFIXES)})")
+        output = free(output, SUFFIXES, overwrite=overwrite)
     made = worked_out(
         _camera(camera, tuple(settings or ())),
         range_m=None if range_ is None else _range_m(range_),
@@ -63,9 +62,6 @@ def budget(
     typer.echo(made.table())
     if output is not None:
         typer.echo(f"{output}")
-
-
-_SUFFIXES = (".png", ".pdf", ".svg", ".csv")
 
 
 def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:

@@ -9,12 +9,13 @@ from typing import Annotated
 import typer
 
 from rso_lidar import units
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant
-from rso_lidar.draft import beside
-from rso_lidar.errors import CatalogError, RecordingError, ScenarioError, did_you_mean
+from rso_lidar.draft import beside, free
+from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.catalog import REGIMES, read_element_sets
-from rso_lidar.study.encounters import checked_output, counted
+from rso_lidar.study.encounters import counted
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
 _FIRST = 10  # problems that are told unasked
@@ -44,7 +45,7 @@ def catalog(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write these sets to .json or .csv (OMM), or .tle.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """List the objects of a catalogue and its bad records, and write a part of it."""
     if (near is None) != (max_age_days is None):
@@ -58,7 +59,7 @@ def catalog(
     if jumps and not numbers:
         raise ScenarioError("--jumps: is about one object; name it with --id")
     if output is not None:
-        _checked(output, overwrite)
+        output = free(output, SUFFIXES, overwrite=overwrite)
     at = None if near is None else instant("--near", near)
     whole = Catalog.from_file(file)
     _known(whole, file, numbers)
@@ -186,19 +187,9 @@ def _summary(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
     )
 
 
-def _checked(output: Path, overwrite: bool) -> None:
-    """Refuse an output that cannot be written."""
-    suffix = output.suffix.lower()
-    if suffix not in SUFFIXES:
-        what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-        guess = did_you_mean(suffix, SUFFIXES) or ";"
-        raise RecordingError(f"{output}: {what}{guess} (known: {', '.join(SUFFIXES)})")
-    checked_output(output, overwrite=overwrite)
-
-
 def _write(chosen: Catalog, output: Path) -> None:
     """Write the sets whole or not at all."""
-    with beside(output.expanduser()) as draft:
+    with beside(output) as draft:
         try:
             chosen.write(draft)
         except CatalogError as error:

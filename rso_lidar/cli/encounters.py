@@ -9,15 +9,17 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant, length_m
+from rso_lidar.draft import free, write_text
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.picture.encounters import encounter_figure
-from rso_lidar.picture.output import FIGURE_SUFFIXES, checked
+from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.encounters import MAX_SLEW_DEG_S, checked_output, counted, write_text
+from rso_lidar.study.encounters import MAX_SLEW_DEG_S, counted
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
@@ -57,7 +59,7 @@ def encounters(
         int | None, typer.Option("--scenario", metavar="N", help="Write the scenario of row N to the file of -o.")
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Scenario file to write (.toml).")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace outputs that exist.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """List all close approaches of one object to all others of a catalogue."""
     if (scenario is None) != (output is None):
@@ -74,9 +76,7 @@ def encounters(
         if place is not None:
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
-            checked_output(place, overwrite=overwrite)
-    if plot is not None:
-        checked(plot, FIGURE_SUFFIXES)
+            free(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
     table = find(
         catalog,
         follower,

@@ -11,13 +11,14 @@ import typer
 from rso_lidar import export as files
 from rso_lidar import orbit
 from rso_lidar.cli.globe import globe
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
+from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
 from rso_lidar.export.course import courses, whole
 from rso_lidar.export.czml import thinned, write_czml
 from rso_lidar.export.formats import FORMATS, Format, format_for, writer_for
-from rso_lidar.export.place import free_file
 from rso_lidar.motion.aem import write_aem
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.pose import ROOT
@@ -54,7 +55,7 @@ def export(
     lidar_in_target: Annotated[
         bool, typer.Option("--lidar-in-target", help="tum, kitti: the lidar in the target's axes, not the reverse.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a recording in another format, and say what that loses."""
     wanted = format_for(form or to)
@@ -104,7 +105,7 @@ def _texts(start_utc: datetime.datetime, time_s: np.ndarray) -> np.ndarray:
 
 def _about_the_earth(to: Path, source: Source, overwrite: bool) -> None:
     """Raise an error where an ephemeris cannot be written."""
-    free_file(to, overwrite=overwrite)
+    free(to, overwrite=overwrite)
     if tomllib.loads(source.scenario).get("world", {}).get("axes") == "local":
         raise RecordingError(f"{to.name}: a local world has no Earth to give positions about; write a .csv")
 

@@ -3,12 +3,12 @@
 from typing import Any, get_args
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from typer.core import TyperGroup
 
 from rso_lidar.cli import models_add, models_check, models_materials, models_show
-from rso_lidar.cli.models_show import wide
+from rso_lidar.cli.models_show import WIDE
+from rso_lidar.cli.terminal import literal_console
 from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene.library import models as catalogue
 from rso_lidar.scene.library import own_folder, own_models
@@ -23,7 +23,7 @@ class _NameOrCommand(TyperGroup):
         return super().resolve_command(ctx, args if known else ["show", *args])
 
 
-app = typer.Typer(cls=_NameOrCommand, rich_markup_mode="rich", pretty_exceptions_enable=False)
+app = typer.Typer(cls=_NameOrCommand, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 
 @app.callback(invoke_without_command=True)
@@ -35,8 +35,8 @@ def models(context: typer.Context) -> None:
 
 def listed() -> None:
     """List the models that ship with rso_lidar, and those of your own library."""
-    console = Console()
-    broad = wide()
+    console = literal_console()
+    broad = literal_console(WIDE)
     table = Table(box=None, header_style="bold", expand=broad.is_terminal)
     for title in ("name", "class", "size class", "size, m", "facets", "parts"):
         table.add_column(title, no_wrap=True)
@@ -51,11 +51,9 @@ def listed() -> None:
         '\nIn a scenario: model = "tdrs". A path with a suffix or a slash reads a mesh of your own;\n'
         "`rso-lidar models add PATH` keeps it, with scale and materials, in your own library;\n"
         "`rso-lidar models materials` lists the materials.",
-        markup=False,
-        highlight=False,
     )
     if own:
-        console.print(f"Yours are in {own_folder()}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"Yours are in {own_folder()}", soft_wrap=True)
 
 
 def _rank(taxonomy: Taxonomy) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 from rich.table import Table
 
-from rso_lidar.cli.models_show import wide
+from rso_lidar.cli.models_show import WIDE
+from rso_lidar.cli.terminal import literal_console
 from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
 
 
@@ -11,7 +12,7 @@ def listed_materials() -> None:
     table = Table(box=None, header_style="bold")
     for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM)):
         table.add_column(title, no_wrap=True)
-    console = wide()
+    console = literal_console(WIDE)
     fold = console.is_terminal
     table.add_column("what", no_wrap=not fold, ratio=3 if fold else None)
     table.add_column("confidence", no_wrap=not fold, ratio=2 if fold else None)
@@ -22,6 +23,4 @@ def listed_materials() -> None:
     console.print(
         '\nReflectance is of all directions together. In a scenario: material = "mli_gold", or\n'
         'part_materials = { bus = "mli_gold_crinkled" }; docs/scenario.md tells how to give one of your own.',
-        markup=False,
-        highlight=False,
     )

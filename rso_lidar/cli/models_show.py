@@ -4,17 +4,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from rso_lidar import units
+from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.terminal import literal_console
 from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library import models, own_models
 from rso_lidar.study.model_card import RANGE_M, WAVELENGTHS_NM, ModelCard, model_card
 
 WIDE = 112  # columns that the tables need
-_NO_END = 1000  # columns into a file or a pipe
 
 
 def show(
@@ -26,30 +26,24 @@ def show(
         Path | None,
         typer.Option("-o", "--output", help="Picture of four sides by part and by material (.png, .pdf, .svg)."),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Tell what a model is, the light it sends back from 1 km, and its parts; draw it from four sides."""
     if output is not None:
-        free(output, FIGURE_SUFFIXES, overwrite=overwrite)
+        output = free(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = model_card(name)
     drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
-    console = Console()
+    console = literal_console()
     for line in (card.what, *card.lines):
-        console.print(line, markup=False, highlight=False)
+        console.print(line)
     console.print()
     console.print(_light(card))
     console.print()
-    wide().print(_parts(card))
-    console.print("\nBody axes, from the centre of mass.", markup=False)
-    console.print(_joint(name, card), markup=False, highlight=False, soft_wrap=True)
+    literal_console(WIDE).print(_parts(card))
+    console.print("\nBody axes, from the centre of mass.")
+    console.print(_joint(name, card), soft_wrap=True)
     if drawn is not None:
         typer.echo(str(drawn))
-
-
-def wide() -> Console:
-    """Return a console that is wide enough for tables, and as wide as they are where it is no terminal."""
-    console = Console()
-    return Console(width=max(console.width, WIDE) if console.is_terminal else _NO_END)
 
 
 def _joint(name: str, card: ModelCard) -> str:

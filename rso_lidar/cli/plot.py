@@ -6,13 +6,24 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export, picture
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
+from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
+from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.picture.sheet import SHEET_SUFFIXES
 
 
 def plot(
     recording: RecordingFile,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png); beside the recording.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Picture (.png; all but the sheet .pdf and .svg, too); left out, beside the recording.",
+        ),
+    ] = None,
     frame: Annotated[
         int | None, typer.Option("--frame", help="Draw this frame alone, by its number in the scenario.")
     ] = None,
@@ -20,13 +31,16 @@ def plot(
     curves: Annotated[
         bool, typer.Option("--curves", help="Draw detection, photons and range error over time.")
     ] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw a contact sheet of a recording; or one frame, its trajectory, or its curves."""
     if (frame is not None) + path + curves > 1:
         raise RecordingError("--frame, --path and --curves are three pictures; ask for one at a time")
+    kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
+    if output is not None:
+        output = free(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
     with export.open(recording) as frames:
-        kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
-        place = output or recording.with_name(f"{recording.stem}_{kind}.png")
+        place = output or free(recording.with_name(f"{recording.stem}_{kind}.png"), overwrite=overwrite)
         if frame is not None:
             numbers = frames.frame_index[:].tolist()
             if frame not in numbers:

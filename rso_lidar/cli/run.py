@@ -12,6 +12,7 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.arithmetic import on_compiling
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
 from rso_lidar.cli.recordings import choice
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
@@ -45,7 +46,7 @@ def run(
             "--keep", metavar="A,B", help="Record intermediate products as well: photons, waveforms, oversampled."
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
 ) -> None:
     """Fly a scenario and record its frames with truth and labels."""

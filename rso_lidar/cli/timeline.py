@@ -6,14 +6,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.draft import free
-from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.conops import Timeline
+from rso_lidar.study.conops import SUFFIXES, Timeline
 from rso_lidar.study.conops import timeline as timeline_of
-
-SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 
 def timeline(
@@ -21,7 +19,9 @@ def timeline(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Picture (.png, .pdf, .svg) or table (.csv); a picture beside the scenario."
+            "-o",
+            "--output",
+            help="Picture (.png, .pdf, .svg) or table (.csv); left out, a picture in the working folder.",
         ),
     ] = None,
     every_s: Annotated[
@@ -30,11 +30,10 @@ def timeline(
     ] = None,
     target: Annotated[str | None, typer.Option("--target", metavar="NAME", help="Target (the first).")] = None,
     settings: Settings = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Draw or tabulate one encounter: range, rates, Sun, PTU, field, pixels, photons and detection, frame by frame."""
-    output = output or file.with_name(f"{file.stem}_timeline.png")
-    free(output, SUFFIXES, overwrite=overwrite)
+    output = free(output or Path(f"{file.stem}_timeline.png"), SUFFIXES, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()))
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)

@@ -7,17 +7,15 @@ import numpy as np
 import typer
 
 from rso_lidar import export, units
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.tracking import NAMES
-from rso_lidar.study.tracking import AXES, Tracking, tracking
+from rso_lidar.study.tracking import AXES, SUFFIXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
 from rso_lidar.track.follow import FEWEST_POINTS
-
-SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 
 def track(
@@ -43,11 +41,11 @@ def track(
         bool, typer.Option("--shape/--no-shape", help="Whether the filters allow for the shape of the model.")
     ] = True,
     icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, some 50 ms a frame.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Track a recording's target by centroid, Kalman filters and ICP, and compare with truth."""
     if output is not None:
-        free(output, SUFFIXES, overwrite=overwrite)
+        output = free(output, SUFFIXES, overwrite=overwrite)
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:
         raise RecordingError(f"--range-noise {range_noise_m:g}: needs metres above 0")
     if not 0.0 <= acceleration < np.inf:

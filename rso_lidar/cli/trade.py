@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from rso_lidar.arithmetic import on_compiling
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
-from rso_lidar.draft import beside, free
+from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import RecordingError
 from rso_lidar.study import report
 from rso_lidar.study.ranking import summary
@@ -28,7 +29,8 @@ def trade(
             "-o",
             "--output",
             metavar="PATH",
-            help="Folder (made/ makes it), or .csv, .html or .parquet; table and report go beside each other.",
+            help="Folder (made/ makes it), or .csv, .html or .parquet; left out, the working folder. Table and report go "
+            "beside each other.",
         ),
     ] = None,
     workers: Annotated[
@@ -37,16 +39,14 @@ def trade(
             "--workers", min=1, max=256, help="Processes that work through points at once; changes no result."
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace outputs that exist.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Work through a trade study: fields of a scenario against figures of merit, as a table (.csv) and a report (.html)."""
     study = Study.load(file)
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
     places = _places(file, output, new=new)
-    for place in () if new else places:
-        free(place, report.SUFFIXES, overwrite=overwrite)
-    if not new and not os.access(places[0].parent, os.W_OK):
-        raise RecordingError(f"{places[0]}: the folder may not be written to; choose another")
+    if not new:
+        places = [free(place, report.SUFFIXES, overwrite=overwrite) for place in places]
     report.check(places)
     many = workers is not None and workers > 1
     plan, base = plan_of(study, threads=1 if many else None)
@@ -80,12 +80,11 @@ def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
     `new` says that a folder is meant that is not there yet.
     """
-    output = file.parent if given is None else Path(given)
+    output = Path(given or ".").expanduser()
     if new or output.is_dir():
         stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]
-    if output.suffix.lower() not in report.SUFFIXES:
-        free(output, report.SUFFIXES)
+    check_suffix(output, report.SUFFIXES)
     places = [output.with_suffix(".csv"), output.with_suffix(".html")]
     return [*places, output] if output.suffix.lower() == ".parquet" else places
 

@@ -10,6 +10,7 @@ import typer
 
 from rso_lidar import orbit, picture
 from rso_lidar.cli.globe import globe
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
@@ -52,10 +53,11 @@ def truth(
         ),
     ] = None,
     settings: Settings = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write or draw where everything is and where the PTU points, without rendering a frame."""
-    suffix = free(output, SUFFIXES, overwrite=overwrite).suffix.lower()
+    output = free(output, SUFFIXES, overwrite=overwrite)
+    suffix = output.suffix.lower()
     kind = _kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))
     frames = np.arange(0, scenario.time.n_frames, _stride(every_s, scenario))

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import export
+from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.errors import RecordingError
@@ -36,7 +37,7 @@ def view(
             "-o", "--output", help="Write a scene (.rrd), a picture (.png, .pdf, .svg) or a film (.gif, .mp4)."
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Look at a recording: cloud, range, intensity and true mesh, frame by frame."""
     if colour not in COLOURS:

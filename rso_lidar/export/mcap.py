@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.camera import Camera, camera_of
 from rso_lidar.export.coming import begun
-from rso_lidar.export.place import free_file
 from rso_lidar.export.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
 from rso_lidar.export.targets import tables
 from rso_lidar.export.trajectory import stamp_ns
@@ -61,7 +60,7 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     holds the whole tree of axes, parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: places in the
     targets and their parts, -1 for sky.
     """
-    place = free_file(path, overwrite=overwrite)
+    place = free(path, overwrite=overwrite)
     needs_extra(place)
     first, coming = begun(place, frames)
     with beside(place) as draft:

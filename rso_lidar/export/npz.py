@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, variables
 from rso_lidar.export.hdf5_layout import array_attributes, root_attributes
-from rso_lidar.export.place import free_file
 from rso_lidar.records import Frame, Observation, specs
 
 MOST_BYTES = 2_000_000_000
@@ -37,7 +36,7 @@ def write_npz(
     overwrite : replace an older file.
     most_bytes : frames of more are refused [bytes before compression].
     """
-    place = free_file(path, overwrite=overwrite)
+    place = free(path, overwrite=overwrite)
     first, coming = begun(place, frames)
     found = variables(first)
     each = frame_bytes(found)

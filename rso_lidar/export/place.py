@@ -1,4 +1,4 @@
-"""Where an export goes: files and folders that are free, and folders that are written whole or not at all."""
+"""Where an export of many files goes: folders that are free, and that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -26,21 +26,6 @@ def _looked_at(place: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise RecordingError(f"{place}: cannot be written here ({error.strerror}); choose another place") from None
-
-
-def free_file(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path once it is sure that it names a file that may be written."""
-    place = Path(path)
-    with _looked_at(place):
-        if place.is_dir():
-            raise RecordingError(f"{place}: is a folder; name a file in it")
-        if place.exists() and not place.is_file():
-            raise RecordingError(f"{place}: is not a regular file; give another name")
-        if place.exists() and not overwrite:
-            raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
-        if not place.parent.is_dir():
-            raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
-    return place
 
 
 def free_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:

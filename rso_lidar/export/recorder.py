@@ -18,8 +18,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from rso_lidar.draft import hold_lock
-from rso_lidar.errors import RecordingError, RunError, did_you_mean
+from rso_lidar.draft import free, hold_lock
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import datasets, hdf5_layout, kept
 from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
 from rso_lidar.export.lens import LensTables
@@ -47,21 +47,9 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the output's path once it is sure that a recording can be written there; nothing is left behind."""
-    output = Path(path)
-    if output.suffix.lower() not in SUFFIXES:
-        guess = did_you_mean(output.suffix, SUFFIXES)
-        what = f"unknown suffix '{output.suffix}'" if output.suffix else "the name has no suffix"
-        raise RecordingError(f"{output}: {what}{guess or ';'} (known: {', '.join(SUFFIXES)})")
-    try:
-        if output.is_dir():
-            raise RecordingError(f"{output}: is a folder; name a file in it")
-        if output.exists() and not output.is_file():
-            raise RecordingError(f"{output}: is not a regular file; give another name")
-        if output.exists() and not overwrite:
-            raise RecordingError(f"{output}: exists already; give --overwrite (overwrite=True) or another name")
-        if not output.parent.is_dir():
-            raise RecordingError(f"{output}: there is no folder {output.parent}; make it first")
+    """Check that a recording can be written at a path, and return the path; nothing is left behind."""
+    output = free(path, SUFFIXES, overwrite=overwrite)
+    try:  # a long run follows: try what the rights of the folder only promise
         probe = output.with_name(f"{output.name}.tmp-{os.getpid():08x}.probe")
         probe.touch()
         probe.unlink()

@@ -16,10 +16,9 @@ from typing import TextIO
 
 import numpy as np
 
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.course import Course, courses, source_of
-from rso_lidar.export.place import free_file
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
 from rso_lidar.sight import truth_columns
@@ -121,7 +120,7 @@ def _beginning(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[Course]]]:
     """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
-    place = free_file(path, overwrite=overwrite)
+    place = free(path, overwrite=overwrite)
     source, frames = source_of(place, frames)
     with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         yield file, source, courses(frames)

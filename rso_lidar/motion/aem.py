@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rso_lidar.draft import write_text
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.motion.attitude import rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
@@ -277,7 +278,7 @@ def write_aem(
     }
     lines = (f"{text} " + " ".join(f"{value:.15f}" for value in row) for text, row in zip(texts, rows, strict=True))
     header = ccsds.header(originator, created_utc)
-    return ccsds.write_text(path, ccsds.kvn_text("AEM", version, header, [(meta, lines)]), overwrite=overwrite)
+    return write_text(path, ccsds.kvn_text("AEM", version, header, [(meta, lines)]), overwrite=overwrite)
 
 
 def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:
@@ -287,7 +288,7 @@ def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotatio
     lines += [
         ",".join((f"{text}Z", *(f"{value:.15f}" for value in row))) for text, row in zip(texts, rows, strict=True)
     ]
-    return ccsds.write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
+    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
 
 def _quaternions(epochs: Epochs, rotation: Rotation) -> list[list[float]]:

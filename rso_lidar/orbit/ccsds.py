@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit.epochs import TT_MINUS_TAI_S, Epochs
 from rso_lidar.part import GREATEST
@@ -356,13 +355,3 @@ def header(originator: str, created_utc: datetime.datetime | None) -> dict[str, 
     """Return the header of a message; it is created now, unless `created_utc` says otherwise."""
     created = (created_utc or datetime.datetime.now(datetime.UTC)).astimezone(datetime.UTC)
     return {"CREATION_DATE": f"{created:%Y-%m-%dT%H:%M:%S}", "ORIGINATOR": originator}
-
-
-def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
-    """Write a text, whole or not at all, and return its path; an existing file is refused without `overwrite`."""
-    path = Path(path)
-    if path.exists() and not overwrite:
-        raise RecordingError(f"{path}: exists already: name another file, or say overwrite=True")
-    with beside(path) as draft:
-        draft.write_text(text, encoding="utf-8", newline="\n")
-    return path

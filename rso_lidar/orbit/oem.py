@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
+from rso_lidar.draft import write_text
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.orbit import ccsds
 from rso_lidar.orbit.ccsds_frames import gcrs_from, known_frame
@@ -279,7 +280,7 @@ def write_oem(
         }
         segments.append((meta, [_line(texts[k], rows[k].tolist()) for k in part]))
     header = ccsds.header(originator, created_utc)
-    return ccsds.write_text(path, ccsds.kvn_text("OEM", version, header, segments), overwrite=overwrite)
+    return write_text(path, ccsds.kvn_text("OEM", version, header, segments), overwrite=overwrite)
 
 
 def _line(text: str, row: list[float]) -> str:
@@ -295,7 +296,7 @@ def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, 
     for text, row in zip(texts, rows.tolist(), strict=True):
         cells = [*(f"{value:.6f}" for value in row[:3]), *(f"{value:.9f}" for value in row[3:])]
         lines.append(",".join((f"{text}Z", *cells)))
-    return ccsds.write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
+    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
 
 def _rows(epochs: Epochs, states: BodyState) -> np.ndarray:

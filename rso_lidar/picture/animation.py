@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.output import checked
 from rso_lidar.picture.palette import INK, LINE, MARK, PAPER, QUIET, fixed_palette
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale
@@ -22,6 +21,7 @@ from rso_lidar.records import Frame
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+ANIMATION_SUFFIXES = (".gif", ".mp4")
 SIDE = 384  # pixels of one panel
 MARGIN = 16
 HEAD = 42
@@ -42,7 +42,7 @@ def animate(
     `frame_rate_hz` [Hz] is that of the picture as it plays, at most 50; left out, the whole lasts about ten seconds (at
     4 to 20 Hz). A GIF counts its delays in hundredths of a second. Colour limits hold for the whole sequence.
     """
-    place = checked(path, (".gif", ".mp4"))
+    place = free(path, ANIMATION_SUFFIXES, overwrite=True)
     if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
         raise RecordingError(f"{place}: plays at {frame_rate_hz:g} Hz: choose a rate above 0, up to {FASTEST_HZ:g} Hz")
     ffmpeg = _ffmpeg(place) if place.suffix.lower() == ".mp4" else None

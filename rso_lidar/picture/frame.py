@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.draft import free
 from rso_lidar.picture.figures import new_figure, with_minus
-from rso_lidar.picture.output import FIGURE_SUFFIXES, checked, save_figure
+from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.palette import (
     ERROR_RAMP,
     FALSE,
@@ -47,7 +48,7 @@ MOST_TARGETS = 3  # whose geometry is told
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
     """Return the path of `frame_figure(frame)` written as PNG, PDF or SVG, by the suffix."""
-    place = checked(path, FIGURE_SUFFIXES)
+    place = free(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place)
 
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.frame import intensity_panel, range_limits_m, range_panel, summary
-from rso_lidar.picture.output import FIGURE_SUFFIXES, checked, save_figure
+from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.palette import (
     INK,
     INTENSITY_RAMP,
@@ -184,7 +185,7 @@ def save_view(
     frames: Sequence[Frame], path: str | Path, shapes: Iterable[Shape] = (), colour: Colour = "range"
 ) -> Path:
     """Return the path of a picture of what the window shows, of the frame with most returns among a dozen of them."""
-    place = checked(path, FIGURE_SUFFIXES)
+    place = free(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording holds no frames")
     return save_figure(Player(frames, shapes, colour, first=richest(frames), controls=False).figure, place)

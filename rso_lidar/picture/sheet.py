@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from rso_lidar.draft import beside
+from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.output import checked
 from rso_lidar.picture.palette import INK, PAPER, QUIET
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale
@@ -17,6 +16,7 @@ from rso_lidar.picture.sequence import Glimpse, on_target, pick
 from rso_lidar.picture.window import Window, crop
 from rso_lidar.records import Frame
 
+SHEET_SUFFIXES = (".png",)
 SIDE = 192  # pixels of one panel
 CAPTION = 40  # pixels under a cell
 MARGIN = 24
@@ -35,7 +35,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
     """
     from PIL import Image, ImageDraw
 
-    place = checked(path, (".png",))
+    place = free(path, SHEET_SUFFIXES, overwrite=True)
     if columns < 1 or rows < 1:
         raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
     glimpses, total = pick(frames, columns * rows, _look)

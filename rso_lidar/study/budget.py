@@ -14,10 +14,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import Empirical, Gsfl
-from rso_lidar.draft import beside
+from rso_lidar.draft import free, write_text
 from rso_lidar.errors import ScenarioError
 from rso_lidar.picture.budget import Line, budget_figure
-from rso_lidar.picture.output import FIGURE_SUFFIXES, checked, save_figure
+from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Scatterer
 from rso_lidar.study.budget_asked import (
@@ -34,6 +34,7 @@ from rso_lidar.study.budget_asked import (
 from rso_lidar.study.detection import false_alarms_before, told
 from rso_lidar.study.link import depth_s, light, pixel_width_m
 
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
 _MOST_DRAWN = 12
 _SCANNED = 64  # ranges at which the greatest range is looked for before it is solved for
@@ -141,14 +142,10 @@ class Budget:
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Return the path of the budget written whole or not at all: a table (.csv) or a picture (.png, .pdf, .svg)."""
-        place = checked(path, (".csv", *FIGURE_SUFFIXES))
-        if place.exists() and not overwrite:
-            raise ScenarioError(f"{place}: exists already; choose another name, or give --overwrite")
+        place = free(path, SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place)
-        with beside(place) as draft:
-            draft.write_text(self.csv_text(), encoding="utf-8")
-        return place
+        return write_text(place, self.csv_text(), overwrite=overwrite)
 
     def names(self) -> list[str]:
         """Return what tells each curve from the others, in words."""

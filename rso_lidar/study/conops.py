@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.draft import write_columns
+from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
@@ -31,7 +31,7 @@ CASTS = 300  # frames at most of which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi
 _EPOCHS = 2000  # whose hulls are projected at once
 _RATE_S = 2e-3  # step of the central difference by which the demand's rate is found
-_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _AT_LIMIT = 1e-3  # so near to a greatest rate, as a share of it, a drive stands at it
 
 
@@ -66,12 +66,9 @@ class Timeline:
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the table (.csv) or of the picture (.png, .pdf or .svg), written whole or not at all."""
-        place = Path(path)
+        place = free(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
-        if place.suffix.lower() != ".csv":
-            known = ", ".join(_SUFFIXES)
-            raise ScenarioError(f"{place}: a timeline is not written as '{place.suffix}' (known: {known})")
         return write_columns(place, self.table)
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar import units
-from rso_lidar.draft import beside
-from rso_lidar.errors import CatalogError, RecordingError, RsoLidarWarning, ScenarioError, did_you_mean
+from rso_lidar.draft import write_text
+from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
 from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
@@ -293,29 +293,9 @@ def _real(what: str, unit: str, value: Any) -> None:
         raise ScenarioError(f"{what}: {shown(value)} is no number; give one in {unit}, without the unit")
 
 
-def checked_output(path: str | Path, *, overwrite: bool) -> Path:
-    """Return the path of an output that may be written."""
-    place = Path(path).expanduser()
-    if place.is_dir():
-        raise RecordingError(f"{place}: is a folder; give a file name in it")
-    if not place.parent.is_dir():
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
-    if place.exists() and not overwrite:
-        raise RecordingError(f"{place}: exists already; choose another name, or give --overwrite")
-    return place
-
-
 def counted(number: float, noun: str) -> str:
     """Return a number with its noun, in the plural where it is not one."""
     return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
-
-
-def write_text(path: str | Path, text: str, *, overwrite: bool) -> Path:
-    """Return the path of a text written whole or not at all."""
-    place = checked_output(path, overwrite=overwrite)
-    with beside(place) as draft:
-        draft.write_text(text, encoding="utf-8")
-    return place
 
 
 def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.detector.trial import plate, trial
-from rso_lidar.draft import write_columns
+from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 AXES = ("right", "down", "ahead")
 _PHOTONS, _TRIALS = 2000.0, 2000  # of a plate at which the precision of a range is tried
-_SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +60,9 @@ class Tracking:
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the table (.csv) or of the picture (.png, .pdf or .svg), written whole or not at all."""
-        place = Path(path)
+        place = free(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
-        if place.suffix.lower() != ".csv":
-            known = ", ".join(_SUFFIXES)
-            raise RecordingError(f"{place}: a track is not written as '{place.suffix}' (known: {known})")
         return write_columns(place, self.table)
 
 

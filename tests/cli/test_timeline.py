@@ -11,11 +11,15 @@ def call(rso_lidar):
     return partial(rso_lidar, "timeline")
 
 
-def test_a_picture_and_a_table(call, bench, tmp_path):
+def test_a_picture_and_a_table(call, bench, tmp_path, monkeypatch):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)  # a scenario may lie among examples; the picture goes where one works
     status, said, errors = call(bench)
     assert (status, errors) == (0, [])
     assert said.startswith("plate: 10 frames, 1,000.0 -> 1,000.0 m")
-    assert (tmp_path / "bench_timeline.png").read_bytes().startswith(b"\x89PNG")
+    assert [file.name for file in elsewhere.iterdir()] == ["bench_timeline.png"]
+    assert (elsewhere / "bench_timeline.png").read_bytes().startswith(b"\x89PNG")
     table = tmp_path / "t.csv"
     assert call(bench, "-o", table, "--every", "0.4")[0] == 0
     with table.open(encoding="utf-8", newline="") as file:

@@ -26,7 +26,8 @@ def call(rso_lidar):
 
 def test_a_table_and_a_picture(call, bench, tmp_path):
     status, said, errors = call(bench, "-o", tmp_path / "t.png", "--range-noise", "0.1")
-    assert (status, [line.split(",")[0] for line in errors]) == (0, ["frame 10/10"])
+    assert status == 0
+    assert errors[-1].startswith("frame 10/10,")  # a slow machine says more on the way
     lines = said.splitlines()
     assert lines[0].startswith("plate: 10 of 10 frames with a fix; range noise 0.1 m")
     assert [line.split()[0] for line in lines[3:7]] == ["centroid", "constant", "constant", "icp"]

@@ -17,7 +17,8 @@ NO_PICTURES = "\n[report]\npictures = 0\n"
 
 
 @pytest.fixture
-def call(rso_lidar):
+def call(rso_lidar, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     return partial(rso_lidar, "trade")
 
 
@@ -31,7 +32,7 @@ def test_a_table_and_a_report(call, text, tmp_path):
     status, said, _ = call(study)
     assert status == 0
     assert said.splitlines()[0] == "Energy and beam: 6 runs, 3 could not be flown"
-    assert said.splitlines()[-2:] == [str(tmp_path / "study.csv"), str(tmp_path / "study.html")]
+    assert said.splitlines()[-2:] == ["study.csv", "study.html"]
     table = rows_of(tmp_path / "study.csv")
     assert [row["lidar.laser.divergence_deg"] for row in table] == ["1.0", "2.0", "4.0"] * 2
     assert [float(row["time_in_field_s"]) for row in table[:3]] == [2.0] * 3
@@ -50,6 +51,18 @@ def test_where_it_goes(call, text, tmp_path):
     made = ["other.csv", "other.html", "study.csv", "study.html"]
     assert sorted(file.name for file in (tmp_path / "made").iterdir()) == made
     assert (tmp_path / "made" / "other.csv").read_bytes() == (tmp_path / "made" / "study.csv").read_bytes()
+
+
+def test_left_out_it_is_the_working_folder_and_not_the_study_s(call, text, tmp_path, monkeypatch):
+    """A study may lie among examples, or where nothing may be written."""
+    study = folder_with(
+        tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1") + NO_PICTURES
+    )
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert call(study)[0] == 0
+    assert sorted(file.name for file in (tmp_path / "here").iterdir()) == ["study.csv", "study.html"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bench.toml", "here", "study.toml"]
 
 
 def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):

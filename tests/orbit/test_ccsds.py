@@ -107,16 +107,6 @@ def test_broken_messages_are_refused_with_their_line(text, says):
     assert str(error.value).startswith("some.oem: ") and "\n" not in str(error.value)
 
 
-def test_an_existing_file_is_kept(tmp_path):
-    path = tmp_path / "a.oem"
-    ccsds.write_text(path, "one", overwrite=False)
-    with pytest.raises(RecordingError, match="exists already"):
-        ccsds.write_text(path, "two", overwrite=False)
-    assert ccsds.write_text(path, "three", overwrite=True).read_text() == "three"
-    with pytest.raises(RecordingError, match="make it first"):
-        ccsds.write_text(tmp_path / "no" / "a.oem", "x", overwrite=False)
-
-
 def test_text_that_would_break_the_format_is_refused():
     for name in ("A\nMETA_STOP", "Ünit", " "):
         with pytest.raises(RecordingError, match="OBJECT_NAME"):
