@@ -73,7 +73,7 @@ def _more(frames: export.Recording, first: Frame) -> list[str]:
     if frames.kept:
         lines.append(f"kept        {', '.join(frames.kept)}")
     if first.truth.sunlit:
-        shares = {name: frames.dataset(f"truth/{name}/sunlit")[: len(frames)] for name in first.truth.sunlit}
+        shares = {name: frames.dataset(f"truth/{name}/sunlit")[:] for name in first.truth.sunlit}
         text = [f"{name} {_span(share.min(), share.max())}" for name, share in shares.items()]
         lines.append(f"sunlight    {', '.join(text)}")
     return lines

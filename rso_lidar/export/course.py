@@ -50,7 +50,7 @@ def _read(recording: Recording, places: np.ndarray) -> Course:
     first, last = int(places.min()), int(places.max())
 
     def rows(path: str) -> np.ndarray:
-        entries: np.ndarray = recording.dataset(path)[first : last + 1][places - first]
+        entries: np.ndarray = recording.read(path, slice(first, last + 1))[places - first]
         return entries
 
     def link(group: str) -> Link:

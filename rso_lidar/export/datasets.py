@@ -15,12 +15,9 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
+from rso_lidar.export.checksum import fletcher32
 from rso_lidar.pose import ROOT, PoseTree
 from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, specs
-
-# Small vectors are stored in chunks of so many frames, raw: a compressed chunk that grows is moved at every flush, and
-# the space it leaves is lost to a file that others may be reading.
-FRAMES_PER_CHUNK = 128
 
 # In the file: in the record.
 READING = {"range": "range_m", "intensity": "intensity_counts", "saturated": "saturated"}
@@ -94,7 +91,9 @@ class Variable:
     @property
     def chunk(self) -> tuple[int, ...]:
         """Return the shape of a chunk in the file."""
-        return (1 if self.is_image else FRAMES_PER_CHUNK, *self.shape)
+        # One frame: a chunk is written once. A kill while a chunk of many frames was replaced would leave a checksum
+        # that fits none of them.
+        return (1, *self.shape)
 
 
 def variables(frame: Frame) -> dict[str, Variable]:
@@ -200,15 +199,18 @@ def values(frame: Frame) -> dict[str, Any]:
     return found
 
 
-def squeezed(image: np.ndarray) -> bytes:
-    """Return a contiguous image as HDF5 stores its chunk behind the filters shuffle and gzip.
+def stored_chunk(entry: np.ndarray, *, is_image: bool) -> bytes:
+    """Encode a contiguous entry as HDF5 stores its chunk: images behind the filters shuffle and gzip, all with fletcher32.
 
     HDF5's own filters would do the same while all other threads wait; zlib lets them run. Of its strategies the one for
     runs is the fastest, and as small on images that are mostly sky.
     """
-    squeeze = zlib.compressobj(1, strategy=zlib.Z_RLE)
-    planes = image.reshape(-1).view(np.uint8).reshape(-1, image.itemsize).T  # first bytes, second bytes, ...
-    return squeeze.compress(planes.tobytes()) + squeeze.flush()
+    data = entry.tobytes()
+    if is_image:
+        squeeze = zlib.compressobj(1, strategy=zlib.Z_RLE)
+        planes = entry.reshape(-1).view(np.uint8).reshape(-1, entry.itemsize).T  # first bytes, second bytes, ...
+        data = squeeze.compress(planes.tobytes()) + squeeze.flush()
+    return data + fletcher32(data)
 
 
 def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:

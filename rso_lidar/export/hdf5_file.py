@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import difflib
+import os
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,9 @@ from rso_lidar.errors import RecordingError
 TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
 
 SUPERBLOCK_BYTES = 48
+# HDF5 reads metadata again where its checksum is wrong, as it is while a writer replaces it. It waits 1 ns, then twice as
+# long each time: 34 ms in all with 25 attempts. By default it makes 100 attempts, which would take for ever.
+_READ_ATTEMPTS = 25
 
 
 def opened(path: Path, *, swmr: bool) -> Any:
@@ -37,12 +43,41 @@ def opened(path: Path, *, swmr: bool) -> Any:
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the name and its rights") from error
     try:
-        return h5py.File(path, "r", swmr=swmr, locking="best-effort", rdcc_nbytes=2**20)
+        if swmr:
+            return _open_growing(path)
+        return h5py.File(path, "r", locking="best-effort", rdcc_nbytes=2**20)
     except (OSError, RuntimeError) as error:
         if "h5clear" in str(error) or "already open" in str(error):
             raise RecordingError(f"{path}: is still being written, or its run was killed; wait or resume") from error
         what = " ".join(str(error).split())[:120]
         raise RecordingError(f"{path}: is damaged ({what}); copy or record it again") from error
+
+
+def _open_growing(path: Path) -> Any:
+    """Open a file that a writer may be extending, with a limit on how long HDF5 waits for metadata to become whole."""
+    import h5py
+
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_file_locking(True, True)  # as "best-effort" in h5py.File
+    _limit_read_attempts(access)
+    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
+    return h5py.File(h5py.h5f.open(os.fsencode(path), flags, fapl=access))
+
+
+def _limit_read_attempts(access: Any) -> None:
+    """Set H5Pset_metadata_read_attempts, which h5py does not offer, in a file access property list of h5py.
+
+    Where the function is not found, HDF5's own limit remains.
+    """
+    import h5py
+
+    # The loader finds the function through h5py's own module on POSIX systems, and in the loaded hdf5.dll on Windows.
+    for library in (h5py.h5p.__file__, "hdf5"):
+        with suppress(OSError, AttributeError):
+            function = ctypes.CDLL(library).H5Pset_metadata_read_attempts
+            function.argtypes, function.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
+            function(access.id, _READ_ATTEMPTS)
+            return
 
 
 def _near(path: Path) -> str:

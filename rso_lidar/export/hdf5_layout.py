@@ -15,7 +15,8 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export import kept
-from rso_lidar.export.datasets import FRAMES_PER_CHUNK, LENS, TIME, Variable, parents, sometimes, variables
+from rso_lidar.export.checksum import texts_crc32
+from rso_lidar.export.datasets import LENS, TIME, Variable, parents, sometimes, variables
 from rso_lidar.export.targets import tables
 from rso_lidar.records import SCHEMA_VERSION, Frame, Observation, Source, specs
 
@@ -49,7 +50,7 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     scales["time"].make_scale("time")
     scales |= {dim: _scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
     for dim, size, meaning in (("xyz", 3, "x, y, z"), ("quaternion", 4, "x, y, z, w")):
-        scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4")
+        scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4", fletcher32=True)
         _attributes(scales[dim], {"long_name": meaning})
         scales[dim].make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
     _lay_out_line_of_sight(file, frame, scales, changing_lens)
@@ -62,16 +63,17 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     _attributes(file["truth"], {"tree": json.dumps(parents(frame)), "states": json.dumps(list(frame.truth.states))})
     for group, held in kept.constants(frame.kept).items():
         _attributes(file[group], held)
+    _attributes(file, {"texts_crc32": np.uint32(texts_crc32(file))})
     return found
 
 
 def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], changing: bool) -> None:
     stated = specs(Observation)["line_of_sight"]
     shape, dims = frame.line_of_sight.shape, stated.dims
-    squeeze = {"compression": "gzip", "shuffle": True, "dtype": stated.dtype}
+    squeeze = {"compression": "gzip", "shuffle": True, "fletcher32": True, "dtype": stated.dtype}
     if changing:  # not a dimension `lens`, for HDF5 calls a dimension by its scale, and /lens is another dataset
-        grows: Any = {"shape": (0,), "maxshape": (None,), "chunks": (FRAMES_PER_CHUNK,)}
-        number = file.create_dataset("lens_number", dtype="i4", **grows)
+        grows: Any = {"shape": (0,), "maxshape": (None,), "chunks": (1,)}
+        number = file.create_dataset("lens_number", dtype="i4", fletcher32=True, **grows)
         _attributes(number, {"units": "1", "long_name": "number of a lens, in the order of first use"})
         number.make_scale("lens_number")
         scales["lens_number"], dims = number, ("lens_number", *dims)
@@ -91,7 +93,7 @@ def _own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> 
 
 
 def _scale(group: Any, dim: str, size: int) -> Any:
-    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4")
+    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
     _attributes(made, {"units": "1", "long_name": SCALES[dim]})
     made.make_scale(dim)
     return made
@@ -106,6 +108,7 @@ def _dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> An
         chunks=variable.chunk,
         dtype=variable.spec.dtype,
         fillvalue=variable.fill,
+        fletcher32=True,
         **squeeze,
     )
     _attributes(made, attributes)

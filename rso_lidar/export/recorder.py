@@ -21,6 +21,7 @@ import numpy as np
 from rso_lidar.draft import free, hold_lock
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import datasets, hdf5_layout, kept
+from rso_lidar.export.checksum import is_intact
 from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
 from rso_lidar.export.lens import LensTables
 from rso_lidar.export.recording import Recording
@@ -29,7 +30,6 @@ from rso_lidar.records import Frame, Source
 SUFFIXES = (".h5", ".hdf5")
 _LIBVER = ("v110", "v110")
 _CACHE = {"rdcc_nslots": 1, "rdcc_nbytes": 2**20}  # one chunk a dataset: every flush looks at all that is cached
-_SMALL_FRAMES_PER_COPY = 32 * datasets.FRAMES_PER_CHUNK
 _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
 
 
@@ -89,8 +89,7 @@ class Recorder:
         self._first: Frame | None = None
         self._superblock = b""
         self._variables: dict[str, datasets.Variable] = {}
-        self._columns: dict[str, tuple[Any, Any, tuple[int, ...]]] = {}
-        self._spaces: dict[tuple[int, ...], Any] = {}
+        self._columns: dict[str, Any] = {}  # low-level datasets by path
 
     def __enter__(self) -> Self:
         self._lock.enter_context(hold_lock(self.path.with_name(f".{self.temporary.name}.lock")))
@@ -149,7 +148,7 @@ class Recorder:
             self._put(filled)
             self._file.flush()
             self._put({"time": time})
-            self._columns["time"][0].flush()
+            self._columns["time"].flush()
             self._superblock = _superblock(self._file)
         self.written += 1
 
@@ -169,12 +168,7 @@ class Recorder:
         with self._watched(), self._swept(starting):
             starting.write_bytes(image)
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
-            for path, variable in self._variables.items():
-                shape = variable.shape
-                self._columns[path] = (self._file[path].id, h5py.h5t.py_create(variable.spec.dtype), shape)
-                if shape not in self._spaces:
-                    places = (h5py.h5s.create_simple((1, *shape)) for _ in range(2))  # in memory, and in the file
-                    self._spaces[shape] = tuple(places)
+            self._columns = {path: self._file[path].id for path in self._variables}
             self._lenses = LensTables(self._file) if changing else None
             if old is not None:
                 self._copy_lenses(old)
@@ -198,20 +192,18 @@ class Recorder:
             raise
 
     def _copy(self, path: str, old: Recording) -> None:
-        """Copy a dataset's whole frames; compressed ones as they are."""
-        have, make, count = old.dataset(path), self._file[path], len(old)
-        if (have.shape[1:], have.dtype, have.chunks) != (make.shape[1:], make.dtype, make.chunks):
-            raise RecordingError(f"{self.temporary}: {path} has another shape; run again without --resume")
+        """Copy a dataset's whole frames chunk by chunk, as they are stored, once their checksums are verified."""
+        have, make, count = old.handle(path), self._file[path], len(old)
+        if _layout(have) != _layout(make):
+            raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start afresh")
         make.resize(count, axis=0)
-        if self._variables[path].is_image:
-            zeros = (0,) * (make.ndim - 1)
-            for k in range(count):
-                mask, chunk = have.id.read_direct_chunk((k, *zeros))
-                make.id.write_direct_chunk((k, *zeros), chunk, mask)
-        else:
-            for low in range(0, count, _SMALL_FRAMES_PER_COPY):
-                high = min(low + _SMALL_FRAMES_PER_COPY, count)
-                make[low:high] = have[low:high]
+        for k in range(count):
+            place = (k, *(0,) * (make.ndim - 1))
+            with old.watched(path):
+                mask, chunk = have.id.read_direct_chunk(place)
+                if mask or not is_intact(chunk):
+                    raise ValueError(f"the checksum of frame {k} is wrong")
+            make.id.write_direct_chunk(place, chunk)
 
     def _copy_lenses(self, old: Recording) -> None:
         """Copy the tables of lines of sight that whole frames use, and the number of each frame's."""
@@ -273,19 +265,12 @@ class Recorder:
         raise RecordingError(f"{place}: its line of sight differs from the first's; {cure}")
 
     def _put(self, entries: Mapping[str, np.ndarray]) -> None:
-        # Low-level calls with shared data spaces are five times faster than dataset[k] = entry, sixty times a frame.
-        count = self.written + 1
-        for shape, (_, place) in self._spaces.items():
-            place.set_extent_simple((count, *shape))
-            place.select_hyperslab((self.written, *(0 for _ in shape)), (1, *shape))
+        # Each entry is a chunk of its own. Low-level calls are five times faster than dataset[k] = entry.
         for path, entry in entries.items():
-            dataset, kind, shape = self._columns[path]
-            dataset.set_extent((count, *shape))
-            if self._variables[path].is_image:  # a chunk of its own
-                dataset.write_direct_chunk((self.written, *(0 for _ in shape)), datasets.squeezed(entry))
-                continue
-            memory, place = self._spaces[shape]
-            dataset.write(memory, place, entry, kind)
+            variable, dataset = self._variables[path], self._columns[path]
+            dataset.set_extent((self.written + 1, *variable.shape))
+            place = (self.written, *(0 for _ in variable.shape))
+            dataset.write_direct_chunk(place, datasets.stored_chunk(entry, is_image=variable.is_image))
 
     # ------------------------------------------------------------------------------------------------ last things
 
@@ -332,6 +317,12 @@ class Recorder:
             file.close()
         except (OSError, RuntimeError, ValueError):
             _unclosable.append((file, self._columns, self._lenses))
+
+
+def _layout(dataset: Any) -> tuple[Any, ...]:
+    """Return what two h5py datasets have in common whose chunks may be copied as they are stored."""
+    filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
+    return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)
 
 
 def _superblock(file: Any) -> bytes:

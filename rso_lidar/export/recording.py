@@ -14,8 +14,8 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RsoLidarError
 from rso_lidar.export import kept
+from rso_lidar.export.checksum import texts_crc32
 from rso_lidar.export.datasets import (
-    FRAMES_PER_CHUNK,
     INERTIAL,
     LABELS,
     MORE_LABELS,
@@ -42,6 +42,8 @@ from rso_lidar.records import (
     Truth,
     specs,
 )
+
+_READ_AT_ONCE = 128  # frames of small vectors, which are kept until another one is asked for
 
 
 class Recording(Sequence[Frame]):
@@ -168,17 +170,26 @@ class Recording(Sequence[Frame]):
         if not self.changes_lens:
             return self._sight_of(0)
         lenses = self.lens[:]
-        with self.watched():
+        with self.watched("line_of_sight"):
             tables: np.ndarray = self._file["line_of_sight"][: int(lenses.max(initial=-1)) + 1]
         return tables
 
-    def dataset(self, path: str) -> Any:
-        """Return the h5py dataset at a path of the file, such as ``truth/tdrs/position``."""
+    def dataset(self, path: str) -> Stored:
+        """Return the array at a path of the file, such as ``truth/tdrs/position``, with its attributes."""
+        return Stored(self, path)
+
+    def handle(self, path: str) -> Any:
+        """Return the h5py dataset (of a Zarr store the array) at a path; what it raises is its library's."""
         if not self._file:
             raise RecordingError(f"{self.path}: is closed; open it again")
         if path not in self._datasets:
             raise RecordingError(f"{self.path}: there is no dataset {path} in it")
         return self._datasets[path]
+
+    def read(self, path: str, key: Any) -> Any:
+        """Return what an index selects of a dataset; damage there is an error that names the dataset."""
+        with self.watched(path):
+            return self.handle(path)[key]
 
     # ------------------------------------------------------------------------------------------------- open and close
 
@@ -195,15 +206,16 @@ class Recording(Sequence[Frame]):
         self.close()
 
     @contextlib.contextmanager
-    def watched(self) -> Iterator[None]:
-        """Turn what h5py raises over a damaged file into a `RecordingError`."""
+    def watched(self, what: str = "") -> Iterator[None]:
+        """Turn what h5py raises over a damaged file into a `RecordingError`; `what` names the dataset that is read."""
+        place = f"{self.path}: {what}" if what else f"{self.path}"
         try:
             yield
         except RecordingError:
             raise
         except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
-            what = " ".join(str(error).split())[:120]
-            raise RecordingError(f"{self.path}: is damaged ({what}); copy or record it again") from error
+            why = " ".join(str(error).split())[:120]
+            raise RecordingError(f"{place}: is damaged ({why}); copy or record it again") from error
 
     # ------------------------------------------------------------------------------------------------------ the inside
 
@@ -219,8 +231,14 @@ class Recording(Sequence[Frame]):
                 f"{self.path}: is of schema {schema}, by rso_lidar {version}; this one reads up to schema "
                 f"{SCHEMA_VERSION}: upgrade rso_lidar"
             )
+        self._need("truth")
+        if "texts_crc32" in attributes and int(attributes["texts_crc32"]) != texts_crc32(self._file):
+            raise RecordingError(
+                f"{self.path}: is damaged (texts in its attributes differ from their checksum texts_crc32); copy or record "
+                "it again"
+            )
         self.source = self._source()
-        self._need("time", "frame_index", "line_of_sight", "truth", "truth/sun_direction")
+        self._need("time", "frame_index", "line_of_sight", "truth/sun_direction")
         self._parents: dict[str, str] = json.loads(self._file["truth"].attrs["tree"])
         self._states: list[str] = json.loads(self._file["truth"].attrs["states"])
         self._settings = list(self._file["settings"]) if "settings" in self._file else []
@@ -266,11 +284,11 @@ class Recording(Sequence[Frame]):
         )
 
     def _row(self, path: str, k: int) -> np.ndarray:
-        """Return one entry of a dataset of small vectors, which are read a chunk of frames at a time."""
-        low = k - k % FRAMES_PER_CHUNK
+        """Return one entry of a dataset of small vectors, which are read many frames at a time."""
+        low = k - k % _READ_AT_ONCE
         have = self._rows.get(path)
         if have is None or have[0] != low:
-            have = low, self.dataset(path)[low : min(low + FRAMES_PER_CHUNK, self._count)]
+            have = low, self.read(path, slice(low, min(low + _READ_AT_ONCE, self._count)))
             self._rows[path] = have
         entry: np.ndarray = have[1][k - low]
         return entry
@@ -304,7 +322,7 @@ class Recording(Sequence[Frame]):
 
     def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
         """Return one entry of each of these datasets that the recording has, by name in the record."""
-        return {name: self.dataset(path)[k] for path, name in names.items() if path in self._datasets}
+        return {name: self.read(path, k) for path, name in names.items() if path in self._datasets}
 
     def _kept_record(self, group: str, k: int) -> Record:
         entries = self._arrays({f"{group}/{path}": name for path, name in kept.FIELDS[group].items()}, k)
@@ -326,7 +344,7 @@ class Recording(Sequence[Frame]):
     def _sight_of(self, number: int) -> np.ndarray:
         """Return the line of sight (row, col, xyz) through one of the lenses."""
         if self._sight is None or self._sight[0] != number:
-            with self.watched():
+            with self.watched("line_of_sight"):
                 tables = self._file["line_of_sight"]
                 self._sight = number, tables[_index(number, tables.shape[0])] if self.changes_lens else tables[:]
         return self._sight[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -18,10 +18,16 @@ class Stored:
 
     def __init__(self, recording: Recording, path: str, dtype: Any = None) -> None:
         self._recording, self._path = recording, path
-        dataset = recording.dataset(path)
+        dataset = recording.handle(path)
         self.shape: tuple[int, ...] = (len(recording), *dataset.shape[1:])
         self.dtype = np.dtype(dtype or dataset.dtype)
         self.ndim = len(self.shape)
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Return its attributes in the file, such as ``units`` and ``long_name``."""
+        with self._recording.watched(self._path):
+            return dict(self._recording.handle(self._path).attrs)
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -56,8 +62,7 @@ class Stored:
         return block[(inverse.reshape(places.shape), *rest)]
 
     def _read(self, frames: slice) -> np.ndarray:
-        with self._recording.watched():
-            block: np.ndarray = self._recording.dataset(self._path)[frames]
+        block: np.ndarray = self._recording.read(self._path, frames)
         return block.astype(self.dtype, copy=False)
 
 
