@@ -82,17 +82,14 @@ def _gathered(
 ) -> Hits:
     """Return the hits with the lobes of retro-reflectors averaged over the lens."""
     retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.retro]
-    if not retros or aperture_m <= 0.0:
+    if not retros:
         return hits
     brdf = hits.brdf_per_sr.copy()
     for k, of, material in retros:
         on = np.flatnonzero(number == k)
         on = on[surfaces[k].finish[facet[on]] == of]
         direction, range_m = hits.rays.direction[hits.ray[on]], hits.range_m[on]
-        to_laser = laser_from_m - direction * range_m[:, None]
-        across = np.cross(direction, to_laser / np.linalg.norm(to_laser, axis=1, keepdims=True))
-        sine = np.linalg.norm(across, axis=1)
-        brdf[on] = material.gathered(brdf[on], sine, np.arctan(0.5 * aperture_m / range_m))
+        brdf[on] = material.gathered(brdf[on], direction, range_m, laser_from_m, aperture_m)
     return replace(hits, brdf_per_sr=brdf)
 
 

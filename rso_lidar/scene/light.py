@@ -124,7 +124,8 @@ def seen(
 def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return cos α and BRDF [1/sr] of hits that a laser at `laser_from_m` [m] in lidar axes lights.
 
-    cos α is 0 where the laser is on the facet's other side from the lens, or something stands between.
+    cos α is 0 where the laser is on the facet's other side from the lens, or something stands between. Cube corners have the
+    BRDF toward the laser, of which the lens gets the share that `RetroReflector.gathered` finds.
     """
     (origin, turn) = hits.target_from_lidar
     laser = (origin + turned(turn, laser_from_m))[:, None] - hits.point
@@ -137,7 +138,8 @@ def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.nda
     on = hits.crinkled
     met = cos_in.copy()  # on crinkled foil, the cosine at which light meets the cell
     met[on] = np.where(cos_in[on] > 0.0, np.clip(_dot(hits.normal[:, on], to_laser[:, on]), 0.0, 1.0), 0.0)
-    brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, cos_phase)
+    lobe = np.where(hits.surface.is_retro[hits.facet], 1.0, cos_phase)
+    brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, lobe)
     brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.shown[on]
     brdf[on] *= unhidden(cos_in[on], hits.base_cos_out[on], cos_phase[on], hits.slope[on])
     return cos_in, brdf

@@ -9,6 +9,7 @@ from pydantic import Field, Strict, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, Positive
+from rso_lidar.scene.diffraction import mean_irradiance
 from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer, both_ways
 
 
@@ -18,7 +19,8 @@ class RetroReflector(Scatterer):
     Each sends an Airy pattern back; its peak at normal incidence is the cross-section σ = ρ π³ D⁴ / (4 λ²) (Degnan,
     Millimeter Accuracy Satellite Laser Ranging, 1993), its first dark ring at 1.22 λ/D. Off the normal the peak falls by
     the square of the area that is active (Degnan's η), in reciprocal form η(θᵢ) η(θₒ); the broader pattern that goes with
-    that is not modelled, so such cubes return less than they could.
+    that is not modelled, so such cubes return less than they could. A lens gets the mean over its disc, in the near field
+    too (`gathered`).
 
     `diameter_mm` is D, `reflectance` ρ of all three faces together, `fill_fraction` the share of the surface that is cube,
     `refractive_index` that of the glass (1 for a hollow cube), `diffuse` the reflectance of what lies between. The pattern
@@ -54,7 +56,7 @@ class RetroReflector(Scatterer):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ."""
+        """Return the far field's BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ."""
         from scipy.special import j1
 
         if self.wavelength_nm is None:
@@ -67,23 +69,43 @@ class RetroReflector(Scatterer):
         lobe = np.where(phase > 0.0, peak * (2.0 * j1(x) / x) ** 2, 0.0)
         return self._around(lobe, cos_in, cos_out)
 
-    def gathered(self, brdf_per_sr: np.ndarray, sine: np.ndarray, aperture_rad: np.ndarray) -> np.ndarray:
-        """Return the mean BRDF [1/sr] over a round aperture of half angle `aperture_rad` [rad] as the cubes see it.
+    def gathered(
+        self,
+        peak_per_sr: np.ndarray,
+        direction: np.ndarray,
+        range_m: np.ndarray,
+        laser_from_m: np.ndarray,
+        aperture_m: float,
+    ) -> np.ndarray:
+        """Return the mean BRDF [1/sr] (hit) over a round lens, by the shifted, defocused Airy pattern of each cube.
 
-        The lobe may be narrower than the lens: of the light in it no more than all arrives. The share within x is
-        1 − J₀² − J₁² (Rayleigh 1881; Born and Wolf eq. 8.5.18). `sine` is that of the angle from the light to the lens's
-        middle; light that stands outside the lens's rim is seen by the pattern at the middle.
+        A cube corner is a mirror whose pupil is turned by half a turn. Light from a point at R₁ arrives at R₂ with the phase
+        k r² (1/R₁ + 1/R₂)/2 over the cube's face: the pattern of the far field, out of focus. Near the lidar the pattern is
+        therefore broader than Airy's, and never narrower than the cube. Off the axis the lens counts as a disc of the solid
+        angle that the cube sees. The laser is taken as a point, as a single-mode source is.
+
+        Parameters
+        ----------
+        peak_per_sr : (hit) f8, the far field's BRDF toward the light [1/sr].
+        direction : (hit, xyz) f8, unit vectors to the cubes in lidar axes.
+        range_m : (hit) f8, distance of the cubes from the lens [m].
+        laser_from_m : (xyz) f8, where the laser is in lidar axes [m].
+        aperture_m : diameter of the lens [m].
         """
-        from scipy.special import j0, j1
-
         assert self.wavelength_nm is not None
-        scale = math.pi * self.diameter_mm * units.MM / (self.wavelength_nm * units.NM)
-        x, rim = scale * sine, np.maximum(scale * np.sin(aperture_rad), 1e-9)
-        at_middle = (2.0 * j1(np.maximum(x, 1e-6)) / np.maximum(x, 1e-6)) ** 2
-        mean = (1.0 - j0(rim) ** 2 - j1(rim) ** 2) / (0.25 * rim**2)
-        share = np.where((rim < 0.3) | (x > rim), 1.0, mean / np.maximum(at_middle, 1e-12))
+        to_laser = laser_from_m - direction * range_m[:, None]
+        laser_m = np.linalg.norm(to_laser, axis=1)
+        back = to_laser / laser_m[:, None]
+        sine = np.linalg.norm(np.cross(direction, back), axis=1)
+        rim = 0.5 * aperture_m * np.sqrt(np.maximum(direction[:, 2], 0.0)) / range_m
+        diameter_m = self.diameter_mm * units.MM
+        scale = math.pi * diameter_m / (self.wavelength_nm * units.NM)
+        defocus = 0.5 * scale * diameter_m * (1.0 / laser_m + 1.0 / range_m)
+        mean = np.zeros(len(range_m))
+        on = np.flatnonzero(np.einsum("hi,hi->h", direction, back) < 0.0)  # elsewhere the laser is behind the cube
+        mean[on] = mean_irradiance(scale * sine[on], scale * rim[on], defocus[on])
         between = self.diffuse / math.pi
-        result: np.ndarray = between + (brdf_per_sr - between) * share
+        result: np.ndarray = between + (peak_per_sr - between) * mean
         return result
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:

@@ -20,9 +20,16 @@ class Scatterer(Part):
         """Return whether light goes back where it came from, in a lobe that may be narrower than a lens."""
         return False
 
-    def gathered(self, brdf_per_sr: np.ndarray, sine: np.ndarray, aperture_rad: np.ndarray) -> np.ndarray:
-        """Return the mean of the BRDF [1/sr] over a lens of half angle `aperture_rad` [rad]: for broad lobes, itself."""
-        return brdf_per_sr
+    def gathered(
+        self,
+        peak_per_sr: np.ndarray,
+        direction: np.ndarray,
+        range_m: np.ndarray,
+        laser_from_m: np.ndarray,
+        aperture_m: float,
+    ) -> np.ndarray:
+        """Return the mean of the BRDF [1/sr] over a lens, given the BRDF toward the light: for broad lobes, itself."""
+        return peak_per_sr
 
     @property
     def narrow(self) -> bool:

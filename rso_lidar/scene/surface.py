@@ -191,6 +191,11 @@ class Surface:
         """Return the materials that are crinkled, by index."""
         return {number: one for number, one in enumerate(self.materials) if isinstance(one, Crinkled)}
 
+    @cached_property
+    def is_retro(self) -> np.ndarray:
+        """Return whether a facet sends light back where it came from (facet)."""
+        return np.array([material.retro for material in self.materials])[self.finish]
+
     @property
     def bent(self) -> bool:
         """Return whether somewhere the normal that the BRDF gets is not the facet's."""

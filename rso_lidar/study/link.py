@@ -48,7 +48,10 @@ def light(
     cosine = math.cos(tilt_rad)
     pixel_m = pixel_width_m(receiver, range_m)
     across_m = pixel_m if facet_m2 is None else np.minimum(pixel_m, math.sqrt(facet_m2 * cosine))
-    brdf_per_sr = float(material.at(laser.wavelength_m).mean_brdf_per_sr(np.array(cosine)))
+    seen = material.at(laser.wavelength_m)
+    toward_light = np.full(len(range_m), float(seen.mean_brdf_per_sr(np.array(cosine))))
+    ahead = np.tile([0.0, 0.0, 1.0], (len(range_m), 1))
+    brdf_per_sr = seen.gathered(toward_light, ahead, range_m, np.array(laser.offset_m), receiver.aperture_m)
     sent = laser.energy_mj * units.MJ / units.photon_energy_j(laser.wavelength_nm * units.NM)
     lens_sr = 0.25 * math.pi * receiver.aperture_m**2 / range_m**2
     photons: np.ndarray = (
