@@ -5,6 +5,10 @@
 1064.0
 """
 
+from rso_lidar.interruption import watch_if_command_line as _watch_if_command_line
+
+_watch_if_command_line()  # before the imports below, which are most of a short command
+
 from importlib.metadata import version as _version
 
 from rso_lidar import orbit, rpo, study, track, units

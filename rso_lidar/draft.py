@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
+from rso_lidar.interruption import removing, uninterrupted
 
 _LOOK_S = 0.1  # is_locked holds a lock for microseconds: whoever wants it meanwhile waits that long
 _POLL_S = 0.02  # between two attempts to take a lock
@@ -26,10 +27,17 @@ def beside(place: Path) -> Iterator[Path]:
     file is nobody else's: its name is the first of x.part.png, x.part1.png, ... that is free.
     """
     draft: Path | None = None
+
+    def remove() -> None:
+        if draft is not None:
+            draft.unlink(missing_ok=True)
+
     try:
-        draft = _new(place)
-        yield draft
-        draft.replace(place)
+        with removing(remove):
+            with uninterrupted():
+                draft = _new(place)
+            yield draft
+            draft.replace(place)
     except (FileNotFoundError, NotADirectoryError):
         raise RecordingError(f"{place}: there is no folder {place.parent}; make it first") from None
     except PermissionError as error:
@@ -37,8 +45,7 @@ def beside(place: Path) -> Iterator[Path]:
     except OSError as error:
         raise RunError(f"{place}: could not be written: {error.strerror or error}") from None
     finally:
-        if draft is not None:
-            draft.unlink(missing_ok=True)
+        remove()
 
 
 def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
@@ -131,7 +138,8 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
             ) from None
         raise RunError(f"{path}: cannot be written ({error.strerror}); make room and run again") from error
     try:
-        yield
+        with removing(path.unlink):
+            yield
     finally:
         if os.name == "posix":  # while it is held: filelock refuses a lock whose file is gone, and takes a new one
             with suppress(OSError):

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.interruption import removing, temporary_folder, uninterrupted
+
+_WARNINGS = "PYTHONWARNINGS"
 
 _work: Callable[..., Any]  # in a worker: the function that it is there for
 
@@ -41,10 +43,13 @@ class Processes:
             raise ScenarioError("workers: this process is a daemon itself, and may start none; leave out workers")
         fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
         # By a file: a process that dies before it has read so much leaves its parent waiting at a full pipe.
-        self._folder = tempfile.TemporaryDirectory(prefix="rso_lidar_")
-        file = Path(self._folder.name, "function")
-        file.write_bytes(sent)
-        self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(str(file),))
+        with ExitStack() as stack:
+            file = Path(stack.enter_context(temporary_folder()), "function")
+            file.write_bytes(sent)
+            _start_quiet_tracker()
+            self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(str(file),))
+            stack.enter_context(removing(self.abandon))
+            self._ending = stack.pop_all()
 
     def __enter__(self) -> Self:
         return self
@@ -52,8 +57,10 @@ class Processes:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._folder.cleanup()
+        with self._ending:
+            if kind is not None:
+                self.abandon()  # nobody waits for what they are at
+            self._pool.shutdown(wait=True, cancel_futures=True)
 
     def abandon(self) -> None:
         """End the processes without waiting for what they are at."""
@@ -64,7 +71,7 @@ class Processes:
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Return the future result of the function, called with what is given."""
         try:
-            with _uninterrupted():
+            with uninterrupted():  # what is begun here is not torn out of its imports by Ctrl-C
                 return self._pool.submit(_call, *given, **chosen)
         except BrokenExecutor as error:
             raise _lost() from error
@@ -78,17 +85,20 @@ class Processes:
             raise _lost() from error
 
 
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Keep Ctrl-C waiting: a process that is begun inside inherits that, and is not torn out of its imports."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
+def _start_quiet_tracker() -> None:
+    """Start the process that removes the semaphores of a killed run, without its warning that it does."""
+    if os.name != "posix":
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    from multiprocessing import resource_tracker
+
+    before = os.environ.get(_WARNINGS)
+    os.environ[_WARNINGS] = "ignore"
     try:
-        yield
+        resource_tracker.ensure_running()
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        del os.environ[_WARNINGS]
+        if before is not None:
+            os.environ[_WARNINGS] = before
 
 
 def _lost() -> RunError:

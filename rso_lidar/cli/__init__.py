@@ -3,53 +3,72 @@
 import atexit
 import gc
 import os
+import signal
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
+from rso_lidar import interruption
 from rso_lidar.errors import RsoLidarError, RsoLidarWarning, RunError
 
-_INTERRUPTED = 130
-_GO_ON = "interrupted: a run that had begun goes on with --resume and the same options"
+_INTERRUPTED = 128 + signal.SIGINT
+
+
+class _Outcome(NamedTuple):
+    """How a command ended: its exit status, and a last line of standard error where there is one to say."""
+
+    status: int = 0
+    line: str = ""
+    is_hdf5_unsafe: bool = False  # after a write that failed, HDF5 may crash while the interpreter cleans up
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 130 interrupted."""
-    _collect_seldom()
-    from rso_lidar.cli.app import app, usage_error
-
+    """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 128 + n ended by signal n."""
+    _collect_garbage_seldom()
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
+    interruption.advise(None)
+    outcome = _run(arguments)
+    interruption.leave()
+    if outcome.line:
+        _say(outcome.line)
+    if outcome.is_hdf5_unsafe:
+        os._exit(outcome.status)
+    sys.exit(outcome.status)
+
+
+def _run(arguments: list[str] | None) -> _Outcome:
+    """Run one command, and turn what it raises into a status and a line."""
+    from rso_lidar.cli.app import app, usage_error
+
     try:
-        status = app(arguments, prog_name="rso-lidar", standalone_mode=False)
+        status = app(arguments, prog_name="rso-lidar", standalone_mode=False) or 0
         if status == _INTERRUPTED:
-            _say(_GO_ON)
-        sys.exit(status)
+            return _Outcome(_INTERRUPTED, interruption.line(signal.SIGINT))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return _Outcome(status)
     except usage_error as error:
-        if error.format_message():  # without any words the help has been shown, and says enough
-            _say(f"error: {_with_hint(error.format_message().rstrip('.'), error)}")
-        sys.exit(2)
+        told = error.format_message().rstrip(".")  # without any words the help has been shown, and says enough
+        return _Outcome(2, f"error: {_with_hint(told, error)}" if told else "")
     except RunError as error:
-        # After a write that failed, HDF5 may crash while the interpreter cleans up: leave at once, all said.
-        _say(f"error: {error}")
-        sys.stdout.flush()
-        os._exit(1)
+        with suppress(OSError, ValueError, AttributeError):
+            sys.stdout.flush()
+        return _Outcome(1, f"error: {error}", is_hdf5_unsafe=True)
     except RsoLidarError as error:
-        _say(f"error: {error}")
-        sys.exit(2)
+        return _Outcome(2, f"error: {error}")
     except MemoryError as error:
-        _say(f"error: there is not enough memory ({error}); take fewer pixels, rays, samples or pulses")
-        sys.exit(1)
+        return _Outcome(1, f"error: there is not enough memory ({error}); take fewer pixels, rays, samples or pulses")
     except KeyboardInterrupt:
-        _say(_GO_ON)
-        sys.exit(_INTERRUPTED)
+        return _Outcome(_INTERRUPTED, interruption.line(signal.SIGINT))
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        return _Outcome()
     except OSError as error:
-        _say(f"error: output: cannot be written ({error.strerror or error}); make room, or send it elsewhere")
-        sys.exit(1)
+        return _Outcome(
+            1, f"error: output: cannot be written ({error.strerror or error}); make room, or send it elsewhere"
+        )
 
 
 def _with_hint(message: str, error: Any) -> str:
@@ -59,8 +78,8 @@ def _with_hint(message: str, error: Any) -> str:
     return f"{message}{' ' if message.endswith('?') else '; '}try '{command} --help'"
 
 
-def _collect_seldom() -> None:
-    """Let the search for circles among objects run seldom: a quarter of a short command went there, to find none."""
+def _collect_garbage_seldom() -> None:
+    """Run the garbage collector less often: it took a quarter of a short command, and found nothing."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
 

@@ -1,6 +1,5 @@
 """`rso-lidar models check`: what is to be known of a mesh before it flies."""
 
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +7,7 @@ import typer
 
 from rso_lidar.cli.models_add import MeshFile
 from rso_lidar.errors import MeshError
+from rso_lidar.interruption import temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
 from rso_lidar.scene.adding import known_meshes
 from rso_lidar.scene.cad import is_cad, tessellated
@@ -43,8 +43,8 @@ def _mesh(path: Path) -> Mesh:
     """Return the mesh of a file, of a solid, or of a model by name."""
     if is_cad(path):
         blob, unit_m = tessellated(path)
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder) / f"{path.stem}.glb"
+        with temporary_folder() as folder:
+            place = Path(folder, f"{path.stem}.glb")
             place.write_bytes(blob)
             return mended(load_mesh(place), unit_m)
     if path.suffix or path.exists() or len(path.parts) > 1:

@@ -1,5 +1,6 @@
 """How far a run has come: a bar on a terminal, lines elsewhere."""
 
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -8,9 +9,11 @@ from typing import Any, Protocol
 
 import typer
 
+from rso_lidar.interruption import removing
 from rso_lidar.records import Frame
 
 _LOG_EVERY_S = 5.0
+_BELOW_THE_BAR = b"\n\x1b[?25h"  # the next line, and the cursor that the bar hides
 
 
 class Bar(Protocol):
@@ -30,7 +33,8 @@ def progress(total: int, done: int, doing: str = "flying", of: str = "frame") ->
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as shown:
+    bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True))
+    with bar as shown, removing(lambda: os.write(2, _BELOW_THE_BAR)):
         task = shown.add_task("frames", total=total, completed=done, rate="")
         pace = _Pace()
 

@@ -17,6 +17,7 @@ from rso_lidar.cli.progress import progress
 from rso_lidar.cli.recordings import choice
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.interruption import advise
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import frame_numbers, simulate
@@ -79,6 +80,7 @@ def run(
         changing_lens=scenario.lidar.changes_lens,
     ) as recorder:
         done = recorder.written
+        advise(lambda: _kept_frames(recorder, len(numbers)))
         if done:
             typer.echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
@@ -90,6 +92,15 @@ def run(
                     tally.add(frame)
                     bar.advance()
     typer.echo(tally.table(output, done))
+
+
+def _kept_frames(recorder: export.Recorder, count: int) -> str:
+    """Return what an interrupted run leaves, and how to go on."""
+    if recorder.path.exists() and recorder.written == count and not recorder.temporary.exists():
+        return f"all {count} frames are in {recorder.path}"
+    if not recorder.written:
+        return "no frame was recorded; run again"
+    return f"{recorder.written} of {count} frames are kept in {recorder.temporary}; go on with --resume and the same options"
 
 
 def _keep_others(output: Path, identity: str) -> None:

@@ -12,13 +12,12 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
 from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import RecordingError
+from rso_lidar.interruption import advise
 from rso_lidar.study import report
 from rso_lidar.study.ranking import summary
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trade_plan import plan_of
 from rso_lidar.study.trading import Rows, Trade, tabled, work, working_file
-
-_INTERRUPTED = 130
 
 
 def trade(
@@ -56,21 +55,18 @@ def trade(
     _tell_of_others(kept)
     rows = Rows(kept, study.n_rows)
     on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
-    try:
-        with rows.opened():
-            if rows.known:
-                typer.echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
-            with progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
-                for row in work(plan, rows.known, workers):
-                    rows.add(row)
-                    bar.advance()
-            made = tabled(plan, base, rows.known)
-            _write(made, places)
-            kept.unlink(missing_ok=True)
-    except KeyboardInterrupt:
-        told = f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}"
-        typer.echo(f"interrupted: {told}; the same command goes on", err=True)
-        raise SystemExit(_INTERRUPTED) from None
+    advise(lambda: f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
+    with rows.opened():
+        if rows.known:
+            typer.echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
+        with progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
+            for row in work(plan, rows.known, workers):
+                rows.add(row)
+                bar.advance()
+        made = tabled(plan, base, rows.known)
+        _write(made, places)
+        advise(lambda: f"the outputs {', '.join(map(str, places))} are written")
+        kept.unlink(missing_ok=True)
     for line in (*summary(made), *map(str, places)):
         typer.echo(line)
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.interruption import removing, uninterrupted
 
 MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,
 MARK = "rso_lidar_version"  # with this in it
@@ -54,26 +55,31 @@ def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> I
     Of an older export that is overwritten, nothing is touched before the new one is whole.
     """
     place = Path(path)
-    draft: Path | None = None
+    ours: list[Path] = []  # folders to remove in the end
+
+    def remove() -> None:
+        for folder in ours:
+            shutil.rmtree(folder, ignore_errors=True)
+
     try:
-        free_folder(place, overwrite=overwrite)
-        draft = _new(place, "part")
-        yield draft
-        free_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
-        if place.is_dir():
-            old = _new(place, "old")
-            place.replace(old)
-            draft.replace(place)
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            draft.replace(place)
+        with removing(remove):
+            free_folder(place, overwrite=overwrite)
+            with uninterrupted():
+                ours.append(draft := _new(place, "part"))
+            yield draft
+            free_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
+            with uninterrupted():
+                if place.is_dir():
+                    old = _new(place, "old")
+                    place.replace(old)
+                    ours.append(old)
+                draft.replace(place)
     except PermissionError as error:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
     except OSError as error:
         raise RunError(f"{place}: could not be written: {error.strerror or error}; make room and run again") from None
     finally:
-        if draft is not None and draft.exists():
-            shutil.rmtree(draft, ignore_errors=True)
+        remove()
 
 
 def _new(place: Path, what: str) -> Path:

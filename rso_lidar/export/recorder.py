@@ -25,6 +25,7 @@ from rso_lidar.export.checksum import is_intact
 from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
 from rso_lidar.export.lens import LensTables
 from rso_lidar.export.recording import Recording
+from rso_lidar.interruption import removing
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5")
@@ -185,7 +186,8 @@ class Recorder:
     def _swept(self, starting: Path) -> Any:
         """Leave nothing behind where the file cannot even be begun."""
         try:
-            yield
+            with removing(lambda: starting.unlink(missing_ok=True)):
+                yield
         except BaseException:
             self._abandon()
             starting.unlink(missing_ok=True)

@@ -11,7 +11,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 
 from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.palette import NO_RETURN
 from rso_lidar.picture.scale import Scale
 from rso_lidar.picture.sequence import Glimpse, on_target, pick
@@ -122,8 +122,8 @@ def viewer_command(path: str | Path) -> list[str]:
 @contextlib.contextmanager
 def quiet() -> Iterator[dict[str, str]]:
     """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
-    with tempfile.TemporaryDirectory(prefix="rso_lidar_view_") as folder:
-        config = Path(folder) / "rerun" / "analytics.json"
+    with temporary_folder() as folder:
+        config = Path(folder, "rerun", "analytics.json")
         config.parent.mkdir()
         config.write_text(
             json.dumps(

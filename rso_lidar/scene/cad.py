@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from rso_lidar.errors import MeshError
+from rso_lidar.interruption import removing, temporary_folder
 from rso_lidar.scene.mesh import CAD_SUFFIXES, checked_file
 
 CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
@@ -47,14 +47,23 @@ def tessellated(path: Path) -> tuple[bytes, float]:
         )
     kind = "step" if path.suffix.lower() in (".step", ".stp") else "iges"
     code = _TESSELLATE.format(most=_MOST_MEMORY, chord=CHORD_MM, turn=TURN_RAD)
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "part.glb"
+    with temporary_folder() as folder:
+        out = Path(folder, "part.glb")
         command = [sys.executable, "-c", code, str(path.resolve()), kind, str(out)]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=_LONGEST_S, check=False)
-        except subprocess.TimeoutExpired:
-            raise MeshError(f"{path.name}: takes over {_LONGEST_S} s to make triangles of; export it as STL") from None
-        blob = out.read_bytes() if done.returncode == 0 and out.exists() else b""
+        nothing = subprocess.DEVNULL
+        with (
+            subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process,
+            removing(process.kill),
+        ):
+            try:
+                status = process.wait(_LONGEST_S)
+            except subprocess.TimeoutExpired:
+                raise MeshError(
+                    f"{path.name}: takes over {_LONGEST_S} s to make triangles of; export it as STL"
+                ) from None
+            finally:
+                process.kill()
+        blob = out.read_bytes() if status == 0 and out.exists() else b""
     if not blob:
         raise MeshError(f"{path.name}: cannot be read as {kind.upper()}, or holds no solid; export it again, or as STL")
     return blob, 1.0 if kind == "step" else _MM

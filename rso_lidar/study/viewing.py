@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from rso_lidar import picture
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.export import Frames, Recording
+from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.player import Colour, play, richest, save_view, window_backend
 from rso_lidar.picture.rerun_scene import installed, need_rerun, open_rerun, write_rerun
@@ -125,8 +125,8 @@ def show(
         write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
         return (_frames(len(frames)),)
     if chosen.tool == "rerun":
-        with tempfile.TemporaryDirectory(prefix="rso_lidar_view_") as place:
-            open_rerun(write_rerun(frames, Path(place) / "recording.rrd", shapes, colour=colour, each=each))
+        with temporary_folder() as place:
+            open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
         return ()
     return tuple(_draw(chosen.paths, frames, shapes, colour))
 
