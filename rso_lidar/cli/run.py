@@ -71,16 +71,17 @@ def run(
         _keep_others(output, identity)
     tally = Tally()
     done = 0
-    with export.Recorder(
+    recorder = export.Recorder(
         output,
         scenario.source,
         run_id=identity,
         overwrite=overwrite,
         resume=resume,
         changing_lens=scenario.lidar.changes_lens,
-    ) as recorder:
+    )
+    advise(lambda: _kept_frames(recorder, len(numbers), resume=resume))
+    with recorder:
         done = recorder.written
-        advise(lambda: _kept_frames(recorder, len(numbers)))
         if done:
             typer.echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
@@ -94,12 +95,12 @@ def run(
     typer.echo(tally.table(output, done))
 
 
-def _kept_frames(recorder: export.Recorder, count: int) -> str:
+def _kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
     """Return what an interrupted run leaves, and how to go on."""
-    if recorder.path.exists() and recorder.written == count and not recorder.temporary.exists():
-        return f"all {count} frames are in {recorder.path}"
+    if not recorder.temporary.exists():
+        return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
     if not recorder.written:
-        return "no frame was recorded; run again"
+        return f"{recorder.temporary} is as it was; go on with --resume" if resume else "no frame was recorded"
     return f"{recorder.written} of {count} frames are kept in {recorder.temporary}; go on with --resume and the same options"
 
 
