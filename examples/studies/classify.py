@@ -90,7 +90,7 @@ def study(models: dict[str, str], attitudes: int = ATTITUDES) -> list[dict[str, 
             rl.budget(CAMERA, target_m=math.sqrt(value), range_m=[100.0, 1000.0]).range_of_pixels(NEEDED)
             for value in (area.min(), area.mean(), area.max())
         )
-        light_m = box.curves[0].max_range_m
+        light_m = rl.budget(CAMERA, range_m=[100.0, 1000.0]).curves[0].max_range_m  # of a pixel that is filled
         rows.append(
             {
                 "craft": name,

@@ -1,4 +1,4 @@
-"""`rso-lidar budget`: how far a camera sees, in closed form, without a mesh or a ray."""
+"""`rso-lidar budget`: how far a pixel that is filled sees, in closed form."""
 
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +44,7 @@ def budget(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Work out photons, detection, precision and pixels on target against range, in closed form."""
+    """Work out photons, detection and precision of a filled pixel against range, in closed form."""
     if output is not None:
         output = free(output, SUFFIXES, overwrite=overwrite)
     made = worked_out(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.figures import LINE_IN, dress, in_thousands, new_figure
+from rso_lidar.picture.figures import LINE_IN, dress, log_ticks, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 
 if TYPE_CHECKING:
@@ -24,7 +24,10 @@ _LOWEST_PHOTONS = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve (range) of a link budget, by its name in words; `max_range_m` is NaN where there is none."""
+    """One curve (range) of a link budget, by its name in words; `max_range_m` is NaN where there is none.
+
+    Beyond `filled_to_m` the target no longer fills a pixel, and the curve is drawn faintly.
+    """
 
     name: str
     range_m: np.ndarray
@@ -34,6 +37,8 @@ class Line:
     pixels: np.ndarray
     max_range_m: float
     armed_limits: bool
+    fill_limits: bool = False
+    filled_to_m: float = np.inf
 
 
 def budget_figure(
@@ -47,19 +52,28 @@ def budget_figure(
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
     for number, line in enumerate(lines):
         look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": 1.5}
-        reach = "" if np.isnan(line.max_range_m) else f": {_length(line.max_range_m)}{_ARMED * line.armed_limits}"
-        light.plot(line.range_m, line.photons, label=f"{line.name}{reach or ': never'}", **look)
-        found.plot(line.range_m, line.probability, **look)
+        ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
+        reach = ": never" if np.isnan(line.max_range_m) else f": {_length(line.max_range_m)}{ends}"
         shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
-        precision.plot(line.range_m, shown, **look)
+        light.plot([], [], label=f"{line.name}{reach}", **look)
+        for axes, values in ((light, line.photons), (found, line.probability), (precision, shown)):
+            if line.filled_to_m < line.range_m[-1]:
+                axes.plot(line.range_m, values, **look, alpha=_FAINT)
+            near = line.range_m <= line.filled_to_m
+            axes.plot(line.range_m, np.where(near, values, np.nan), **look)
         pixels.plot(line.range_m, line.pixels, **look)
         if line.range_m[0] <= line.max_range_m <= line.range_m[-1]:
             at = np.log(line.max_range_m)
-            there = float(np.interp(at, np.log(line.range_m), line.probability)) if line.armed_limits else probability
+            there = float(np.interp(at, np.log(line.range_m), line.probability)) if ends else probability
             _mark(found, line.max_range_m, there, str(look["color"]))
             for axes, values in ((light, line.photons), (pixels, line.pixels)):
                 height = np.exp(np.interp(at, np.log(line.range_m), np.log(np.maximum(values, 1e-12))))
                 _mark(axes, line.max_range_m, float(height), str(look["color"]))
+    first, last = min(line.range_m[0] for line in lines), max(line.range_m[-1] for line in lines)
+    filled_to_m = min(line.filled_to_m for line in lines)
+    if first < filled_to_m < last:
+        for axes in (light, found, precision):
+            axes.axvline(filled_to_m, color=hexed(QUIET), lw=0.8, ls=(0, (2, 3)), zorder=0)
     found.axhline(probability, color=hexed(LINE), lw=0.9, zorder=0)
     _axes(light, "Photons on the pixel", "expected, after the optics")
     _axes(found, "Probability of detection", f"marked: P = {probability:g}")
@@ -71,10 +85,12 @@ def budget_figure(
     if high > 10.0 * _LOWEST_PHOTONS:
         light.set_ylim(max(_LOWEST_PHOTONS, low), high)
     found.set_ylim(-0.02, 1.04)
-    _decades(precision)
+    for axes in (light, precision, pixels):
+        log_ticks(axes.yaxis, *axes.get_ylim())
+    for axes in (light, found, precision, pixels):
+        log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
         axes.set_xlabel("Range [m]", fontsize=9, color=hexed(QUIET))
-    in_thousands(*(axes.xaxis for axes in (light, found, precision, pixels)), pixels.yaxis, precision.yaxis)
     figure.align_ylabels()
     _legend(figure, light, probability, len(small_print))
     return figure
@@ -86,10 +102,6 @@ def _legend(figure: Figure, axes: Axes, probability: float, printed: int) -> Non
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
     height_in = float(figure.get_figheight())
     foot_in = 0.12 + LINE_IN * printed
-    room_in = 0.35 + 0.19 * math.ceil(len(names) / columns)
-    head_in = 0.66
-    engine: Any = figure.get_layout_engine()
-    engine.set(rect=(0.0, (foot_in + room_in) / height_in, 1.0, 1.0 - (foot_in + room_in + head_in) / height_in))
     legend = figure.legend(
         handles,
         names,
@@ -104,18 +116,21 @@ def _legend(figure: Figure, axes: Axes, probability: float, printed: int) -> Non
     )
     legend.set_in_layout(False)
     legend.get_title().set(fontsize=8.5, color=hexed(QUIET))
+    room_in = float(legend.get_window_extent().height) / figure.dpi
+    head_in = 0.66
+    engine: Any = figure.get_layout_engine()
+    engine.set(rect=(0.0, (foot_in + room_in) / height_in, 1.0, 1.0 - (foot_in + room_in + head_in) / height_in))
 
 
 _ARMED = " (end of the armed window)"
+_FILLED = " (fills a pixel no farther)"
+_FAINT = 0.3
+_LEAST_SPAN = 1.5  # greatest over least of a log axis: a shorter one shows rounding
 
 
 def _axes(axes: Axes, title: str, note: str) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     axes.set_xscale("log")
     dress(axes, title, note=note)
-    axes.xaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.tick_params(labelbottom=True)
 
 
@@ -125,14 +140,10 @@ def _log(axes: Axes) -> None:
     if not np.any(values > 0.0):
         axes.set_ylim(1.0, 10.0)
     axes.set_yscale("log")
-
-
-def _decades(axes: Axes) -> None:
-    """Put ticks at 1, 2 and 5 of each decade, where a log axis spans less than two."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    axes.yaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_ylim()
+    if high < _LEAST_SPAN * low:
+        middle = math.sqrt(low * high)
+        axes.set_ylim(middle / math.sqrt(_LEAST_SPAN), middle * math.sqrt(_LEAST_SPAN))
 
 
 def _mark(axes: Axes, x: float, y: float, colour: str) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rso_lidar.picture.palette import INK, LINE, QUIET, hexed
 
 if TYPE_CHECKING:
@@ -57,6 +59,37 @@ def in_thousands(*several: Axis) -> None:
 
     for axis in several:
         axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus(f"{value:,.10g}")))
+
+
+def log_ticks(axis: Axis, low: float, high: float) -> None:
+    """Put ticks on a log axis from `low` to `high`, of which at least three carry numbers, however short it is."""
+    from matplotlib.ticker import (
+        FixedLocator,
+        FuncFormatter,
+        LogFormatterMathtext,
+        LogLocator,
+        MaxNLocator,
+        NullFormatter,
+    )
+
+    decades = float(np.log10(high / low))
+    axis.set_minor_formatter(NullFormatter())
+    if decades > 5.0:
+        axis.set_major_locator(LogLocator(base=10, numticks=8))
+        axis.set_major_formatter(LogFormatterMathtext())
+        return
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    for steps in ((1.0,), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)):
+        ticks = np.outer(powers, steps).ravel()
+        ticks = ticks[(ticks >= low * (1.0 - 1e-9)) & (ticks <= high * (1.0 + 1e-9))]
+        if len(ticks) >= 3:
+            break
+    else:
+        ticks = np.asarray(MaxNLocator(5, steps=(1, 2, 5, 10)).tick_values(low, high))
+    axis.set_major_locator(FixedLocator(ticks.tolist()))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: with_minus(f"{value:,.4g}" if value < 1e4 else f"{value:,.0f}"))
+    )
 
 
 def with_minus(number: str) -> str:

@@ -140,32 +140,46 @@ def _attitudes(scenario: Scenario, seen: Preview, number: int, row: int, most: i
     found: list[np.ndarray] = []
     truths = []
     for at in [row, *(int(one) for one in rows if one != row)]:
-        turned = _turn_between(places[at], places[row]) @ turns[at]
+        turned = turn_between(places[at], places[row]) @ turns[at]
         # The trace of a turn is 1 + 2 cos of its angle.
         if any(np.trace(one.T @ turned) > 1.0 + 2.0 * math.cos(_SAME_ATTITUDE_RAD) for one in found):
             continue
         found.append(turned)
-        truths.append(_placed(scenario, seen.truth.at(at), here, number, turned))
+        links = surface_links(scenario, number, seen.truth.at(at), places[row], turned)
+        for surface in scenario.surfaces:
+            if surface.name not in links:
+                links[surface.name] = Link(here.poses.place("lidar", surface.name), np.zeros(3), np.zeros(3))
+        truths.append(seen_truth(here.time_s, links))
     return truths
 
 
-def _placed(scenario: Scenario, there: Truth, here: Truth, number: int, turned: np.ndarray) -> Truth:
-    """Return the truth `here` with one target turned to `turned`, hinges as `there`; only the axes of lidar and surfaces."""
+def surface_links(
+    scenario: Scenario, number: int, there: Truth, place_m: np.ndarray, turned: np.ndarray
+) -> dict[str, Link]:
+    """Return lidar_from_surface of each surface of a target that is put elsewhere, with its hinges as they stand.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    number : of the target.
+    there : the truth whose hinges count.
+    place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
+    """
     name = scenario.target[number].name
-    mine = {surface.name for surface in scenario.surfaces_of(number)}
-    links = {"lidar": Link.still()}
-    lidar_from_target = Link((here.poses.place("lidar", name)[0], turned), np.zeros(3), np.zeros(3))
-    for surface in scenario.surfaces:
-        if surface.name in mine:
-            target_from_surface = Link(there.poses.place(name, surface.name), np.zeros(3), np.zeros(3))
-            links[surface.name] = lidar_from_target * target_from_surface
-        else:
-            links[surface.name] = Link(here.poses.place("lidar", surface.name), np.zeros(3), np.zeros(3))
+    lidar_from_target = Link((place_m, turned), np.zeros(3), np.zeros(3))
+    return {
+        surface.name: lidar_from_target * Link(there.poses.place(name, surface.name), np.zeros(3), np.zeros(3))
+        for surface in scenario.surfaces_of(number)
+    }
+
+
+def seen_truth(time_s: float, links: dict[str, Link]) -> Truth:
+    """Return a truth of the lidar and of surfaces in its axes, without bodies and without a Sun."""
     parents = dict.fromkeys(links, "lidar") | {"lidar": "inertial"}
-    return Truth(here.time_s, PoseTree(parents, links), {}, np.full(3, np.nan))
+    return Truth(time_s, PoseTree(parents, {"lidar": Link.still(), **links}), {}, np.full(3, np.nan))
 
 
-def _turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the least rotation (3, 3) that turns the direction of `a` into that of `b`."""
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     axis, cosine = np.cross(a, b), float(a @ b)

@@ -1,4 +1,4 @@
-"""The link budget: light, detection, precision and pixels against range, in closed form, without a mesh or a ray."""
+"""The link budget of a filled pixel: light, detection and precision against range, in closed form; pixels on a target."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Scatterer
 from rso_lidar.study.budget_asked import (
+    BudgetTarget,
     angles_deg,
     camera_of,
     has_retros,
@@ -48,7 +49,9 @@ class Curve:
     `detection_probability` counts false alarms that come first as misses, and is 0 where the camera is not armed;
     `false_alarm_probability` is theirs. `range_precision_m` is 1 sigma of a detected return. `pixels_on_target` is the
     target's lit area over a pixel's, `pixels_across` its longest side over a pixel's. `max_range_m` is the greatest range
-    of the wanted probability, NaN where it is never reached; with `armed_limits` the armed window ends there, not the light.
+    of the wanted probability, NaN where it is never reached; with `armed_limits` the armed window ends there, not the light;
+    with `fill_limits` the target fills a pixel no farther. `target_fills_pixel` says where it does: light and detection are
+    those of a filled pixel, and hold for the target there only.
     """
 
     material: str
@@ -65,8 +68,10 @@ class Curve:
     pixel_m: np.ndarray
     pixels_on_target: np.ndarray
     pixels_across: np.ndarray
+    target_fills_pixel: np.ndarray
     max_range_m: float
     armed_limits: bool
+    fill_limits: bool
 
 
 COLUMNS = (
@@ -81,22 +86,26 @@ COLUMNS = (
     "pixel_m",
     "pixels_on_target",
     "pixels_across",
+    "target_fills_pixel",
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """What a camera can do against range; `notes` say what is not counted.
+    """What one pixel of a camera can do against range: a pixel that a facet fills, or one facet of `facet_m2`.
 
-    `target_m` is the side of a square that faces the lidar, or the three sides of a box that tumbles; `target_area_m2` is
-    its silhouette, of a box the mean over all directions.
+    `target` names in words what pixels are counted on: the scenario's target, a square that faces the lidar or a box that
+    tumbles. `target_m` are its sides, and `target_area_m2` is its silhouette, the mean over attitudes. `filled_to_m` is the
+    range to which it fills a pixel, infinite where no target was asked for, or a facet was. `notes` say what is not counted.
     """
 
     camera: str
     probability: float
     curves: tuple[Curve, ...]
+    target: str
     target_m: tuple[float, ...]
     target_area_m2: float
+    filled_to_m: float
     facet_m2: float | None
     false_alarms_per_frame: float
     pixel_rad: float
@@ -135,6 +144,8 @@ class Budget:
                 curve.pixels_on_target,
                 curve.max_range_m,
                 curve.armed_limits,
+                curve.fill_limits,
+                self.filled_to_m,
             )
             for name, curve in zip(self.names(), self.curves, strict=True)
         ]
@@ -163,10 +174,7 @@ class Budget:
     def about(self) -> str:
         """Return in words what the curves are of."""
         what = "a pixel that a facet fills" if self.facet_m2 is None else f"a facet of {self.facet_m2:g} m²"
-        if len(self.target_m) == 1:
-            return f"{what}, on the boresight   ·   target: a square of {self.target_m[0]:g} m"
-        sides = " x ".join(f"{side:.4g}" for side in self.target_m)
-        return f"{what}, on the boresight   ·   target: a box of {sides} m, tumbling"
+        return f"{what}, on the boresight   ·   {self.target}"
 
     def table(self) -> str:
         """Return the greatest range of each curve, and what is seen there, as lines of text."""
@@ -174,7 +182,7 @@ class Budget:
             "material",
             "tilt",
             "beam",
-            f"P = {self.probability:g} to",
+            f"{'filled pixel' if self.facet_m2 is None else 'facet'}, P = {self.probability:g} to",
             "photons",
             "precision",
             "pixel",
@@ -194,7 +202,8 @@ class Budget:
             )
             inside = curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]
             seen = [f"{photons:,.0f}", f"{precision_m / units.CM:.1f} cm"] if inside else ["-", "-"]
-            reach = f"{curve.max_range_m:,.0f} m" + (" (armed)" if curve.armed_limits else "")
+            ends = " (armed)" if curve.armed_limits else " (fills no more)" if curve.fill_limits else ""
+            reach = f"{curve.max_range_m:,.0f} m{ends}"
             on_target = f"{pixels:,.3g} px" if inside else "-"
             rows.append([*row, reach, *seen, f"{curve.max_range_m * self.pixel_rad:.3g} m", on_target])
         widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
@@ -229,7 +238,8 @@ def budget(
     tilt_deg : of the facet against the boresight [deg].
     divergence_deg : full angles of the beam [deg]; None: the laser's own.
     probability : of detection that the greatest ranges are solved for [1].
-    target_m : side of a square, or three sides of a box [m]; None: the bounds of the scenario's first target, or 1 m.
+    target_m : side of a square, or three sides of a box [m]; None: the scenario's first target, or else pixels are counted
+        on a square of 1 m. Of a target, greatest ranges end where it no longer fills a pixel.
     facet_m2 : area of a facet that may be smaller than a pixel [m²]; None: it fills the pixel.
 
     >>> seed = budget("gsfl_1064")
@@ -252,28 +262,45 @@ def budget(
             f"budget: {len(chosen)} materials x {len(tilts)} tilts x {len(widths)} divergences are over {_MOST_CURVES} "
             "curves; ask for fewer at once"
         )
-    sides_m, area_m2 = target_of(target_m, scenario)
+    target = target_of(target_m, scenario)
+    receiver, detector = lidar.receiver, lidar.detector
+    pixel_rad = receiver.pixel_pitch_m / receiver.focal_length_m
+    filled_to_m = math.inf if facet_m2 is not None or target.square_m is None else target.square_m / pixel_rad
     curves = [
         _curve(
-            with_divergence(lidar, width), label, material, tilt, along_m, facet_m2, area_m2, max(sides_m), probability
+            with_divergence(lidar, width), label, material, tilt, along_m, facet_m2, target, filled_to_m, probability
         )
         for width in widths
         for label, material in chosen
         for tilt in tilts
     ]
-    receiver, detector = lidar.receiver, lidar.detector
     n_pixels = receiver.n_rows * receiver.n_cols
     each = float(false_alarms_before(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
     return Budget(
         name,
         float(probability),
         tuple(curves),
-        sides_m,
-        area_m2,
+        target.words,
+        target.sides_m,
+        target.area_m2,
+        filled_to_m,
         facet_m2,
         each * n_pixels,
-        receiver.pixel_pitch_m / receiver.focal_length_m,
-        left_out(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
+        pixel_rad,
+        (
+            *_filled(filled_to_m),
+            *left_out(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
+        ),
+    )
+
+
+def _filled(to_m: float) -> tuple[str, ...]:
+    """Return in words to which range the law of a filled pixel holds for the target."""
+    if not math.isfinite(to_m):
+        return ()
+    return (
+        f"the target fills a pixel to {to_m:,.0f} m and is found less far than a filled pixel beyond: `rso-lidar check` "
+        "casts the body that is there",
     )
 
 
@@ -284,8 +311,8 @@ def _curve(
     tilt: float,
     range_m: np.ndarray,
     facet_m2: float | None,
-    area_m2: float,
-    side_m: float,
+    target: BudgetTarget,
+    filled_to_m: float,
     wanted: float,
 ) -> Curve:
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
@@ -302,6 +329,7 @@ def _curve(
         return detected * (1.0 - false_alarms_before(detector, at_m))
 
     farthest, armed_limits = _greatest(probability, *_reach_m(detector), wanted)
+    fill_limits = farthest > filled_to_m
     return Curve(
         material=label,
         tilt_deg=tilt,
@@ -315,10 +343,12 @@ def _curve(
         saturated=seen.saturated,
         false_alarm_probability=first,
         pixel_m=pixel_m,
-        pixels_on_target=np.minimum(area_m2, lit) / pixel_m**2,
-        pixels_across=np.minimum(side_m, receiver.n_cols * pixel_m) / pixel_m,
-        max_range_m=farthest,
-        armed_limits=armed_limits,
+        pixels_on_target=np.minimum(target.area_m2, lit) / pixel_m**2,
+        pixels_across=np.minimum(max(target.sides_m), receiver.n_cols * pixel_m) / pixel_m,
+        target_fills_pixel=range_m <= filled_to_m,
+        max_range_m=filled_to_m if fill_limits else farthest,
+        armed_limits=armed_limits and not fill_limits,
+        fill_limits=fill_limits,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from rso_lidar.detector import Empirical, Gsfl
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
+from rso_lidar.scenario.preview import preview
+from rso_lidar.scenario.silhouette import silhouettes
 from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
 from rso_lidar.scene.library import materials
 
@@ -81,23 +84,48 @@ def ranges_m(given: Any, detector: Gsfl | Empirical) -> np.ndarray:
     return np.geomspace(values[0], values[1], _RANGES) if len(values) == 2 else values
 
 
-def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) -> tuple[tuple[float, ...], float]:
-    """Return the sides of a target [m] and the area of its silhouette [m²].
+@dataclass(frozen=True)
+class BudgetTarget:
+    """The target of a budget: `words` that name it, its sides [m], its silhouette [m²], and the square that fits inside it.
+
+    `square_m` is None where no target was asked for: then pixels are counted on a square of a metre, and nothing has to
+    fill the pixel.
+    """
+
+    words: str
+    sides_m: tuple[float, ...]
+    area_m2: float
+    square_m: float | None
+
+
+def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) -> BudgetTarget:
+    """Return the target of a budget: a square or a box as given, or the scenario's first target as the lidar sees it.
 
     One side is that of a square that faces the lidar. Of a box, as of any convex body, the mean silhouette is a quarter of
-    its surface (Cauchy 1841).
+    its surface (Cauchy 1841), and the square inside it is about its middle side. Of a scenario's target both are cast in the
+    attitudes of the run: the mean silhouette, and the median of the squares.
     """
     if given is None and scenario is not None and scenario.target:
+        with unwarned():
+            areas_m2, squares_m = silhouettes(scenario, preview(scenario), 0)
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
-    else:
-        sides = tuple(positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
+        name = scenario.target[0].name
+        if not areas_m2.size:  # the lidar is at its origin all the time
+            return BudgetTarget(f"target: {name}", sides, max(sides) ** 2, None)
+        area_m2, square_m = float(areas_m2.mean()), float(np.median(squares_m))
+        return BudgetTarget(f"target: {name}, {area_m2:.3g} m² in silhouette", sides, area_m2, square_m)
+    sides = tuple(positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
     if len(sides) == 1:
-        return sides, sides[0] ** 2
+        what = (
+            f"pixels counted on a square of {sides[0]:g} m" if given is None else f"target: a square of {sides[0]:g} m"
+        )
+        return BudgetTarget(what, sides, sides[0] ** 2, None if given is None else sides[0])
     if len(sides) != 3:
         raise ScenarioError(f"target_m: {len(sides)} sides; give one (a square) or three (a box)")
     a, b, c = sides
-    return sides, 0.5 * (a * b + b * c + c * a)
+    box = f"target: a box of {' x '.join(f'{side:.4g}' for side in sides)} m, tumbling"
+    return BudgetTarget(box, sides, 0.5 * (a * b + b * c + c * a), sorted(sides)[1])
 
 
 def materials_of(

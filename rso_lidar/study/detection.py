@@ -38,7 +38,7 @@ _LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
 _REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
 _PHASES = 8  # of the clock, over which precision is averaged
 _FASTEST = 200.0  # of an amplifier's pole in a pulse's length
-_STRETCHES = 128  # depths told apart in a pulse's length, and for each factor of two beyond
+_STRETCHES = 32  # depths worked out in a pulse's length, and for each factor of two beyond; straight between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +74,20 @@ def told(
             f"amplifier.bandwidth_mhz: {detector.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
             f"{laser.pulse_fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
         )
-    probability, precision_m, snr = np.zeros(photons.shape), np.full(photons.shape, np.inf), np.zeros(photons.shape)
-    group = _stretches(depth_s, laser.pulse_fwhm_s)
+    probability, precision_m, snr = (np.zeros(photons.shape) for _ in range(3))
+    number = _depth_number(depth_s / laser.pulse_fwhm_s)
     step_s, power = laser.pulse
-    for stretch_s in np.unique(group):
-        of = group == stretch_s
-        seen = _response(detector, step_s, power.tobytes(), float(stretch_s))
-        probability[of] = seen.probability(photons[of])
+    for k in np.unique([np.floor(number), np.ceil(number)]):
+        of = np.abs(number - k) < 1.0
+        weight = 1.0 - np.abs(number[of] - k)
+        stretch_s = laser.pulse_fwhm_s * _depth_of(k)
+        seen = _response(detector, step_s, power.tobytes(), stretch_s)
+        probability[of] += weight * seen.probability(photons[of])
         if not surely:
             widest_m = (stretch_s + laser.pulse_fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
-            precision_m[of] = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
-            snr[of] = seen.snr(photons[of])
+            known_m = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
+            precision_m[of] += weight * known_m
+            snr[of] += weight * seen.snr(photons[of])
     jitter_ns = math.hypot(
         detector.timing.pixel_jitter_ns, math.hypot(detector.timing.frame_jitter_ns, laser.timing_jitter_ns)
     )
@@ -106,12 +109,15 @@ def false_alarms_before(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.n
     return before
 
 
-def _stretches(depth_s: np.ndarray, fwhm_s: float) -> np.ndarray:
-    """Return depths [s] (return) rounded to 1/128 of the pulse's length, longer ones to half a per cent of themselves."""
-    known = depth_s / fwhm_s
-    longer = 2.0 ** (np.round(_STRETCHES * np.log2(np.maximum(known, 1.0))) / _STRETCHES)
-    stretches: np.ndarray = fwhm_s * np.where(known < 1.0, np.round(_STRETCHES * known) / _STRETCHES, longer)
-    return stretches
+def _depth_number(depth: np.ndarray) -> np.ndarray:
+    """Return where depths (return) [pulse lengths] stand among those that are worked out: even, then in equal ratios."""
+    number: np.ndarray = _STRETCHES * np.where(depth < 1.0, depth, 1.0 + np.log2(np.maximum(depth, 1.0)))
+    return number
+
+
+def _depth_of(number: float) -> float:
+    """Return the depth [pulse lengths] of that number."""
+    return float(number / _STRETCHES if number <= _STRETCHES else 2.0 ** (number / _STRETCHES - 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +228,7 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
     at_s = peak_s + apart_s * np.arange(-before, after + 1)
     at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # where it is decided comes first
     added = seen(at_s)
-    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, seen, dark)
+    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, seen, dark, 0.5 * fine_s)
     return _Response(
         gsfl,
         gain * np.einsum("t,ti->i", light, added),
@@ -236,12 +242,13 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
 
 
 def _fit(
-    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, seen: _Seen, dark: _Seen
+    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, seen: _Seen, dark: _Seen, beside_s: float
 ) -> tuple[tuple[float, float], tuple[float, float, float], float]:
     """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
 
     The matched filter believes in the pulse as it left and in noise of the amplifier's colour, with a little white. Its
-    error is that of a linear fit with these weights in the noise there is, shot noise included (Kay 1993, sec. 6.5).
+    error is that of a linear fit with these weights in the noise there is, shot noise included (Kay 1993, sec. 6.5). Slopes
+    are differences over `beside_s` [s] to each side, half a step of time: then it does not matter how the steps lie.
     """
     readout, amplifier = gsfl.readout, gsfl.amplifier
     pulse = Pulse.after(step_s, np.frombuffer(power_per_s), amplifier.pole_s, amplifier.integration_s)
@@ -262,7 +269,6 @@ def _fit(
         added = seen(at_s)
         shot = square * np.einsum("ti,tj->ij", light[:, None] * added, added)
         still = dark(at_s) + rounding * np.eye(len(lag))
-        beside_s = 0.01 * readout.sample_s
         slope = np.einsum("t,ts->s", light, seen(at_s + beside_s) - seen(at_s - beside_s)) / (2.0 * beside_s)
         moved = gsfl.apd.gain * float((by_time * -slope).sum())
         places.append(

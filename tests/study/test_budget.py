@@ -114,10 +114,64 @@ def test_a_scenario_brings_its_camera_materials_and_target(text):
     made = rl.budget(scenario, range_m=(100.0, 1000.0))
     assert [curve.material for curve in made.curves] == ["lambertian 0.3"]
     assert sorted(made.target_m) == pytest.approx([0.002, 4.0, 4.0])
-    assert made.target_area_m2 == pytest.approx(0.5 * (16.0 + 2 * 0.008))
+    # It turns by 18 degrees in ten frames, so that it shows 16 m² times the mean cosine; a cell of the cast is 3.6 cm.
+    assert made.target_area_m2 == pytest.approx(16.0 * np.cos(np.radians(2.0 * np.arange(10))).mean(), rel=0.02)
+    assert made.filled_to_m == pytest.approx(4.0 * math.cos(math.radians(9.0)) / made.pixel_rad, rel=0.02)
     assert made.pixel_rad == scenario.lidar.receiver.pixel_tangent
     own = text.replace('"plate"\nmaterial = { type = "lambertian", reflectance = 0.30 }', '"cubesat_3u"')
     assert {curve.material for curve in rl.budget(rl.Scenario.loads(own)).curves} == {"black_paint", "lens_glass"}
+
+
+TUMBLING = 'attitude = { type = "tumble", inertia_kg_m2 = [5, 4, 2], body_rate_deg_s = [70, 50, 90] }'
+
+
+def test_a_body_that_fills_no_pixel_gets_no_range_of_a_filled_one(text):
+    """To half of the range that is told most attitudes of a tumbling CubeSat fill a pixel of a frame, far beyond none does.
+
+    A square of two pixels' width holds a pixel wherever the grid lies, a narrower one may.
+    """
+    text = text.replace('"plate"\nmaterial = { type = "lambertian", reflectance = 0.30 }', '"cubesat_3u"')
+    scenario = rl.Scenario.loads(
+        text.replace('attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 10 }', TUMBLING)
+    )
+    made = rl.budget(scenario, range_m=(20.0, 2000.0))
+    assert 0.05 < made.filled_to_m * made.pixel_rad < 0.2  # the body is 0.1 by 0.1 by 0.34 m, with panels and antennas
+
+    def fullest(range_m):
+        moved = rl.Scenario.loads(scenario.dumps(), settings=[f"target.0.motion.position_m=[{range_m}, 0, 0]"])
+        return np.array([frame.labels.filled_fraction.max() for frame in rl.simulate(moved)])
+
+    assert np.median(fullest(0.45 * made.filled_to_m)) > 0.999
+    assert fullest(2.0 * made.filled_to_m).max() < 0.9
+    for curve in made.curves:
+        assert curve.fill_limits and not curve.armed_limits
+        assert curve.max_range_m == made.filled_to_m
+        assert (curve.target_fills_pixel == (curve.range_m <= made.filled_to_m)).all()
+        assert 0 < curve.target_fills_pixel.sum() < len(curve.range_m)
+    table = made.table()
+    assert table.count("(fills no more)") == len(made.curves)
+    assert "a pixel that a facet fills" in table and "filled pixel, P = 0.95 to" in table
+    assert f"the target fills a pixel to {made.filled_to_m:,.0f} m" in table
+    # A facet that is given has a law of its own, of whatever size it is.
+    assert not rl.budget(scenario, facet_m2=0.01).curves[0].fill_limits
+
+
+def test_a_target_that_is_given_ends_a_range_where_it_fills_no_pixel():
+    """A square of 0.1 m fills a pixel of 0.341 mrad to 293 m; without a target nothing has to."""
+    limited = rl.budget(FAST, target_m=0.1)
+    assert limited.filled_to_m == pytest.approx(0.1 / (2.0 * math.tan(math.radians(1.25)) / 128.0), rel=1e-9)
+    assert limited.curves[0].max_range_m == limited.filled_to_m
+    free = rl.budget(FAST)
+    assert free.filled_to_m == math.inf and "pixels counted on a square of 1 m" in free.table()
+    assert "fills" not in free.notes[0]
+    assert rl.budget(FAST, target_m=(0.3, 0.2, 0.1)).filled_to_m == pytest.approx(2.0 * limited.filled_to_m)
+
+
+def test_precision_of_a_tilted_facet_grows_without_steps():
+    """With R the pulse stretches and light falls: the slope of precision in a log-log plot changes gradually."""
+    curve = rl.budget("gsfl_1064", materials=["white_paint"], tilt_deg=60, range_m=(1000.0, 4000.0)).curves[0]
+    slopes = np.diff(np.log(curve.range_precision_m)) / np.diff(np.log(curve.range_m))
+    assert np.abs(np.diff(slopes)).max() < 0.3  # the slope grows from 0.1 to 5 over 120 steps
 
 
 def test_csv_holds_what_the_curves_hold(tmp_path):

@@ -1,0 +1,61 @@
+"""What a target covers of the sky, attitude by attitude: its silhouette, and the square that fits inside."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import optics, scene, units
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.scenario.preview import Preview
+from rso_lidar.scenario.returns import seen_truth, surface_links, turn_between
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.scenario import Scenario
+
+_MOST_ATTITUDES = 24
+_CELLS = 160  # along a side of each silhouette
+_AWAY = 200.0  # radii from which it is seen: perspective changes it by half a per cent
+
+
+def silhouettes(scenario: Scenario, seen: Preview, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cast the silhouettes of a target as the lidar sees it over a run.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    seen : its preview.
+    number : of the target.
+
+    Returns
+    -------
+    area_m2 : (attitude) area of the silhouette [m²].
+    square_m : (attitude) side of the greatest square that the silhouette contains, upright in the image [m].
+    """
+    from scipy.ndimage import distance_transform_cdt
+
+    sight = seen.sights[number]
+    away_m = _AWAY * sight.radius_m
+    fov_deg = 2.04 * float(np.arctan(1.0 / _AWAY)) / units.DEG
+    receiver = Receiver(
+        fov_deg=fov_deg, f_number=2.8, n_rows=_CELLS, n_cols=_CELLS, rays_per_pixel=1, min_rays_per_target=0
+    )
+    laser = Laser(divergence_deg=2.0 * fov_deg)
+    name = scenario.target[number].name
+    ahead_m = np.array([0.0, 0.0, away_m])
+    areas, squares = [], []
+    rows = np.flatnonzero(sight.range_m > 0.0)
+    for row in np.unique(rows[np.linspace(0, len(rows) - 1, min(_MOST_ATTITUDES, len(rows))).round().astype(int)]):
+        there = seen.truth.at(int(row))
+        place_m, turn = there.poses.place("lidar", name)
+        links = surface_links(scenario, number, there, ahead_m, turn_between(place_m, ahead_m) @ turn)
+        truth = seen_truth(there.time_s, links)
+        surfaces = scenario.surfaces_of(number)
+        hits = scene.cast(optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth)), surfaces, truth, 1)
+        covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # a rim of sky
+        covered[1 + hits.pixel // _CELLS, 1 + hits.pixel % _CELLS] = True
+        cell_m = away_m * receiver.pixel_tangent
+        areas.append(float(hits.weight.sum()) * cell_m**2)
+        squares.append(max(2.0 * float(distance_transform_cdt(covered, "chessboard").max()) - 1.0, 0.0) * cell_m)
+    return np.array(areas), np.array(squares)
