@@ -87,9 +87,7 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
     else:
         ticks = np.asarray(MaxNLocator(5, steps=(1, 2, 5, 10)).tick_values(low, high))
     axis.set_major_locator(FixedLocator(ticks.tolist()))
-    axis.set_major_formatter(
-        FuncFormatter(lambda value, _: with_minus(f"{value:,.4g}" if value < 1e4 else f"{value:,.0f}"))
-    )
+    in_thousands(axis)
 
 
 def with_minus(number: str) -> str:

@@ -1,5 +1,7 @@
 """The figure of a link budget: every curve on every plot, and its greatest range marked and named."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -81,7 +83,7 @@ def test_every_axis_carries_three_numbers_at_least(near_m, far_m):
             ]
             assert len({text.get_text() for text in ticks}) >= 3, (axes.get_title(loc="left"), axis.axis_name)
             boxes = [text.get_window_extent() for text in ticks]
-            assert not any(a.overlaps(b) for a, b in zip(boxes, boxes[1:], strict=False))
+            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
 
 
 def test_beyond_what_the_target_fills_a_curve_is_faint():
