@@ -1,4 +1,4 @@
-"""Where the data that travels with the package lies: `tle/` and `models/`."""
+"""Where the data that travels with the package lies: `tle/`, `models/` and `examples/`."""
 
 from pathlib import Path
 

@@ -14,6 +14,7 @@ from rso_lidar.cli import (
     export,
     info,
     models,
+    new,
     plot,
     run,
     schema,
@@ -36,6 +37,7 @@ app = typer.Typer(
     context_settings={"max_content_width": 110},
 )
 
+app.command("new")(new.new)
 app.command("check")(check.check)
 app.command("budget")(budget.budget)
 app.command("truth")(truth.truth)
@@ -50,8 +52,8 @@ app.command("plot")(plot.plot)
 app.command("track")(track.track)
 app.command("animate")(animate.animate)
 app.command("view")(view.view)
-app.add_typer(models.app, name="models")
 app.command("schema")(schema.schema)
+app.add_typer(models.app, name="models")
 
 
 def _version(wanted: bool) -> None:

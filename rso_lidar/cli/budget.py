@@ -1,10 +1,12 @@
 """`rso-lidar budget`: how far a pixel that is filled sees, in closed form."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rso_lidar.cli.completion import camera_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import length_m
 from rso_lidar.cli.scenarios import Settings
@@ -12,12 +14,18 @@ from rso_lidar.draft import free
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
+from rso_lidar.scenario.load import validated
 from rso_lidar.study import budget as worked_out
 from rso_lidar.study.budget import SUFFIXES
 
 
 def budget(
-    camera: Annotated[str, typer.Argument(metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.")],
+    camera: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.", autocompletion=camera_names
+        ),
+    ],
     range_: Annotated[
         str | None, typer.Option("--range", metavar="A:B", help="From and to, with their unit: 100m:5km.")
     ] = None,
@@ -57,6 +65,8 @@ def budget(
         target_m=None if target_m is None else _sides_m(target_m),
         facet_m2=facet_m2,
     )
+    if settings and camera in presets():
+        made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
     if output is not None:
         made.save(output, overwrite=overwrite)
     typer.echo(made.table())
@@ -65,10 +75,8 @@ def budget(
 
 
 def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
-    if text in presets() and not settings:
-        return text
     if text in presets():
-        raise ScenarioError(f"--set: changes a scenario file, and {text} is a camera; write it into a scenario")
+        return validated(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
         return Scenario.load(text, settings)
     raise ScenarioError(

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar import units
+from rso_lidar.cli.completion import regime_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant
 from rso_lidar.draft import beside, free
@@ -30,7 +31,10 @@ def catalog(
         list[str] | None, typer.Option("--id", metavar="N", help="Catalogue number; again, or with commas, for more.")
     ] = None,
     regime: Annotated[
-        str | None, typer.Option("--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.")
+        str | None,
+        typer.Option(
+            "--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.", autocompletion=regime_names
+        ),
     ] = None,
     near: Annotated[
         str | None, typer.Option("--near", metavar="UTC", help="Epochs about this time, within --max-age-days.")

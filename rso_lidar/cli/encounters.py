@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
+from rso_lidar.cli.completion import camera_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant, length_m
 from rso_lidar.draft import free, write_text
@@ -32,7 +33,13 @@ def encounters(
     start: Annotated[str, typer.Option("--start", help="Begin, such as 2026-05-07T00:00:00Z.")],
     days: Annotated[float, typer.Option("--days", help="How many days to look at.")] = 1.0,
     lidar: Annotated[
-        str, typer.Option("--lidar", metavar="PRESET|FILE", help="Camera by name, or a scenario file with one.")
+        str,
+        typer.Option(
+            "--lidar",
+            metavar="PRESET|FILE",
+            help="Camera by name, or a scenario file with one.",
+            autocompletion=camera_names,
+        ),
     ] = "long_range_1064",
     sun_exclusion: Annotated[
         float | None, typer.Option("--sun-exclusion", metavar="DEG", help="How near to the Sun one may look (deg).")
@@ -51,7 +58,9 @@ def encounters(
     max_slew: Annotated[
         float, typer.Option("--max-slew", metavar="DEG_S", help="How fast the line of sight may turn (deg/s).")
     ] = MAX_SLEW_DEG_S,
-    sort: Annotated[str, typer.Option("--sort", help="Order: range, time or speed.")] = "range",
+    sort: Annotated[
+        str, typer.Option("--sort", help="Order: range, time or speed.", autocompletion=lambda: list(_ORDERS))
+    ] = "range",
     limit: Annotated[int | None, typer.Option("--limit", min=1, help="Only the first so many rows.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write all columns to this file (.csv).")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw range over time to this file (.png).")] = None,

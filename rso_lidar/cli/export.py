@@ -10,6 +10,7 @@ import typer
 
 from rso_lidar import export as files
 from rso_lidar import orbit
+from rso_lidar.cli.completion import format_names
 from rso_lidar.cli.globe import globe
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
@@ -36,7 +37,12 @@ def export(
     to: Annotated[Path, typer.Option("--to", help="What to write; a folder for formats of one file a frame.")],
     form: Annotated[
         str | None,
-        typer.Option("--format", metavar="NAME", help=f"Instead of the suffix: {', '.join(FORMATS)}."),
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help=f"Instead of the suffix: {', '.join(FORMATS)}.",
+            autocompletion=format_names,
+        ),
     ] = None,
     frames: Annotated[
         str | None,

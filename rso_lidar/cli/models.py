@@ -22,6 +22,11 @@ class _NameOrCommand(TyperGroup):
         known = args[0].startswith("-") or self.get_command(ctx, args[0]) is not None
         return super().resolve_command(ctx, args if known else ["show", *args])
 
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return what a shell offers for the next word: commands, and names of models."""
+        (name,) = self.commands["show"].params[:1]
+        return [*super().shell_complete(ctx, incomplete), *name.shell_complete(ctx, incomplete)]
+
 
 app = typer.Typer(cls=_NameOrCommand, rich_markup_mode=None, pretty_exceptions_enable=False)
 

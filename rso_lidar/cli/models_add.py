@@ -6,6 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
+from rso_lidar.cli.completion import class_names, own_model_names, shape_names, stabilisation_names
 from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.scene.adding import Wanted, add_model, remove_model
@@ -29,12 +30,19 @@ def add(
         str | None, typer.Option("--center-of-mass", metavar="X,Y,Z", help="In metres, in the mesh's axes.")
     ] = None,
     object_class: Annotated[
-        str | None, typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.")
+        str | None,
+        typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.", autocompletion=class_names),
     ] = None,
     subclass: Annotated[str | None, typer.Option("--subclass", help="Any word, such as relay_satellite.")] = None,
-    shape: Annotated[str | None, typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.")] = None,
+    shape: Annotated[
+        str | None,
+        typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.", autocompletion=shape_names),
+    ] = None,
     stabilisation: Annotated[
-        str | None, typer.Option("--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.")
+        str | None,
+        typer.Option(
+            "--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.", autocompletion=stabilisation_names
+        ),
     ] = None,
     rate_deg_s: Annotated[
         tuple[float, float] | None,
@@ -72,7 +80,11 @@ def add(
     typer.echo(f'in {own_folder()}; in a scenario: model = "{entry.name}"')
 
 
-def remove(name: Annotated[str, typer.Argument(metavar="NAME", help="A model of your own library.")]) -> None:
+def remove(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="A model of your own library.", autocompletion=own_model_names)
+    ],
+) -> None:
     """Take a model out of your own library."""
     typer.echo(f"removed {remove_model(name)}")
 

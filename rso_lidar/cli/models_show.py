@@ -7,6 +7,7 @@ import typer
 from rich.table import Table
 
 from rso_lidar import units
+from rso_lidar.cli.completion import model_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import literal_console
 from rso_lidar.draft import free
@@ -20,7 +21,11 @@ WIDE = 112  # columns that the tables need
 def show(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="A model of the catalogue or of your own library, or the path of a mesh."),
+        typer.Argument(
+            metavar="NAME",
+            help="A model of the catalogue or of your own library, or the path of a mesh.",
+            autocompletion=model_names,
+        ),
     ],
     output: Annotated[
         Path | None,

@@ -38,7 +38,13 @@ def truth(
         ),
     ],
     figure: Annotated[
-        str | None, typer.Option("--figure", metavar="KIND", help="Of a picture: relative, orbit, angles or ptu.")
+        str | None,
+        typer.Option(
+            "--figure",
+            metavar="KIND",
+            help="Of a picture: relative, orbit, angles or ptu.",
+            autocompletion=lambda: list(FIGURES),
+        ),
     ] = None,
     body: Annotated[
         str | None,

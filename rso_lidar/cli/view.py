@@ -17,7 +17,13 @@ from rso_lidar.study.viewing import COLOURS, TOOLS, Way, show, way
 def view(
     recording: RecordingFile,
     colour: Annotated[
-        str, typer.Option("--colour", metavar="WHAT", help=f"Colour of the points: {' or '.join(COLOURS)}.")
+        str,
+        typer.Option(
+            "--colour",
+            metavar="WHAT",
+            help=f"Colour of the points: {' or '.join(COLOURS)}.",
+            autocompletion=lambda: list(COLOURS),
+        ),
     ] = "range",
     frames: Annotated[
         str | None,
@@ -29,7 +35,12 @@ def view(
     ] = None,
     tool: Annotated[
         str | None,
-        typer.Option("--with", metavar="TOOL", help=f"{', '.join(TOOLS)}; left out, the first that is possible."),
+        typer.Option(
+            "--with",
+            metavar="TOOL",
+            help=f"{', '.join(TOOLS)}; left out, the first that is possible.",
+            autocompletion=lambda: list(TOOLS),
+        ),
     ] = None,
     output: Annotated[
         Path | None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import importlib.machinery
 import importlib.util
 from collections.abc import Callable, Hashable
 from pathlib import Path
@@ -227,14 +228,26 @@ def _module(place: str) -> Any:
     return _file_module(path.resolve(), *stamp(f"{place}:"))
 
 
+class _SourceLoader(importlib.machinery.SourceFileLoader):
+    """A loader that leaves no compiled file beside a user's file, or in an installed example."""
+
+    def path_stats(self, path: Any) -> Any:
+        """Refuse to look for a compiled file: it is told from the source by whole seconds, too coarse while one edits."""
+        raise OSError
+
+    def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
+        """Write nothing."""
+
+
 @functools.lru_cache(maxsize=32)
 def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
-    spec = importlib.util.spec_from_file_location(f"rso_lidar_dynamics_{path.stem}", path)
+    name = f"rso_lidar_dynamics_{path.stem}"
+    loader = _SourceLoader(name, str(path))
+    spec = importlib.util.spec_from_loader(name, loader)
     assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except (Exception, SystemExit) as error:
         line = getattr(error, "lineno", None)
         where = f"line {line}: " if line else ""

@@ -28,8 +28,19 @@ def read_toml(path: Path) -> str:
         raise ScenarioError(f"{path}: cannot be read ({reason}); check its name and permissions") from None
 
 
-def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, ...] = ()) -> AnyPart:
-    """Return the part that a TOML text fills, some of its fields set anew by ``place=value`` texts."""
+def validated(
+    part: type[AnyPart], text: str, where: str, settings: tuple[str, ...] = (), *, table: str = ""
+) -> AnyPart:
+    """Build the part that a TOML text fills, some of its fields set anew.
+
+    Parameters
+    ----------
+    part : class of the part.
+    text : TOML.
+    where : what messages begin with, such as the file's name.
+    settings : ``place=value`` texts.
+    table : name of the only table of the text, where that, not the whole text, fills the part.
+    """
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -38,6 +49,10 @@ def validated(part: type[AnyPart], text: str, where: str, settings: tuple[str, .
         raise ScenarioError(f"{where}: not readable as TOML ({error}); give the text of a scenario") from None
     for setting in settings:
         _apply(tree, setting)
+        if table and set(tree) != {table}:
+            raise SettingError(f"--set {setting}: {where} has only the table {table}; set a field of that")
+    if table:
+        tree, where = tree[table], f"{where}: {table}"
     try:
         return part.model_validate(tree)
     except ValidationError as error:

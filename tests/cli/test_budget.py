@@ -2,6 +2,7 @@
 
 import pytest
 
+import rso_lidar as rl
 from rso_lidar.cli import budget as command
 from rso_lidar.errors import RsoLidarError
 
@@ -27,6 +28,24 @@ def test_a_camera_by_name(call):
     assert "false alarms a frame" in out
 
 
+def test_a_camera_by_name_with_a_field_set_anew(call, tmp_path):
+    """As a scenario with that preset and that field has it, and under a name that says so."""
+    asked = (
+        "--range",
+        "1km:4km",
+        "--set",
+        "lidar.laser.energy_mj=20",
+        "--set",
+        "lidar.detector.quantum_efficiency=0.4",
+    )
+    out = call("gsfl_1064", *asked, "-o", tmp_path / "a.csv")
+    assert out.startswith("gsfl_1064 with lidar.laser.energy_mj=20, lidar.detector.quantum_efficiency=0.4: ")
+    camera = rl.Lidar(preset="gsfl_1064", laser={"energy_mj": 20}, detector={"quantum_efficiency": 0.4})
+    same = rl.budget(camera, range_m=(1e3, 4e3))
+    assert (tmp_path / "a.csv").read_text(encoding="utf-8") == same.csv_text()
+    assert same.csv_text() != rl.budget("gsfl_1064", range_m=(1e3, 4e3)).csv_text()
+
+
 def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario, tmp_path):
     asked = (scenario, "--material", "0.3", "--material", "mli_gold", "--tilt-deg", 0, "--tilt-deg", 30)
     beams = ("--divergence-deg", 2, "--divergence-deg", 4, "--probability", 0.5, "--set", "lidar.laser.energy_mj=20")
@@ -48,7 +67,12 @@ def test_a_scenario_with_several_of_everything_to_csv_and_picture(call, scenario
         (("gsfl_1064", "--range", "100m"), "--range 100m: is no span"),
         (("gsfl_1064", "--range", "1:2"), "has no unit"),
         (("gsfl_1064", "--target-m", "a"), "--target-m a: are no lengths"),
-        (("gsfl_1064", "--set", "lidar.laser.energy_mj=1"), "changes a scenario file"),
+        (("gsfl_1064", "--set", "time.duration_s=1"), "gsfl_1064 has only the table lidar"),
+        (("gsfl_1064", "--set", "lidar.laser.energy=1"), "gsfl_1064: lidar: laser: unknown key 'energy'; did you mean"),
+        (("gsfl_1064", "--set", "lidar.laser.energy_mj=-1"), "should be greater than 0"),
+        (("gsfl_1064", "--set", "lidar.laser"), "is not place=value"),
+        (("gsfl_1064", "--set", "lidar=3"), "needs a table"),
+        (("gsfl_1065", "--set", "lidar.laser.energy_mj=1"), "no camera of that name"),
         (("gsfl_1064", "-o", "a.txt"), "unknown suffix '.txt'"),
         (("gsfl_1064", "-o", "nowhere/a.png"), "there is no folder"),
         (("gsfl_1064", "--material", "tinfoil"), "no 'tinfoil'"),

@@ -1,14 +1,17 @@
 """Help, usage errors and shell completion."""
 
 import inspect
+import json
+import os
+import subprocess
+import sys
 import typing
 
 import pytest
 import typer
 
 from rso_lidar.cli.app import app
-
-GROUPS = ("models",)
+from tests.house.test_start import LATER
 
 
 def names(application, before=()):
@@ -68,3 +71,49 @@ def test_a_usage_error_points_at_the_help_of_its_command(rso_lidar, arguments, c
     assert errors[0].startswith("error: ")
     assert errors[0].endswith(f"try '{command} --help'")
     assert rso_lidar(*command.split()[1:], "--help")[0] == 0
+
+
+def completed(*words):
+    """Return what bash is offered for the last of the words, and which heavy libraries it took."""
+    line = " ".join(("rso-lidar", *words))
+    told = {"_RSO_LIDAR_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words))}
+    code = (
+        "import atexit, json, sys\n"
+        f"atexit.register(lambda: print('\\n' + json.dumps([name for name in {LATER} if name in sys.modules])))\n"
+        "from rso_lidar.cli import main\n"
+        "main([])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, **told})
+    assert (run.returncode, run.stderr) == (0, "")
+    *offered, loaded = run.stdout.split("\n")[:-1]
+    return [word for word in offered if word], json.loads(loaded)
+
+
+def test_a_shell_is_offered_commands_and_loads_nothing_heavy():
+    offered, loaded = completed("")
+    assert {"new", "run", "budget", "models"} <= set(offered)
+    assert set(loaded) <= {"rich", "typer"}
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["new", "x", "--from", "t"], ["tdrs_approach", "thrusters", "tle_flyby", "tumbling_inspection"]),
+        (["budget", "gsfl"], ["gsfl_1064", "gsfl_1064_offset_limited"]),
+        (["encounters", "--lidar", "prox"], ["proximity_1570"]),
+        (["encounters", "--sort", "t"], ["time"]),
+        (["models", "ca"], ["capsule"]),
+        (["models", "show", "envi"], ["envisat"]),
+        (["export", "a.h5", "--format", "ro"], ["rosbag2"]),
+        (["truth", "a.toml", "--figure", "a"], ["angles"]),
+        (["run", "a.toml", "--over"], ["--overwrite"]),
+        (["run", "a"], []),  # the shell offers files
+    ],
+)
+def test_a_shell_is_offered_names(rso_lidar, monkeypatch, words, offered):
+    """In this process, which is cheap."""
+    monkeypatch.setenv("_RSO_LIDAR_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(["rso-lidar", *words]))
+    monkeypatch.setenv("COMP_CWORD", str(len(words)))
+    status, out, errors = rso_lidar()
+    assert (status, out.split(), errors) == (0, offered, [])

@@ -1,7 +1,6 @@
 """The wheel holds all that is needed: it is built, unpacked and run in another folder, far from the checkout."""
 
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -49,7 +48,7 @@ def away(wheel, tmp_path_factory):
     def run(code, *arguments):
         return call(sys.executable, "-I", "-c", RUN + code, str(site), *arguments, cwd=folder)
 
-    run.folder = folder
+    run.site = site
     return run
 
 
@@ -59,9 +58,9 @@ def test_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
     sources = {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("*.py")}
     data = {
         f"rso_lidar/{file.relative_to(ROOT).as_posix()}"
-        for folder in ("tle", "models")
+        for folder in ("tle", "models", "examples")
         for file in (ROOT / folder).rglob("*")
-        if file.is_file()
+        if file.is_file() and "__pycache__" not in file.parts
     }
     data |= {file.relative_to(ROOT).as_posix() for file in (ROOT / "rso_lidar").rglob("presets.toml")}
     info = f"rso_lidar-{VERSION}.dist-info"
@@ -84,10 +83,15 @@ def test_wheel_finds_what_it_ships(away):
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda file: file.stem)
-def test_wheel_flies_two_frames_of_an_example(away, example):
-    for file in example.parent.glob(f"{example.stem}.*"):  # the twin may hold the dynamics, a table the motion
-        shutil.copy(file, away.folder)
-    command = ["run", example.name, "-o", f"{example.stem}.h5", "--frames", "0:2", "--overwrite"]
-    away("runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)", *command)
+def test_wheel_writes_a_scenario_from_an_example_and_flies_two_frames(away, example):
+    """`new` finds the example, and what it needs, in the wheel."""
+    name = f"my_{example.stem}"
+    command = "runpy.run_module('rso_lidar', run_name='__main__', alter_sys=True)"
+    away(command, "new", name, "--from", example.stem)
+    away(command, "run", f"{name}.toml", "-o", f"{name}.h5", "--frames", "0:2")
     code = "import sys; recording = rso_lidar.open(sys.argv[1]); print(len(recording), recording[1].range_m.shape)"
-    assert away(code, f"{example.stem}.h5").startswith("2 (")
+    assert away(code, f"{name}.h5").startswith("2 (")
+
+
+def test_runs_leave_nothing_among_the_installed_files(away):
+    assert not [file for file in (away.site / "rso_lidar" / "examples").rglob("*") if file.suffix in (".h5", ".pyc")]

@@ -1,0 +1,134 @@
+"""`rso-lidar new`: a scenario to start from, copied from a shipped example."""
+
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rso_lidar.cli.completion import example_names
+from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.draft import beside, check_suffix, free
+from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.shipped import shipped
+
+_DEFAULT = "tdrs_approach"
+
+
+def new(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", help="File to write, .toml added; left out, the examples are listed."),
+    ] = None,
+    example: Annotated[
+        str, typer.Option("--from", metavar="EXAMPLE", help="Example to copy.", autocompletion=example_names)
+    ] = _DEFAULT,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a scenario file to start from, with comments, and the files that it needs beside it."""
+    known = examples()
+    if example not in known:
+        guess = did_you_mean(example, known) or ";"
+        raise ScenarioError(f"--from {example}: no example of that name{guess} (known: {', '.join(known)})")
+    if name is None:
+        for line in _listed(known):
+            typer.echo(line)
+        return
+    place = _place(name)
+    source = known[example]
+    text = source.read_text(encoding="utf-8")
+    written = {free(place, (".toml",), overwrite=overwrite): _headed(text, place, example).encode()}
+    for companion in _companions(text, source.parent):
+        target = place.parent / companion.name
+        if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
+            written[free(target, overwrite=overwrite)] = companion.read_bytes()
+    for target, content in reversed(written.items()):  # the scenario last: it is there only with what it needs
+        with beside(target) as draft:
+            draft.write_bytes(content)
+    for target in written:
+        typer.echo(f"{target}")
+    typer.echo(f"from: {source}; its twin {source.stem}.py, there too, is the same in Python")
+    file, recording = shlex.quote(str(place)), shlex.quote(str(place.with_suffix(".h5")))
+    typer.echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
+
+
+def examples() -> dict[str, Path]:
+    """Return the shipped example scenarios by name."""
+    return {file.stem: file for file in sorted(shipped("examples").glob("*.toml"))}
+
+
+def _place(name: str) -> Path:
+    """Return the file that a name means; its suffix may be left out."""
+    place = Path(name)
+    if not name.isprintable() or not place.name.strip(". "):
+        raise ScenarioError(f"{name!r}: is no name of a file; give one such as approach")
+    if not place.suffix:
+        place = place.with_name(f"{place.name}.toml")
+    check_suffix(place, (".toml",))
+    return place.expanduser()
+
+
+def _listed(known: dict[str, Path]) -> Iterator[str]:
+    """Yield the list of examples: the name, and the first sentence of the comment at the head of the file."""
+    width = max(map(len, known))
+    for name, file in known.items():
+        comment = " ".join(_head(file.read_text(encoding="utf-8")))
+        yield f"{name:<{width}}  {re.split(r'(?<=[.:]) ', comment)[0].rstrip(':.')}"
+    yield f"\nwrite one to edit: rso-lidar new NAME --from EXAMPLE ({_DEFAULT} if left out)"
+
+
+def _head(text: str) -> list[str]:
+    """Return the lines of the comment that a scenario begins with, without their marks."""
+    lines = []
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        lines.append(line.removeprefix("#").strip())
+    return lines
+
+
+def _headed(text: str, place: Path, example: str) -> str:
+    """Return the text of an example as a file of one's own: what to do with it at its head, and its own `name`."""
+    file, recording = shlex.quote(place.name), shlex.quote(f"{place.stem}.h5")
+    hints = {
+        f"rso-lidar check {file}": "orbit, geometry, link budget, warnings",
+        f"rso-lidar run {file} -o {recording}": "fly it; --frames 0:10 for a first look",
+        "rso-lidar schema": "every key with its meaning, for editors that complete TOML",
+        "rso-lidar models": "what can be flown past; a path flies a mesh of your own",
+    }
+    width = max(map(len, hints))
+    head = [f"# Made by `rso-lidar new --from {example}`. A key that is left out takes its default."]
+    head += [f"#   {command:<{width}}   {what}" for command, what in hints.items()]
+    named, count = re.subn(
+        r'(?m)^(name\s*=\s*)"[^"\n]*"', lambda found: found[1] + _toml_text(place.stem), text, count=1
+    )
+    assert count == 1, "every example has a name"
+    return "\n".join([*head, "#", named])
+
+
+def _toml_text(text: str) -> str:
+    """Return a printable text as a TOML string."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _companions(text: str, folder: Path) -> list[Path]:
+    """Return the files beside an example that its text names: tables, and Python with dynamics (``file.py:function``)."""
+    found: dict[Path, None] = {}
+    for value in _texts(tomllib.loads(text)):
+        for word in (value, value.rpartition(":")[0]):
+            if word and Path(word).name == word and (folder / word).is_file():
+                found[folder / word] = None
+    return list(found)
+
+
+def _texts(tree: Any) -> Iterator[str]:
+    """Yield all texts of a TOML tree."""
+    if isinstance(tree, str):
+        yield tree
+    elif isinstance(tree, dict | list):
+        for inner in tree.values() if isinstance(tree, dict) else tree:
+            yield from _texts(inner)
