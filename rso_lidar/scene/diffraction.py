@@ -20,10 +20,10 @@ _STEP, _STEP_FRACTION = 0.25, 2e-3  # of the table of `mean_irradiance`, in opti
 def mean_irradiance(offset: np.ndarray, rim: np.ndarray, defocus: np.ndarray) -> np.ndarray:
     """Return the mean irradiance over a round lens, relative to the middle of the pattern in the far field.
 
-    The mean is 2 ∫₀² δ J₀(v δ) (2 J₁(w δ) / w δ) H(δ, u) dδ, exact in the paraxial approximation: H is the optical transfer
-    function of the defocused aperture (Hopkins, Proc. R. Soc. A 231, 91, 1955), whose Hankel transform is the pattern, and
-    the factor of J₁ the transform of the lens's disc. Without lens and defocus it is (2 J₁(v)/v)², with both in the middle of the
-    pattern 4 (1 − J₀² − J₁²) / w² (Rayleigh 1881).
+    The mean is 2 ∫₀² δ J₀(v δ) (2 J₁(w δ) / w δ) H(δ, u) dδ, exact in the paraxial approximation. H is the optical transfer
+    function of the defocused aperture (Hopkins, Proc. R. Soc. A 231, 91, 1955); its Hankel transform is the pattern. The
+    factor of J₁ is the transform of the lens's disc. For a small lens in the far field the mean is (2 J₁(v)/v)²; for a lens
+    about the middle of that pattern it is 4 (1 − J₀² − J₁²) / w² (Rayleigh 1881).
 
     Parameters
     ----------
@@ -69,7 +69,8 @@ def mean_irradiance(offset: np.ndarray, rim: np.ndarray, defocus: np.ndarray) ->
 
     table = table.reshape([counts[k] for k in along])
     look_up = RegularGridInterpolator([axes[k] for k in along], table, method="cubic")
-    return np.maximum(look_up(np.stack([columns[k] for k in along], axis=1)), 0.0)
+    mean: np.ndarray = np.maximum(look_up(np.stack([columns[k] for k in along], axis=1)), 0.0)
+    return mean
 
 
 def transfer(shift: np.ndarray, defocus: float) -> np.ndarray:
@@ -84,8 +85,9 @@ def transfer(shift: np.ndarray, defocus: float) -> np.ndarray:
     edge = np.arccos(np.minimum(0.5 * shift, 1.0))[:, None]
     theta = edge * x
     phase = defocus * shift[:, None] * (np.cos(theta) - 0.5 * shift[:, None])
-    integral: np.ndarray = (np.cos(phase) * np.sin(theta) ** 2 * weight).sum(axis=1)
-    return 4.0 / np.pi * edge[:, 0] * integral
+    integral = 4.0 / math.pi * (np.cos(phase) * np.sin(theta) ** 2 * weight).sum(axis=1)
+    transfer: np.ndarray = edge[:, 0] * integral
+    return transfer
 
 
 def _mean(offset: float, rim: float, defocus: float) -> float:

@@ -194,7 +194,8 @@ class Surface:
     @cached_property
     def is_retro(self) -> np.ndarray:
         """Return whether a facet sends light back where it came from (facet)."""
-        return np.array([material.retro for material in self.materials])[self.finish]
+        is_retro: np.ndarray = np.array([material.retro for material in self.materials])[self.finish]
+        return is_retro
 
     @property
     def bent(self) -> bool:
