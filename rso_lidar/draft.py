@@ -17,6 +17,20 @@ from rso_lidar.interruption import removing, uninterrupted
 _LOOK_S = 0.1  # is_locked holds a lock for microseconds: whoever wants it meanwhile waits that long
 _POLL_S = 0.02  # between two attempts to take a lock
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+_CURES = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room"),
+    **dict.fromkeys(_REFUSED, "allow writing there"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR, errno.ESTALE), "make its folder again"),
+}
+
+
+def write_cure(number: int | None) -> str:
+    """Return what to do about a write that the system refused with an error number; None where it gave none.
+
+    >>> write_cure(errno.ENOSPC), write_cure(errno.EROFS), write_cure(errno.EIO)
+    ('make room', 'allow writing there', 'check the disk')
+    """
+    return _CURES.get(number or 0, "check the disk")
 
 
 @contextmanager

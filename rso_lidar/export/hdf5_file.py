@@ -1,4 +1,4 @@
-"""HDF5 files opened for reading, with one line that says why where they cannot be."""
+"""HDF5 files opened for reading, with one line that says why where they cannot be; and what HDF5 tells of a write."""
 
 from __future__ import annotations
 
@@ -78,6 +78,30 @@ def _limit_read_attempts(access: Any) -> None:
             function.argtypes, function.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
             function(access.id, _READ_ATTEMPTS)
             return
+
+
+def read_superblock(file: Any) -> bytes:
+    """Return the first bytes of an h5py file as they stand on the disk; none where the system cannot (Windows)."""
+    return os.pread(file.id.get_vfd_handle(), SUPERBLOCK_BYTES, 0) if hasattr(os, "pread") else b""
+
+
+def end_of(superblock: bytes) -> int:
+    """Return where a file ends by its superblock (of version 2 or 3) [bytes]; 0 where there is none."""
+    return int.from_bytes(superblock[28:36], "little")
+
+
+def write_errno(error: BaseException) -> int | None:
+    """Return the system's number of an error; HDF5's report holds it in words."""
+    number: int | None = getattr(error, "errno", None)
+    if number is None and (found := re.search(r"errno = (\d+)", str(error))):
+        number = int(found[1])
+    return number
+
+
+def write_reason(error: BaseException) -> str:
+    """Return why a write failed, in the system's words where it has a number."""
+    number = write_errno(error)
+    return os.strerror(number) if number else " ".join(str(error).split())[:200]
 
 
 def _near(path: Path) -> str:

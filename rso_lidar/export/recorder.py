@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import re
+import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -18,13 +18,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from rso_lidar.draft import free, hold_lock
+from rso_lidar.draft import free, hold_lock, write_cure
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import datasets, hdf5_layout, kept
 from rso_lidar.export.checksum import is_intact
-from rso_lidar.export.hdf5_file import SUPERBLOCK_BYTES
+from rso_lidar.export.hdf5_file import TEMPORARY, end_of, read_superblock, write_errno, write_reason
 from rso_lidar.export.lens import LensTables
 from rso_lidar.export.recording import Recording
+from rso_lidar.export.temporary import InterferenceError, TemporaryFile
 from rso_lidar.interruption import removing
 from rso_lidar.records import Frame, Source
 
@@ -51,8 +52,8 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
     """Check that a recording can be written at a path, and return the path; nothing is left behind."""
     output = free(path, SUFFIXES, overwrite=overwrite)
     try:  # a long run follows: try what the rights of the folder only promise
-        probe = output.with_name(f"{output.name}.tmp-{os.getpid():08x}.probe")
-        probe.touch()
+        probe = output.with_name(f"{output.name}.tmp-{secrets.token_hex(4)}.probe")
+        probe.open("xb").close()
         probe.unlink()
     except OSError as error:
         raise RecordingError(f"{output}: cannot be written here ({error.strerror}); choose another place") from error
@@ -87,6 +88,7 @@ class Recorder:
         self._lenses: LensTables | None = None
         self._lock = contextlib.ExitStack()
         self._file: Any = None
+        self._open: TemporaryFile | None = None
         self._first: Frame | None = None
         self._superblock = b""
         self._variables: dict[str, datasets.Variable] = {}
@@ -132,9 +134,12 @@ class Recorder:
                 self._columns.clear()
                 self._file.close()
                 self._file = None
+                self._check_place()
                 if kind is None:
                     self._publish()
         finally:
+            if self._open is not None:
+                self._open.close()
             self._lock.close()
 
     def write(self, frame: Frame) -> None:
@@ -144,13 +149,14 @@ class Recorder:
         filled = self._checked(frame)
         time = filled.pop("time")
         with self._watched():
+            self._check_place()
             if self._lenses is not None:
                 filled["lens"] = np.array(self._lenses.number(frame.line_of_sight), dtype=datasets.LENS.dtype)
             self._put(filled)
             self._file.flush()
             self._put({"time": time})
             self._columns["time"].flush()
-            self._superblock = _superblock(self._file)
+            self._superblock = read_superblock(self._file)
         self.written += 1
 
     # ------------------------------------------------------------------------------------------------ first things
@@ -167,7 +173,10 @@ class Recorder:
             draft.flush()
             image = draft.id.get_file_image()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with self._watched(), self._swept(starting):
-            starting.write_bytes(image)
+            starting.unlink(missing_ok=True)  # of a killed run; or a link, which must not be written through
+            with starting.open("x+b") as stream:
+                stream.write(image)
+                made = TemporaryFile(starting, stream.fileno())
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
             self._columns = {path: self._file[path].id for path in self._variables}
             self._lenses = LensTables(self._file) if changing else None
@@ -179,8 +188,10 @@ class Recorder:
                 self.written = len(old)
             self._file.swmr_mode = True
             self._file.flush()
-            self._superblock = _superblock(self._file)
+            self._superblock = read_superblock(self._file)
+            made.check(end_of(self._superblock))
             starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
+            self._open, made.path = made, self.temporary
 
     @contextlib.contextmanager
     def _swept(self, starting: Path) -> Any:
@@ -224,6 +235,7 @@ class Recorder:
             self._columns.clear()
             self._file.close()
             self._file = None
+            self._check_place()
         with Recording(self.temporary) as old:
             self._start(self._first, old)
 
@@ -276,11 +288,28 @@ class Recorder:
 
     # ------------------------------------------------------------------------------------------------ last things
 
+    def _check_place(self) -> None:
+        """Raise an `InterferenceError` where the temporary file is no longer what was written, or no longer lies there."""
+        if self._open is not None:
+            self._open.check(end_of(self._superblock))
+
     def _publish(self) -> None:
-        """Give the finished file its name, durably."""
+        """Read back what was written, and give the finished file its name, durably."""
         if self.path.exists() and not self._overwrite:
             raise RecordingError(f"{self.path}: appeared while this ran; the frames are in {self.temporary}: rename it")
+        try:
+            with Recording(self.temporary) as written:
+                count, last = len(written), written[-1]
+            if (count, last.source) != (self.written, self._source):
+                raise RecordingError(f"it holds {count} frames of {last.source.title}")
+        except (RecordingError, IndexError) as error:
+            what = str(error).removeprefix(f"{self.temporary}: ")
+            raise RunError(
+                f"{self.path}: is not written, for {self.temporary} is not what was recorded ({what}); keep other programs "
+                "away from it and run again with --overwrite"
+            ) from error
         _sync(self.temporary)
+        self._check_place()
         self.temporary.replace(self.path)
         if os.name == "posix":
             _sync(self.path.parent)
@@ -290,28 +319,52 @@ class Recorder:
         """Turn a failed write into a `RunError`, and let go of the file so that the interpreter survives its end."""
         try:
             yield
+        except RunError:
+            raise
         except (OSError, RuntimeError) as error:
+            self._restore_superblock()
+            kept = self._keep(error)
             self._abandon()
-            kept = f"{self.temporary.name} is kept: make room and go on with --resume"
-            cure = kept if self.temporary.exists() else "make room and run again"
             raise RunError(
-                f"{self.path}: cannot be written after {self.written} frames ({_reason(error)}); {cure}"
+                f"{self.path}: cannot be written after {self.written} frames ({write_reason(error)}); {kept}"
             ) from error
+
+    def _keep(self, error: BaseException) -> str:
+        """Return where the whole frames are kept after an error, and what to do, as words."""
+        cure = error.cure if isinstance(error, InterferenceError) else write_cure(write_errno(error))
+        place: Path | None = None
+        if isinstance(error, InterferenceError) and not error.intact:
+            return f"they could not be kept: {cure} and run again with --overwrite"
+        if self._open is not None:
+            place = self._open.keep(self.path)
+        elif self.temporary.exists():
+            place = self.temporary
+        if place == self.temporary:
+            return f"{place.name} is kept: {cure} and go on with --resume"
+        if place is not None:
+            return f"they are kept in {place}: go on with -o {TEMPORARY.sub('', str(place))} --resume"
+        return f"they could not be kept: {cure} and run again" if self.written else f"{cure} and run again"
+
+    def _restore_superblock(self) -> None:
+        """Put the last good superblock back, in place, which needs no room.
+
+        A flush that failed may have written an end of file that was never reached.
+        """
+        if self._file and self._superblock:
+            with contextlib.suppress(OSError, RuntimeError, ValueError):
+                os.pwrite(self._file.id.get_vfd_handle(), self._superblock, 0)
 
     def _abandon(self) -> None:
         """Close the file with what is unwritten going nowhere.
 
         HDF5 keeps what it could not write, tries again when the file closes and when the interpreter ends, and crashes
-        there. So its file descriptor is turned to the null device first. The failed flush may have told the superblock
-        of an end of file that was never reached: the last good one is put back, in place, which needs no room.
+        there. So its file descriptor is turned to the null device first.
         """
         file, self._file = self._file, None
         if not file:
             return
         try:
             descriptor = file.id.get_vfd_handle()
-            if self._superblock:
-                os.pwrite(descriptor, self._superblock, 0)
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.dup2(nowhere, descriptor)
             os.close(nowhere)
@@ -325,20 +378,6 @@ def _layout(dataset: Any) -> tuple[Any, ...]:
     """Return what two h5py datasets have in common whose chunks may be copied as they are stored."""
     filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
     return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)
-
-
-def _superblock(file: Any) -> bytes:
-    """Return the first bytes of an h5py file as they stand on the disk; none where the system cannot (Windows)."""
-    return os.pread(file.id.get_vfd_handle(), SUPERBLOCK_BYTES, 0) if hasattr(os, "pread") else b""
-
-
-def _reason(error: BaseException) -> str:
-    """Return why a write failed, in the system's words where HDF5's report holds the number."""
-    number = getattr(error, "errno", None)
-    if number is None:
-        found = re.search(r"errno = (\d+)", str(error))
-        number = int(found[1]) if found else None
-    return os.strerror(number) if number else " ".join(str(error).split())[:200]
 
 
 def _sync(path: Path) -> None:

@@ -1,0 +1,121 @@
+"""The temporary file of a recording while it is written: what other programs did to it, and where its frames are kept."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+_COPY_BYTES = 2**22
+
+
+class InterferenceError(OSError):
+    """A temporary file that another program moved, replaced or cut short, or whose folder may no longer be written.
+
+    `cure` says what to do before the run is started again; `intact` that the open file still holds all its frames.
+    """
+
+    def __init__(self, what: str, cure: str, *, intact: bool = True) -> None:
+        super().__init__(what)
+        self.cure, self.intact = cure, intact
+
+
+class TemporaryFile:
+    """A file that this process writes, known by its inode and not by its name alone. Where there are no inodes, by neither.
+
+    Parameters
+    ----------
+    path : where it was made.
+    descriptor : of the open file; a duplicate is held, so that its content outlives its name.
+    """
+
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self.path = path
+        self._descriptor = os.dup(descriptor) if os.name == "posix" else -1
+
+    def check(self, least_bytes: int) -> None:
+        """Raise an `InterferenceError` unless the open file lies at its path, so long [bytes], and can be renamed."""
+        if self._descriptor < 0:
+            return
+        folder = self.path.parent
+        if not self._lies_at(self.path):
+            if not folder.is_dir():
+                raise InterferenceError("its folder was removed or renamed", "make the folder again")
+            what = "was replaced by another file" if os.path.lexists(self.path) else "was removed or renamed"
+            raise InterferenceError(f"{self.path.name} {what}", "keep other programs away from it")
+        if os.fstat(self._descriptor).st_size < least_bytes:
+            what = f"{self.path.name} was cut short by another program"
+            raise InterferenceError(what, "keep other programs away from it", intact=False)
+        if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
+            raise InterferenceError(f"the folder {folder} may no longer be written to", "allow writing there again")
+
+    def keep(self, output: Path) -> Path | None:
+        """Return where the content lies, which is copied where its file has no name any more; None where that failed.
+
+        Parameters
+        ----------
+        output : name that the finished recording was to have; a copy is named so that a resume finds it.
+        """
+        for path in (self.path, *self._names()):
+            if self._lies_at(path):
+                return path
+        suffix = self.path.name.removeprefix(output.name)
+        for folder in self._folders():
+            for name in (output.name, f"{output.stem}.rescued{output.suffix}"):
+                with suppress(OSError):
+                    return self._copy(folder / f"{name}{suffix}")
+        return None
+
+    def close(self) -> None:
+        """Let go of the file; what has no name is lost then."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    # ------------------------------------------------------------------------------------------------------ the inside
+
+    def _lies_at(self, path: Path) -> bool:
+        if self._descriptor < 0:
+            return path.exists()
+        with suppress(OSError):
+            return os.path.samestat(path.stat(follow_symlinks=False), os.fstat(self._descriptor))
+        return False
+
+    def _names(self) -> Iterator[Path]:
+        """Yield the present name of the open file, where the system tells (Linux, macOS)."""
+        with suppress(OSError):
+            if sys.platform == "darwin":  # pragma: no cover - macOS
+                import fcntl
+
+                path = fcntl.fcntl(self._descriptor, fcntl.F_GETPATH, bytes(1024)).rstrip(b"\0")
+                yield Path(os.fsdecode(path))
+            else:
+                yield Path(f"/proc/self/fd/{self._descriptor}").readlink()
+
+    def _folders(self) -> Iterator[Path]:
+        """Yield where a copy may go: the nearest folder that is still there, and the system's for temporary files."""
+        if self._descriptor < 0:
+            return
+        yield next(folder for folder in self.path.absolute().parents if folder.is_dir())
+        yield Path(tempfile.gettempdir())
+
+    def _copy(self, path: Path) -> Path:
+        """Copy the content to a new file, never over another one or through a link, and return its path."""
+        try:
+            with path.open("xb") as stream:
+                place = 0
+                while block := os.pread(self._descriptor, _COPY_BYTES, place):
+                    stream.write(block)
+                    place += len(block)
+                stream.flush()
+                os.fsync(stream.fileno())
+        except FileExistsError:
+            raise
+        except OSError:
+            with suppress(OSError):
+                path.unlink()
+            raise
+        return path
