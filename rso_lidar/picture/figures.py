@@ -65,7 +65,6 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
     """Put ticks on a log axis from `low` to `high`, of which at least three carry numbers, however short it is."""
     from matplotlib.ticker import (
         FixedLocator,
-        FuncFormatter,
         LogFormatterMathtext,
         LogLocator,
         MaxNLocator,

@@ -8,7 +8,7 @@ from scipy.signal import find_peaks
 
 from rso_lidar.detector.chain import analog
 from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.waveform import expected, rows_about, sharing_response
+from rso_lidar.detector.waveform import expected, pulse_transfer, rows_about, sharing_response
 from tests.detector.returns_for_tests import returns
 
 C = 299_792_458.0
@@ -176,3 +176,24 @@ def test_an_edge_is_two_pulses_and_a_step_is_a_blend(apart_m, count):
     else:  # the centroid is the photons' mean, later by the amplifier's 2 tau
         centroid_s = start_s + (np.arange(len(trace)) * trace).sum() / trace.sum() * PLAN.step_s
         assert (centroid_s - 2.0 * GSFL.amplifier.pole_s) * C / 2.0 == pytest.approx(1000.2, abs=1e-3)
+
+
+def test_light_behind_the_pulse_has_the_pulses_spectrum_over_all_places_in_a_step():
+    """A Gaussian of full width w has the transform exp(−π² w² f² / (4 ln 2)), whatever sharing among steps does: 1e-5.
+
+    Returns stand at 64 places spread evenly over a step; turned back by their delays, their transforms are averaged.
+    """
+    part, n = Gsfl(), 64
+    plan = part.plan(8e-9)
+    photons = returns(np.full(n, 1000.0), 1.0)
+    delay_s = 6.67e-6 + (np.arange(n) + 0.5) / n * plan.step_s
+    photons = replace(photons, delay_s=delay_s)
+    rows = rows_about(photons, plan, n)
+    light = expected(photons, rows, plan.step_s).astype(float)
+    frequency = np.fft.rfftfreq(rows.length, plan.step_s)
+    since_s = delay_s - rows.start * plan.step_s
+    turned = np.fft.rfft(light, axis=1) * np.exp(2j * np.pi * frequency * since_s[:, None])
+    transfer = pulse_transfer(photons.pulse_step_s, photons.pulse_power_per_s, rows.length, plan.step_s)
+    gauss = np.exp(-((np.pi * 8e-9 * frequency) ** 2) / (4.0 * np.log(2.0)))
+    some = gauss > 1e-4
+    assert np.abs(turned.mean(axis=0) * transfer - gauss)[some].max() < 1e-5

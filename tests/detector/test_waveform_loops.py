@@ -59,6 +59,21 @@ def test_rows_are_the_same(name, least, sure):
         assert len(by_loops.pixel) > 80  # pixels have several
 
 
+def test_a_row_that_is_sure_to_latch_is_the_last_and_each_row_counts_its_own_light():
+    """Three surfaces of 60 photons far apart: none is sure by itself above 100; one of 120 is, and ends its pixel."""
+    photons = returns(
+        np.array([100.0, 400.0, 700.0, 100.0, 400.0, 700.0]),
+        np.array([60.0, 60.0, 60.0, 60.0, 120.0, 60.0]),
+        np.repeat([0, 1], 3),
+        (1, 2),
+    )
+    for rows in both(lambda: rows_about(photons, PLAN, 2, 1.0, 100.0)):
+        assert rows.pixel.tolist() == [0, 0, 0, 1, 1]
+        seen_m = (rows.start + rows.first + PLAN.rise) * PLAN.step_s * 299_792_458.0 / 2.0
+        # Rows begin on a sample, and are watched from the step before the pulse rises.
+        assert seen_m == pytest.approx([100.0, 400.0, 700.0, 100.0, 400.0], abs=0.4)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_light_is_the_same(name):
     """Sums of some 15 shares in float32: 1e-6 of the most light in a step of the row."""
