@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import secrets
 from collections.abc import Mapping
@@ -168,14 +169,13 @@ class Recorder:
         self._first = first
         changing = bool(self._changing_lens) or (old is not None and old.changes_lens)
         starting = self.temporary.with_name(f"{self.temporary.name}.starting")
-        with h5py.File(starting, "w", driver="core", backing_store=False, libver=_LIBVER) as draft:
+        image = io.BytesIO()  # made in memory, for HDF5 crashes where it cannot write a new dataset
+        with h5py.File(image, "w", libver=_LIBVER) as draft:  # HDF5 before 2.0 gives no image with a true checksum
             self._variables = hdf5_layout.lay_out(draft, self._source, first, changing_lens=changing)
-            draft.flush()
-            image = draft.id.get_file_image()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with self._watched(), self._swept(starting):
             starting.unlink(missing_ok=True)  # of a killed run; or a link, which must not be written through
             with starting.open("x+b") as stream:
-                stream.write(image)
+                stream.write(image.getvalue())
                 made = TemporaryFile(starting, stream.fileno())
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
             self._columns = {path: self._file[path].id for path in self._variables}
