@@ -4,7 +4,7 @@ SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help venv demo test mutants lint validate docs figures calibrate models peers bench clean
+.PHONY: help venv demo test processor bounds mutants lint validate docs figures calibrate models peers bench clean
 
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
@@ -21,7 +21,7 @@ DEMO := out/tdrs_approach
 help: ## print this list
 	@echo "rso_lidar: fly a flash LiDAR past a satellite before you build one"
 	@echo
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 	@echo
 	@echo "  PYTHON=... chooses the interpreter (3.11 or newer), JOBS=... the test processes (now $(JOBS))"
 
@@ -43,6 +43,12 @@ test: lint ## run every check: format, lint, floors, types, tests and doctests
 
 mutants: $(VENV)/.installed-test ## plant faults one by one and see that tests notice (slow; ROOM=... NAME=... choose)
 	$(BIN)/python -m tests.mutants --jobs $(JOBS) $(addprefix --room ,$(ROOM)) --name "$(NAME)"
+
+processor: $(VENV)/.installed-test ## repeat the tests of shapes, frames and physics as on the oldest processor
+	$(BIN)/python -m tests.processor -q -n $(JOBS) --dist loadscope tests/shapes tests/golden tests/property tests/physics
+
+bounds: $(VENV)/.installed-test ## install the declared lower bounds elsewhere, and fly, record and export with them
+	$(BIN)/python -m tests.bounds
 
 lint: $(VENV)/.installed-test ## run the checks that need no tests: format, lint, floors, types
 	$(BIN)/ruff format --check .

@@ -7,10 +7,17 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from tests import limits
+
 # A slow machine is no failure; a run of CI meets the same examples each time, so that a red run can be met again.
 hypothesis.settings.register_profile("ci", derandomize=True, deadline=None, print_blob=True)
 hypothesis.settings.register_profile("desk", deadline=None)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "desk")
+
+
+@pytest.hookimpl(trylast=True)  # after the terminal's
+def pytest_configure(config):
+    limits.watch(config)
 
 
 @pytest.fixture(scope="session")
