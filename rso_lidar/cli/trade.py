@@ -11,7 +11,7 @@ from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
 from rso_lidar.draft import beside, check_suffix, free
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import advise
 from rso_lidar.study import report
 from rso_lidar.study.ranking import summary
@@ -38,10 +38,24 @@ def trade(
             "--workers", min=1, max=256, help="Processes that work through points at once; changes no result."
         ),
     ] = None,
+    min_detection_fraction: Annotated[
+        float | None,
+        typer.Option(
+            "--min-detection-fraction",
+            metavar="SHARE",
+            help="Least share of pixels on target that report, from which a point is ranked (else the study's).",
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Work through a trade study: fields of a scenario against figures of merit, as a table (.csv) and a report (.html)."""
     study = Study.load(file)
+    if min_detection_fraction is not None:
+        if not 0.0 <= min_detection_fraction <= 1.0:
+            raise ScenarioError(
+                f"--min-detection-fraction {min_detection_fraction:g}: is no share of pixels; give 0 (rank all) to 1"
+            )
+        study = study.replace(min_detection_fraction=min_detection_fraction)
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
     places = _places(file, output, new=new)
     if not new:

@@ -18,25 +18,34 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PANEL_IN = 3.3
+_PAGE_IN, _ONE_IN = 11.8, 8.8  # width of a figure of several panels, as the report's page is wide, and of one panel
 _COLUMNS = 3
 _BINS = 8  # stretches, at most, of an axis with many values
 _OF_A_BIN, _FEWEST_BINS = 5, 3  # drawn values in a stretch, and stretches, from which a line says more than its dots
 _MOST_LEVELS = 24  # values of an axis that are told apart
 _HEAD_IN = 0.75
+_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hexed(QUIET), "ms": 4.0, "mew": 0.7}
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """One column of a trade (row): its name in words, its values, numbers or texts, and whether it spans decades.
 
-    `drawn` is how many points were drawn, where the axes' values were drawn and not a grid's.
+    `drawn` is how many points were drawn, where the axes' values were drawn and not a grid's. `unranked` (row) marks values
+    that are shown and ranked no point, such as a range error of the few pixels that reported at all.
     """
 
     name: str
     values: np.ndarray
     log: bool = False
     drawn: int = 0
+    unranked: np.ndarray | None = None
+
+    @property
+    def ranked(self) -> np.ndarray:
+        """Return which rows have a value that ranks them."""
+        known: np.ndarray = np.isfinite(self.values)
+        return known if self.unranked is None else known & ~self.unranked
 
     @property
     def numeric(self) -> bool:
@@ -62,8 +71,11 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     rows = math.ceil(len(along) / columns)
     lines = [_line(axis, merit) for axis in along]
     line = f", the line their {'median, in stretches' if along[0].drawn else 'mean'}" if any(map(len, lines)) else ""
-    note = f"{better} is better   ·   a dot a run{line}; the spread is what the other axes do"
-    figure = new_figure(max(_PANEL_IN * columns + 0.4, 7.0), _HEAD_IN + 2.7 * rows, merit.name, note)
+    held = (
+        "   ·   hollow: too little detected to be ranked" if np.any(np.isfinite(merit.values) & ~merit.ranked) else ""
+    )
+    note = f"{better} is better   ·   a dot a run{line}; the spread is what the other axes do{held}"
+    figure = new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes, axis, points in zip(panels.flat, along, lines, strict=False):
         _effect(axes, axis, merit, points)
@@ -75,15 +87,17 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
 
 
 def _effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
-    known = np.isfinite(merit.values)
+    known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
     levels, which = axis.levels()
     place = axis.values if axis.numeric else which.astype(float)
+    if held.any():
+        axes.plot(place[held], merit.values[held], "o", **_HOLLOW)
     axes.plot(place[known], merit.values[known], "o", color=PARTS[4], ms=4.5, alpha=0.6, mew=0)
     if len(points):
         axes.plot(*points.T, "o-", color=PARTS[0], lw=1.5, ms=4)
     dress(axes, x=_wrapped(axis.name))
     _scaled(axes, axis, levels)
-    if known.any():
+    if np.isfinite(merit.values).any():
         _roomy(axes, merit)
 
 
@@ -99,7 +113,7 @@ def _line(axis: Quantity, merit: Quantity) -> np.ndarray:
         group, middle = which, np.asarray(levels, dtype=float) if axis.numeric else np.arange(len(levels), dtype=float)
     else:
         group, middle = _binned(axis, min(_BINS, len(levels) // 3))
-    each = [merit.values[(group == k) & np.isfinite(merit.values)] for k in range(len(middle))]
+    each = [merit.values[(group == k) & merit.ranked] for k in range(len(middle))]
     of = np.median if axis.drawn else np.mean
     return np.array([(place, of(values)) for place, values in zip(middle, each, strict=True) if values.size]).reshape(
         -1, 2
@@ -155,8 +169,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 
     few = [axis for axis in along if 2 <= len(axis.levels()[0]) <= _MOST_LEVELS]
     pairs = [(one, other) for k, one in enumerate(few) for other in few[k + 1 :]]
-    known = merit.values[np.isfinite(merit.values)]
-    if not pairs or not known.size:
+    if not pairs or not merit.ranked.any():
         return None
     tables = [_mean_over(merit, *pair) for pair in pairs]
     shown = np.concatenate([table.ravel() for table in tables])
@@ -165,9 +178,9 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     columns = _columns(len(pairs))
     rows = math.ceil(len(pairs) / columns)
-    note = f"{better} is better   ·   the mean of all runs that share both values   ·   dark: none"
+    note = f"{better} is better   ·   the mean of the ranked runs that share both values   ·   dark: none"
     figure = new_figure(
-        max(3.9 * columns + 0.9, 7.0),
+        _width_in(columns),
         _HEAD_IN + 3.2 * rows,
         merit.name,
         note,
@@ -198,7 +211,7 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
     """Return the mean (one, other) of what is known, NaN where nothing is."""
     (rows, row), (cols, col) = one.levels(), other.levels()
-    known = np.isfinite(merit.values)
+    known = merit.ranked
     cell = (row * len(cols) + col)[known]
     count = np.bincount(cell, minlength=len(rows) * len(cols))
     total = np.bincount(cell, merit.values[known], len(rows) * len(cols))
@@ -225,11 +238,13 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     others = list(zip(merits[1:], better[1:], strict=True))
     columns = _columns(len(others))
     rows = math.ceil(len(others) / columns)
+    hollow = any(np.any(np.isfinite(one.values) & ~one.ranked) for one in merits)
+    held = "   ·   hollow: not ranked" if hollow else ""
     figure = new_figure(
-        max(_PANEL_IN * columns + 1.0, 8.8),
+        _width_in(columns),
         _HEAD_IN + 2.9 * rows,
         f"What {merits[0].name[0].lower()}{merits[0].name[1:]} costs",
-        f"coloured by {by.name}   ·   ringed: beaten by none in all figures of merit",
+        f"coloured by {by.name}   ·   ringed: beaten by none in all figures of merit{held}",
     )
     panels = figure.subplots(rows, columns, squeeze=False)
     levels, which = by.levels()
@@ -237,7 +252,20 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     shade = np.log10(shade) if by.log else shade
     drawn: Any = None
     for axes, (other, word) in zip(panels.flat, others, strict=False):
-        drawn = axes.scatter(merits[0].values, other.values, c=shade, cmap="plasma", s=20, lw=0, alpha=0.85)
+        ranked = merits[0].ranked & other.ranked
+        if not ranked.all():
+            axes.plot(merits[0].values[~ranked], other.values[~ranked], "o", **_HOLLOW)
+        drawn = axes.scatter(
+            merits[0].values[ranked],
+            other.values[ranked],
+            c=shade[ranked],
+            cmap="plasma",
+            s=20,
+            lw=0,
+            alpha=0.85,
+            vmin=shade.min(),
+            vmax=shade.max(),
+        )
         axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hexed(INK), ms=8, mew=0.9)
         dress(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
         if np.isfinite(other.values).any():
@@ -269,6 +297,11 @@ def said(value: float, digits: int = 4) -> str:
         return "–"
     rounded = float(f"{value:.{digits}g}")
     return with_minus(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
+
+
+def _width_in(columns: int) -> float:
+    """Return the width of a figure [inches]: that of the page, or less for a panel alone."""
+    return _PAGE_IN if columns > 1 else _ONE_IN
 
 
 def _columns(count: int) -> int:

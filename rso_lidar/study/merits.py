@@ -107,7 +107,8 @@ class Run:
 class Merit:
     """One figure of merit: `needs` says what has to be done for it, and `better` which way is.
 
-    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better.
+    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better. With `of_detected` it speaks of the
+    pixels that report the target, and ranks a point only where enough of them do.
     """
 
     name: str
@@ -117,6 +118,7 @@ class Merit:
     meaning: str
     value: Callable[[Run], float]
     decimals: int = 6
+    of_detected: bool = False
 
     def of(self, run: Run) -> float:
         """Return the value of a run, to `decimals`."""
@@ -158,6 +160,7 @@ MERITS = {
             "returns_on_target", "pixels", "more", "frames",
             "pixels on the target that report its range, mean of the flashed frames",
             lambda run: _ratio(run.sums.found, run.sums.frames),
+            of_detected=True,
         ),
         Merit(
             "detection_fraction", "1", "more", "frames",
@@ -176,11 +179,13 @@ MERITS = {
             "68.3 % of the pixels that report the target's range are within this of the true one: 1 sigma, but for "
             "the tails",
             lambda run: run.sums.error_within_m(_ONE_SIGMA),
+            of_detected=True,
         ),
         Merit(
             "range_rms_m", "m", "less", "frames",
             "rms of reported less true range of those pixels, with edges, where a pixel sees two surfaces",
             lambda run: math.sqrt(_ratio(run.sums.squared_m2, run.sums.found)),
+            of_detected=True,
         ),
         Merit(
             "false_returns", "pixels", "less", "frames",
@@ -192,6 +197,7 @@ MERITS = {
             "rms distance of the constant-velocity filter's estimate (`rso-lidar track`) from the target's origin, over the "
             "flashed frames from the first fix; it follows the nearest of several targets in the field, whichever is meant",
             lambda run: _rms(run.tracker_error_m),
+            of_detected=True,
         ),
         Merit(
             "time_in_field_s", "s", "more", "truth",
@@ -205,6 +211,15 @@ MERITS = {
         ),
     )
 }  # fmt: skip
+
+
+DETECTION = "detection_fraction"
+
+
+def judged_by(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the figures of merit that a run is judged by: those asked for, and the detection that some of them hang on."""
+    held = any(MERITS[name].of_detected for name in names) and DETECTION not in names
+    return (*names, DETECTION) if held else tuple(names)
 
 
 def judged(

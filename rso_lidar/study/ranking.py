@@ -8,29 +8,48 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar.picture.trade import said
-from rso_lidar.study.merits import MERITS, Merit
+from rso_lidar.study.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trade_table import TradeTable
 
 _UNTOLD = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
 
 
 def best_first(trade: TradeTable, name: str) -> np.ndarray:
-    """Return the points in order of a figure of merit, mean over seeds, the best first; without those that have none."""
+    """Return the points in order of a figure of merit, mean over seeds, the best first; only those that it ranks."""
     values = MERITS[name].sign * trade.of_points(name)[0]
     order = np.argsort(-values, kind="stable")
-    points: np.ndarray = order[np.isfinite(values[order])]
+    points: np.ndarray = order[trade.ranked(name)[order]]
     return points
 
 
 def unbeaten(trade: TradeTable) -> np.ndarray:
-    """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one."""
+    """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one.
+
+    Only points that every figure of merit ranks are compared.
+    """
     values = np.stack([MERITS[name].sign * trade.of_points(name)[0] for name in trade.study.merits], axis=1)
-    stands = np.array([bool(np.all(np.isfinite(row))) for row in values])
+    stands: np.ndarray = np.all([trade.ranked(name) for name in trade.study.merits], axis=0)
+    rivals = values[stands]
     for point in np.flatnonzero(stands).tolist():
-        rivals = values[stands]
         own = values[point]
         stands[point] = not np.any(np.all(rivals >= own, axis=1) & np.any(rivals > own, axis=1))
     return stands
+
+
+def held_back(trade: TradeTable) -> str:
+    """Return in one line how many points are not ranked for want of detection, and by what limit; nothing where none is."""
+    if not trade.is_held:
+        return ""
+    mean = trade.of_points(DETECTION)[0]
+    flown = np.isfinite(mean)
+    count, limit = int(np.sum(flown & ~trade.detected)), trade.study.min_detection_fraction
+    if not count:
+        return ""
+    names = ", ".join(name for name in trade.study.merits if MERITS[name].of_detected)
+    why = f"detection_fraction below {limit:g} (min_detection_fraction)"
+    if count == int(flown.sum()):
+        return f"no point is ranked in {names}: all {count:,} have a {why}, {said(float(mean[flown].max()))} at most"
+    return f"{count:,} of {mean.size:,} points are not ranked in {names}: {why}"
 
 
 def words(merit: Merit) -> str:
@@ -58,7 +77,7 @@ def summary(trade: TradeTable) -> list[str]:
     for name in study.merits:
         points = best_first(trade, name)
         if not points.size:
-            lines.append(f"{words(MERITS[name]):<28} has no meaning at any point")
+            lines.append(f"{words(MERITS[name]):<28} {no_best(trade, name)}")
             continue
         row = int(points[0]) * study.seeds
         value = said(float(trade.of_points(name)[0][points[0]]))
@@ -67,9 +86,17 @@ def summary(trade: TradeTable) -> list[str]:
             f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places
         )
         lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
+    if told := held_back(trade):
+        lines.append(told)
     if failed:
         lines.append(f"not flown: {next(text for text in trade.table['error'].tolist() if text)}")
     return lines
+
+
+def no_best(trade: TradeTable, name: str) -> str:
+    """Return in words why no point is the best of a figure of merit."""
+    known = np.isfinite(trade.of_points(name)[0]).any()
+    return "ranks no point: too little is detected at all of them" if known else "has no meaning at any point"
 
 
 def heads(places: Sequence[str]) -> dict[str, str]:

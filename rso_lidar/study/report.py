@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
 import os
 import shlex
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,8 +18,9 @@ from rso_lidar.picture.frame import frame_figure, parts_in_order
 from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
-from rso_lidar.study.merits import MERITS
-from rso_lidar.study.ranking import best_first, chosen, is_number, unbeaten, words
+from rso_lidar.study.merits import DETECTION, MERITS
+from rso_lidar.study.page import STYLE, image, table
+from rso_lidar.study.ranking import best_first, chosen, held_back, is_number, no_best, unbeaten, words
 from rso_lidar.study.ranking import heads as column_heads
 from rso_lidar.study.trade_asked import Axis, Grid, toml_of
 from rso_lidar.study.trade_table import TradeTable
@@ -31,26 +29,6 @@ SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # rows at most in a table of the best
 _TOLD_ERRORS = 10
 _DECADES = 30.0  # greatest over least value, from which a figure of merit is drawn on a log scale
-_DOTS = 90  # of a picture [dots per inch]
-
-_STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1c1e22; background: #fff; max-width: 70rem;
-  margin: 2rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
-h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; border-bottom: 1px solid #ced1d6; }
-h3 { font-size: 1rem; margin: 1.4rem 0 .3rem; }
-p.quiet, figcaption { color: #70747c; font-size: .9rem; margin: .2rem 0; }
-table { border-collapse: collapse; font-size: .88rem; margin: .4rem 0; display: block; overflow-x: auto; }
-th, td { text-align: left; padding: .22rem .7rem .22rem 0; border-bottom: 1px solid #e6e8eb; vertical-align: top; }
-th { color: #70747c; font-weight: 600; vertical-align: bottom; max-width: 8rem; }
-td.n { white-space: nowrap; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
-img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
-pre { background: #f5f6f7; padding: .7rem .9rem; overflow-x: auto; font-size: .82rem; line-height: 1.35; }
-code { font-size: .92em; } figcaption code { overflow-wrap: anywhere; } details { margin: .4rem 0; }
-summary { cursor: pointer; color: #70747c; }
-@media print { details { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
-"""
 
 
 def save(trade: TradeTable, place: Path) -> Path:
@@ -80,8 +58,8 @@ def check(places: Sequence[Path]) -> None:
 
 def report(trade: TradeTable) -> str:
     """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
-    study, table = trade.study, trade.table
-    failed = np.flatnonzero(table["error"] != "")
+    study = trade.study
+    failed = np.flatnonzero(trade.table["error"] != "")
     body = [
         f"<h1>{escape(study.name)}</h1>",
         f'<p class="quiet">A trade study of <b>{escape(trade.base.name)}</b> ({escape(trade.plan.where)}): '
@@ -89,6 +67,7 @@ def report(trade: TradeTable) -> str:
         "<h2>What was asked</h2>",
         _axes(trade),
         _merits(study.merits),
+        *_held(trade),
         f'<p class="quiet">{_frames(trade)}</p>',
         "<h2>Best points</h2>",
         *_best(trade),
@@ -103,7 +82,7 @@ def report(trade: TradeTable) -> str:
         f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(study.name)}</title>'
     )
     return (
-        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{_STYLE}</style></head>\n<body>\n'
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
         + "\n".join(body)
         + "\n</body></html>\n"
     )
@@ -131,23 +110,12 @@ def _frames(trade: TradeTable) -> str:
     return f"Of each run {said_so} were flashed."
 
 
-def _table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
-    """Return an HTML table; heads say whether a column is of numbers. Cells are HTML already."""
-    kinds = [' class="n"' if number else "" for _, number in heads]
-    top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
-    lines = (
-        "<tr>" + "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(row, kinds, strict=True)) + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
-
-
 def _axes(trade: TradeTable) -> str:
     rows = []
     for axis in trade.study.axis:
         places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
         rows.append((places, escape(_span(axis, isinstance(trade.study.sampling, Grid)))))
-    return _table([("axis", False), ("values", False)], rows)
+    return table([("axis", False), ("values", False)], rows)
 
 
 def _span(axis: Axis, grid: bool) -> str:
@@ -165,7 +133,7 @@ def _merits(names: Sequence[str]) -> str:
         for name in names
         for merit in [MERITS[name]]
     ]
-    return _table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
+    return table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
 
 
 def _best(trade: TradeTable) -> list[str]:
@@ -175,7 +143,7 @@ def _best(trade: TradeTable) -> list[str]:
         "<h3>The best of each figure of merit</h3>",
         _points(trade, [(_leads(trade, name, points), int(points[0])) for name, points in leaders if points.size]),
         *(
-            f"<p>{escape(words(MERITS[name]))} has no meaning at any point.</p>"
+            f"<p>{escape(words(MERITS[name]))} {no_best(trade, name)}.</p>"
             for name, points in leaders
             if not points.size
         ),
@@ -186,9 +154,27 @@ def _best(trade: TradeTable) -> list[str]:
         more = f" (the first {_LISTED} of {len(points):,})" if len(points) > _LISTED else ""
         made.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
         made.append(
-            _points(trade, [("", point) for point in points[:_LISTED]]) if points else "<p>None has them all.</p>"
+            _points(trade, [("", point) for point in points[:_LISTED]])
+            if points
+            else "<p>None is ranked in all of them.</p>"
         )
+    if told := held_back(trade):
+        left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
+        more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
+        made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(told)}.</p>")
+        made.append(_points(trade, [("", point) for point in left[:_LISTED]]))
     return made
+
+
+def _held(trade: TradeTable) -> list[str]:
+    """Return in words from which detection fraction on points are ranked."""
+    if not trade.is_held:
+        return []
+    return [
+        f"<p>Points are ranked by what hangs on detection only from a detection fraction of "
+        f"{trade.study.min_detection_fraction:g} on (<code>min_detection_fraction</code>): below it a minority of the "
+        "pixels reports, chosen by brightness and noise, and its figures are not the camera's.</p>"
+    ]
 
 
 def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
@@ -203,16 +189,11 @@ def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     told = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
-    heads += [(_broken(head), is_number(trade, place)) for place, head in told.items()]
-    heads += [(_broken(name), True) for name in trade.study.merits]
+    heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in told.items()]
+    heads += [(escape(words(MERITS[name])), True) for name in trade.study.judged_by]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
     rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
-    return _table(heads, rows)
-
-
-def _broken(name: str) -> str:
-    """Return a name that may be broken after each of its words."""
-    return escape(name).replace("_", "_<wbr>")
+    return table(heads, rows)
 
 
 def _cells(trade: TradeTable, point: int) -> Iterable[str]:
@@ -221,7 +202,7 @@ def _cells(trade: TradeTable, point: int) -> Iterable[str]:
     for place in trade.study.places:
         value = trade.table[place if place != "seed" else "seed"][point * seeds]
         yield said(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
-    for name in trade.study.merits:
+    for name in trade.study.judged_by:
         mean, spread = (float(values[point]) for values in trade.of_points(name))
         yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
 
@@ -234,20 +215,24 @@ def _plots(trade: TradeTable) -> list[str]:
         values = trade.table[merit.name]
         alike = _alike(values)
         if alike is None:
-            shown.append((Quantity(words(merit), values, _spans_decades(values)), merit))
+            held = ~np.repeat(trade.ranked(merit.name), trade.study.seeds)
+            shown.append((Quantity(words(merit), values, _spans_decades(values), unranked=held), merit))
         elif math.isfinite(alike):
             made.append(f"<p>{escape(words(merit))} is {said(alike)} at all points.</p>")
     for value, merit in shown:
-        made.append(_image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
+        made.append(image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
     if isinstance(trade.study.sampling, Grid):
         maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
-        drawn = [_image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
+        drawn = [image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
         made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
-    means = [Quantity(value.name, trade.of_points(merit.name)[0], value.log) for value, merit in shown]
+    means = [
+        Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
+        for value, merit in shown
+    ]
     by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
     figure = against_figure(means, [merit.better for _, merit in shown], by, unbeaten(trade))
     if figure is not None:
-        made += ["<h2>Against each other</h2>", _image(figure, "Figures of merit against each other")]
+        made += ["<h2>Against each other</h2>", image(figure, "Figures of merit against each other")]
     return made
 
 
@@ -283,14 +268,6 @@ def _spans_decades(values: np.ndarray) -> bool:
     return bool(known.size and known.min() > 0.0 and known.max() > _DECADES * known.min())
 
 
-def _image(figure: Any, text: str, caption: str = "") -> str:
-    with io.BytesIO() as held:
-        figure.savefig(held, format="png", dpi=_DOTS)
-        coded = base64.b64encode(held.getvalue()).decode()
-    under = f"<figcaption>{caption}</figcaption>" if caption else ""
-    return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
-
-
 def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
     if not failed.size:
         return []
@@ -298,7 +275,7 @@ def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
     order = np.argsort(-count, kind="stable")[:_TOLD_ERRORS]
     first = {text: int(np.flatnonzero(trade.table["error"] == text)[0]) for text in why[order].tolist()}
     rows = [(f"{count[k]:,}", f"{first[str(why[k])]}", escape(str(why[k]))) for k in order]
-    return ["<h2>Points that could not be flown</h2>", _table([("rows", True), ("first", True), ("why", False)], rows)]
+    return ["<h2>Points that could not be flown</h2>", table([("rows", True), ("first", True), ("why", False)], rows)]
 
 
 def _again(trade: TradeTable) -> list[str]:
@@ -340,7 +317,7 @@ def _pictures(trade: TradeTable) -> list[str]:
             caption = (
                 f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
             )
-            made.append(_image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
+            made.append(image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
     return ["<h2>Frames</h2>", *made] if made else []
 
 

@@ -17,7 +17,7 @@ from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.load import read_toml, validated
 from rso_lidar.simulate import frame_numbers
-from rso_lidar.study.merits import MERITS
+from rso_lidar.study.merits import MERITS, judged_by
 
 MOST_ROWS = 100_000  # of a table; its report holds them all
 _MOST_SEEDS = 1000
@@ -194,6 +194,7 @@ class Study(Part):
     ] = None
     merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)]
     target: Name | None = None
+    min_detection_fraction: Annotated[Number, Field(ge=0, le=1)] = 0.5
     axis: tuple[Axis, ...]
     report: Report = Report()
     _folder: Path | None = PrivateAttr(default=None)
@@ -246,6 +247,11 @@ class Study(Part):
         """Return how many runs there are."""
         n = math.prod(axis.size or 1 for axis in self.axis) if isinstance(self.sampling, Grid) else self.sampling.points
         return n * self.seeds
+
+    @property
+    def judged_by(self) -> tuple[str, ...]:
+        """Return the figures of merit of a row: those asked for, and the detection fraction where some hang on it."""
+        return judged_by(self.merits)
 
     @property
     def where(self) -> str:

@@ -44,14 +44,14 @@ class Plan:
 
     def row(self, number: int) -> Row:
         """Return one row: merits, or why there are none."""
-        study, merits = self.study, dict.fromkeys(self.study.merits, float("nan"))
+        study, merits = self.study, dict.fromkeys(self.study.judged_by, float("nan"))
         seed, why = self.seed, ""
         with unwarned():
             try:
                 scenario = self.scenario(number)
                 seed = scenario.seed
                 which, frames = study.number(scenario), study.numbers(scenario)
-                merits = judged(scenario, study.merits, which, frames, folder=self.folder, threads=self.threads)
+                merits = judged(scenario, study.judged_by, which, frames, folder=self.folder, threads=self.threads)
             except RunError:
                 raise
             except RsoLidarError as error:

@@ -7,18 +7,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.scenario import Scenario
+from rso_lidar.study.merits import DETECTION, MERITS
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trade_plan import Plan
 
 
 @dataclass(frozen=True, eq=False)
 class TradeTable:
-    """A trade study and its answers: `table` holds columns (row) by name: row, seed, fields, figures of merit, error."""
+    """A trade study and its answers: `table` holds columns (row) by name: row, seed, fields, figures of merit, error.
+
+    Where a figure of merit hangs on detection, also ``detection_fraction``, ``detected`` (1 where the point's mean over
+    seeds is at least ``min_detection_fraction``), and that limit.
+    """
 
     study: Study
     base: Scenario
     plan: Plan
     table: dict[str, np.ndarray]
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether some figure of merit asked for hangs on detection, so that points are held to the least of it."""
+        return any(MERITS[name].of_detected for name in self.study.merits)
+
+    @property
+    def detected(self) -> np.ndarray:
+        """Return a mask (point) of those whose detection fraction, mean over seeds, is at least what the study asks for."""
+        mean = self.of_points(DETECTION)[0]
+        enough: np.ndarray = np.isfinite(mean) & (mean >= self.study.min_detection_fraction)
+        return enough
+
+    def ranked(self, name: str) -> np.ndarray:
+        """Return a mask (point) of those that a figure of merit ranks: it has a value there, and enough is detected."""
+        known: np.ndarray = np.isfinite(self.of_points(name)[0])
+        return np.logical_and(known, self.detected) if MERITS[name].of_detected else known
 
     def of_points(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and standard deviation (point) of a figure of merit over its seeds; NaN where none has one."""

@@ -33,7 +33,8 @@ def identity(plan: Plan, base: Scenario) -> str:
     """
     version = importlib.metadata.version("rso-lidar"), base.source.versions["arithmetic"]
     named = [_content(word, plan.folder) for word in sorted(set(_words([list(point) for point in plan.points])))]
-    parts = (plan.study.model_dump_json(), plan.text, base.source.scenario, *named, *version)
+    asked = plan.study.model_dump_json(exclude={"min_detection_fraction"})  # it ranks rows, and changes none
+    parts = (asked, plan.text, base.source.scenario, *named, *version)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
 
 
@@ -197,9 +198,13 @@ def tabled(plan: Plan, base: Scenario, known: dict[int, Row]) -> Trade:
         for column, field in enumerate(axis.field):
             if field != "seed":
                 table[field] = _column(axis, values, column)
-    table |= {name: np.array([row["merits"][name] for row in rows], dtype=float) for name in study.merits}
+    table |= {name: np.array([row["merits"][name] for row in rows], dtype=float) for name in study.judged_by}
     table["error"] = np.array([row["error"] for row in rows])
-    return Trade(study, base, plan, table)
+    made = Trade(study, base, plan, table)
+    if made.is_held:
+        table["detected"] = np.repeat(made.detected, study.seeds).astype(int)
+        table["min_detection_fraction"] = np.full(len(rows), study.min_detection_fraction)
+    return made
 
 
 def _column(axis: Axis, values: list[Any], column: int) -> np.ndarray:

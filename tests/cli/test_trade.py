@@ -41,6 +41,20 @@ def test_a_table_and_a_report(call, text, tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["bench.toml", "study.csv", "study.html", "study.toml"]
 
 
+def test_the_least_detection_is_given_on_the_command_line(call, text, tmp_path):
+    study = folder_with(
+        tmp_path, text, STUDY.replace("[5, 20]", "[0.001]").replace("count  = 3", "count = 1") + NO_PICTURES
+    )
+    status, said, _ = call(study, "--min-detection-fraction", 0.25)
+    assert status == 0
+    assert "no point is ranked in range_error_m: all 1 have a detection_fraction below 0.25" in said
+    (row,) = rows_of(tmp_path / "study.csv")
+    assert (row["detected"], row["min_detection_fraction"]) == ("0", "0.25")
+    for share in (1.5, -0.1, "nan"):
+        status, _, told = call(study, "--min-detection-fraction", share, "--overwrite")
+        assert status == 2 and len(told) == 1 and "is no share of pixels" in told[0]
+
+
 def test_where_it_goes(call, text, tmp_path):
     study = folder_with(
         tmp_path, text, STUDY.replace("[5, 20]", "[5]").replace("count  = 3", "count = 1") + NO_PICTURES

@@ -76,3 +76,21 @@ def test_one_against_another():
 
 def test_numbers_are_short():
     assert [said(x) for x in (1234567.0, 12.0, 0.000123456, np.nan)] == ["1,235,000", "12", "0.0001235", "–"]
+
+
+def test_values_that_rank_no_point_are_hollow_and_in_no_mean():
+    held = MERIT < 2.0
+    merit = Quantity("m", MERIT, unranked=held)
+    along = [Quantity("a", A, log=True), Quantity("b", B)]
+    figure = effects_figure(merit, along, "less")
+    hollow, dots, line = figure.axes[0].lines
+    assert (hollow.get_markerfacecolor(), hollow.get_ydata().tolist()) == ("none", [0.0, 1.0])
+    assert dots.get_ydata().tolist() == MERIT[2:].tolist()
+    assert line.get_xydata().tolist() == [[1.0, 2.5], [10.0, 5.5], [100.0, 9.5]]
+    assert any("hollow: too little detected" in text.get_text() for text in figure.texts)
+    table = maps_figure(Quantity("m", MERIT, unranked=MERIT < 4.0), along, "less").axes[0].images[0].get_array()
+    assert table.mask.tolist() == [[True, True], [False, False], [False, False]]
+    against = against_figure([merit, Quantity("n", MERIT)], ["less", "less"], along[0], ~held)
+    assert len(against.axes[0].collections[0].get_offsets()) == 10
+    assert any("hollow: not ranked" in text.get_text() for text in against.texts)
+    assert maps_figure(Quantity("m", MERIT, unranked=MERIT < 99.0), along, "less") is None

@@ -3,6 +3,7 @@
 import errno
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.link import light
 from rso_lidar.study.ranking import best_first, chosen, heads, summary, unbeaten
+from rso_lidar.study.report import report
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trade_plan import plan_of
 from rso_lidar.study.trading import Rows, identity, trade, work
@@ -127,6 +129,65 @@ def test_ranking(wall):
     assert [point for point, _ in chosen(wall)] == [order[0], order[3], order[5], order[8]]
     assert np.flatnonzero(unbeaten(wall)).tolist() == [6]
     assert "best" in summary(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summary(wall)[1]
+
+
+LUCKY = (
+    ASKED.replace("[35, 50, 75]", "[1, 50, 75]")
+    .replace("[2.5, 2.75, 3.0]", "[2.5]")
+    .replace('["detection_fraction"]', '["range_rms_m", "false_returns"]')
+)
+
+
+@pytest.fixture(scope="module")
+def lucky(tmp_path_factory):
+    """Return a trade whose point of least light has the least error: of the few pixels that report, made up here."""
+    folder = tmp_path_factory.mktemp("lucky")
+    (folder / "wall.toml").write_text(WALL, encoding="utf-8")
+    (folder / "study.toml").write_text(LUCKY, encoding="utf-8")
+    made = trade(folder / "study.toml")
+    assert made.of_points("detection_fraction")[0][0] < 0.05 < 0.9 < made.of_points("detection_fraction")[0][1]
+    return replace(made, table=made.table | {"range_rms_m": np.repeat([0.001, 0.2, 0.1], 2)})
+
+
+def test_a_point_where_little_is_detected_is_not_the_best(lucky):
+    """20 photons on a pixel of the first point, 1000 on the second: the former is not found, whatever its error."""
+    assert best_first(lucky, "range_rms_m").tolist() == [2, 1]
+    assert best_first(lucky, "false_returns").tolist() == [0, 1, 2]  # hangs on no detection: all are alike
+    assert np.flatnonzero(unbeaten(lucky)).tolist() == [2]
+    assert [point for point, _ in chosen(lucky)] == [2, 1]
+    assert lucky.table["detected"].tolist() == [0, 0, 1, 1, 1, 1]
+    assert set(lucky.table["min_detection_fraction"].tolist()) == {0.5}
+    lines = summary(lucky)
+    assert "best      0.1 at row 4" in lines[1]
+    why = "1 of 3 points are not ranked in range_rms_m: detection_fraction below 0.5 (min_detection_fraction)"
+    assert lines[-1] == why
+    page = report(lucky)
+    assert why in page and "Points that are not ranked" in page
+
+
+def test_the_least_detection_is_settable_down_to_none_and_beyond_all(lucky):
+    ranked = replace(lucky, study=lucky.study.replace(min_detection_fraction=0.0))
+    assert best_first(ranked, "range_rms_m").tolist() == [0, 2, 1]
+    assert not any("not ranked" in line for line in summary(ranked))
+    none = replace(lucky, study=lucky.study.replace(min_detection_fraction=1.0))
+    none.table["detection_fraction"][:] = [0.0, 0.0, 0.3, 0.3, 0.25, 0.25]
+    lines = summary(none)
+    assert best_first(none, "range_rms_m").size == 0 and not unbeaten(none).any()
+    assert "ranks no point" in lines[1]
+    assert lines[-1].startswith("no point is ranked in range_rms_m: all 3 have a detection_fraction below 1")
+    assert lines[-1].endswith("0.3 at most")
+    assert "no point is ranked" in report(none)
+
+
+def test_the_least_detection_ranks_rows_and_makes_none_anew(tmp_path):
+    """Another limit goes on from the rows that are there; it is in the table only where something hangs on detection."""
+    (tmp_path / "wall.toml").write_text(WALL, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(LUCKY, encoding="utf-8")
+    study = Study.load(tmp_path / "study.toml")
+    names = {identity(*plan_of(study.replace(min_detection_fraction=share))) for share in (0.5, 0.1)}
+    assert len(names) == 1
+    with pytest.raises(ScenarioError, match=r"study\.toml: min_detection_fraction"):
+        Study.loads("min_detection_fraction = 1.5\n" + LUCKY, where="study.toml")
 
 
 def test_columns_are_headed_with_as_much_as_tells_them_apart():

@@ -1,0 +1,51 @@
+"""The pieces of a page of HTML that needs no network and no script: its style, tables, and pictures inside the file."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+_DOTS = 90  # of a picture [dots per inch]
+
+STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1c1e22; background: #fff; max-width: 72rem;
+  margin: 2rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
+h2 { font-size: 1.2rem; margin: 2.2rem 0 .5rem; border-bottom: 1px solid #ced1d6; }
+h3 { font-size: 1rem; margin: 1.4rem 0 .3rem; }
+p.quiet, figcaption { color: #70747c; font-size: .9rem; margin: .2rem 0; }
+table { border-collapse: collapse; font-size: .88rem; margin: .4rem 0; display: block; overflow-x: auto; }
+th, td { text-align: left; padding: .22rem .7rem .22rem 0; border-bottom: 1px solid #e6e8eb; vertical-align: top; }
+th { color: #70747c; font-weight: 600; vertical-align: bottom; max-width: 9rem; }
+th code { white-space: nowrap; }
+td.n { white-space: nowrap; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
+pre { background: #f5f6f7; padding: .7rem .9rem; overflow-x: auto; font-size: .82rem; line-height: 1.35; }
+code { font-size: .92em; } figcaption code { overflow-wrap: anywhere; } details { margin: .4rem 0; }
+summary { cursor: pointer; color: #70747c; }
+@media print { details { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+"""
+
+
+def table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
+    """Write an HTML table; heads say whether a column is of numbers. Cells are HTML already."""
+    kinds = [' class="n"' if number else "" for _, number in heads]
+    top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
+    lines = (
+        "<tr>" + "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(row, kinds, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+
+
+def image(figure: Any, text: str, caption: str = "") -> str:
+    """Write a figure as a picture inside the page, with a text in its place and a caption that is HTML already."""
+    with io.BytesIO() as held:
+        figure.savefig(held, format="png", dpi=_DOTS)
+        coded = base64.b64encode(held.getvalue()).decode()
+    under = f"<figcaption>{caption}</figcaption>" if caption else ""
+    return f'<figure><img alt="{escape(text)}" src="data:image/png;base64,{coded}">{under}</figure>'
