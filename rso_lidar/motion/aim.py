@@ -50,7 +50,8 @@ def demand(
 
     def directions(time_s: np.ndarray) -> np.ndarray:
         with unwarned():
-            there = truth(bodies, Epochs(start_utc, time_s), local=local, sun_direction=sun_direction, flights=flights)
+            epochs = Epochs(start_utc, time_s)
+            there = truth(bodies, epochs, local=local, sun_direction=sun_direction, flights=flights, rates=False)
             return _toward(ptu, bodies, there)
 
     return _followed(directions) if flights else DemandCurve(directions, end_s)

@@ -117,8 +117,9 @@ class LookAt(Part):
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned toward what it looks at."""
         line, rate = here.line(self.at)
-        up = here.upward if self.up is None else np.array(self.up, dtype=float)
-        return Turn(*look_at(line, rate, np.broadcast_to(up, line.shape)))
+        if self.up is None:
+            return Turn(*look_at(line, rate, here.upward, here.upward_rate))
+        return Turn(*look_at(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
 
 
 class Spin(Part):

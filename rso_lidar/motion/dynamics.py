@@ -106,7 +106,7 @@ class Flight:
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
         self._inputs = np.array(model.inputs, dtype=float)
-        self._pieces = [(0.0, model.solution(np.array(model.initial_state, dtype=float), self._inputs))]
+        self._pieces = [(0.0, self._inputs, model.solution(np.array(model.initial_state, dtype=float), self._inputs))]
         self._lost_s = (np.inf, -np.inf)
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
@@ -123,7 +123,7 @@ class Flight:
         if self._pieces[-1][0] == time_s:
             del self._pieces[-1]
         self._inputs = inputs
-        self._pieces.append((time_s, self.model.solution(state, inputs, time_s, _COMMANDED_PANEL_S)))
+        self._pieces.append((time_s, inputs, self.model.solution(state, inputs, time_s, _COMMANDED_PANEL_S)))
         if len(self._pieces) > _KEPT + 1:
             self._lost_s = (min(self._lost_s[0], self._pieces[1][0]), self._pieces[2][0])
             del self._pieces[1]
@@ -131,7 +131,7 @@ class Flight:
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
         """Return x (time, n) at `time_s` (time,) [s]."""
         times = np.asarray(time_s, dtype=float)
-        begins = np.array([begin for begin, _ in self._pieces])
+        piece = self._piece(times)
         lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
         if lost.any():
             raise PropagationError(
@@ -139,13 +139,30 @@ class Flight:
                 f"than {_KEPT} commands ago: ask for later instants",
                 lost,
             )
-        piece = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
         states = np.empty((len(times), len(self.model.initial_state)))
         for number in np.unique(piece):
-            begin, solution = self._pieces[number]
+            begin, _, solution = self._pieces[number]
             rows = piece == number
             states[rows] = solution(times[rows] - begin)
         return states
+
+    def rates(self, time_s: np.ndarray) -> np.ndarray:
+        """Return x' (time, n) at `time_s` (time,) [s]: f of the state there, under the inputs that are held from there."""
+        times = np.asarray(time_s, dtype=float)
+        function = self.model.function()
+        inputs = [self._pieces[number][1] for number in self._piece(times)]
+        rows = [function(t, x, u) for t, x, u in zip(times.tolist(), self(times), inputs, strict=True)]
+        return np.array(rows, dtype=float).reshape(len(times), len(self.model.initial_state))
+
+    @property
+    def begins_s(self) -> np.ndarray:
+        """Return the instants [s] from which other inputs are held."""
+        return np.array([begin for begin, _, _ in self._pieces])
+
+    def _piece(self, times: np.ndarray) -> np.ndarray:
+        """Return the number (time) of the piece that holds each instant."""
+        piece: np.ndarray = np.maximum(np.searchsorted(self.begins_s, times, side="right") - 1, 0)
+        return piece
 
 
 def open_loop(model: StateSpaceModel) -> Flight:

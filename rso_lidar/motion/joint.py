@@ -117,8 +117,23 @@ class HingeAxes(Part):
 
 
 def sun_in_body(
-    root_from_body: Rotation, body_rate_rad_s: np.ndarray, to_sun: np.ndarray
+    root_from_body: Rotation,
+    body_rate_rad_s: np.ndarray,
+    line_m: np.ndarray,
+    line_rate_m_s: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction to the Sun and its rate [1/s] (time, 3) in body axes; the Sun's own way, 2e-7 rad/s, left out."""
-    seen = turned(root_from_body.inv(), to_sun)
-    return seen, -cross(np.broadcast_to(body_rate_rad_s, seen.shape), seen)
+    """Return the direction to the Sun (time, 3), of length 1, and its rate [1/s] in body axes.
+
+    Parameters
+    ----------
+    root_from_body : (time) or single
+    body_rate_rad_s : (…, 3) of the body in the root, body axes
+    line_m, line_rate_m_s : (…, 3) from the body to the Sun and its rate, root axes; None for a Sun that stands still
+    """
+    line_rate_m_s = np.zeros_like(line_m) if line_rate_m_s is None else line_rate_m_s
+    distance = np.sqrt(dot(line_m, line_m))[..., None]
+    to_sun = line_m / distance
+    moving = (line_rate_m_s - to_sun * dot(to_sun, line_rate_m_s)[..., None]) / distance
+    back = root_from_body.inv()
+    seen = turned(back, to_sun)
+    return seen, turned(back, moving) - cross(np.broadcast_to(body_rate_rad_s, seen.shape), seen)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import turned
 
@@ -56,3 +58,27 @@ class Situation:
         z = np.array([0.0, 0.0, 1.0])
         up = turned(self.root_from_origin, z) if self.orbits else z
         return np.broadcast_to(up, (len(self.epochs), 3))
+
+    @property
+    def upward_rate(self) -> np.ndarray:
+        """Return the rate of `upward` (time, 3) [1/s]: a perturbed orbit's plane turns."""
+        rate = np.zeros((len(self.epochs), 3))
+        if not self.orbits:
+            return rate
+        spin = self.origin_rate_rad_s  # omega x z in the origin's axes
+        rate[:, 0], rate[:, 1] = spin[:, 1], -spin[:, 0]
+        return turned(self.root_from_origin, rate)
+
+
+def given_direction(given: Sequence[float] | np.ndarray | None, *, local: bool) -> np.ndarray | None:
+    """Return the direction to the Sun (3) that is given in a local world, of length 1; None where none is given."""
+    if given is None:
+        return None
+    if not local:
+        raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
+    direction = np.asarray(given, dtype=float)
+    length = np.linalg.norm(direction)
+    if direction.shape != (3,) or not 0.0 < length < math.inf:
+        raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
+    unit: np.ndarray = direction / length
+    return unit

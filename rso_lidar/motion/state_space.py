@@ -53,6 +53,11 @@ class StateSpace(StateSpaceModel):
         state = flight(time_s)
         return state[:, :3], state[:, 3:PLACE]
 
+    def place_rates(self, flight: Flight, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of position [m/s] and velocity [m/s2] (time, 3) in `axes`: what f says."""
+        rates = flight.rates(time_s)
+        return rates[:, :3], rates[:, 3:PLACE]
+
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Return axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
         return _turned(flight(time_s)[:, PLACE:RIGID])

@@ -24,8 +24,7 @@ _STEP_S = 64.0  # of the Sun's own rate by differences: 1e-15 rad/s off, from ro
 class SunPointing(Part):
     """Body `axis` toward the Sun as the body sees it, and body `up_axis` as near to `up` (root axes) as can be.
 
-    `up` is the orbit normal where it is left out, the root's +z without an orbit. The body rate is exact for an orbit
-    normal that stands still; a plane that turns by 1 degree a day adds 2e-7 rad/s that it leaves out.
+    `up` is the orbit normal where it is left out, the root's +z without an orbit.
     """
 
     type: Literal["sun_pointing"] = "sun_pointing"
@@ -55,7 +54,7 @@ class SunPointing(Part):
             f"sun_pointing: the Sun is within {PARALLEL_RAD:g} rad of `up`",
             "give an `up` (root axes) across it",
         )
-        rotation, rate = look_at(line, line_rate, up)
+        rotation, rate = look_at(line, line_rate, up, here.upward_rate if self.up is None else None)
         body_from_triad = self._body_from_triad
         return Turn(rotation * body_from_triad.inv(), turned(body_from_triad, rate))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,23 +9,26 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError, placed, told, unwarned, warn
+from rso_lidar.errors import RsoLidarError, placed, told, unwarned, warn
 from rso_lidar.motion.attitude import FixedAttitude
 from rso_lidar.motion.body import Body, seen_by, working_order
 from rso_lidar.motion.dynamics import Flight, open_loop
 from rso_lidar.motion.ephemeris import Fixed, Table
 from rso_lidar.motion.joint import sun_in_body
-from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.motion.situation import Situation, Turn, given_direction
 from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.sunward import sun_line
 from rso_lidar.orbit import J2, Ephemeris
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.state_rates import derivative, state_rates, two_body_rates
 from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.rpo.hill import rtn_matrix
+from rso_lidar.rpo.hill import inertial_acceleration, rtn_matrix
 from rso_lidar.rpo.relative import RelativeMotion
 
 Flights = Mapping[str, Flight]
+ROUNDING_RAD_S = 1e-15
 
 
 def truth(
@@ -36,6 +38,7 @@ def truth(
     local: bool = False,
     sun_direction: Sequence[float] | np.ndarray | None = None,
     flights: Flights | None = None,
+    rates: bool = True,
 ) -> Truth:
     """Return poses, rates and states of all bodies at all epochs, as one batch; ``truth.at(k)`` is one epoch of it.
 
@@ -43,9 +46,10 @@ def truth(
     where it does not), and under that its body axes; its hinges hang under those. A relative motion hangs under the rtn
     axes of its chief, so that a relative pose is composed without inertial coordinates. `local` says that the root has no
     Earth; only there a `sun_direction` in root axes may be given, of any length, for a Sun that nothing hides. `flights`
-    are those of commanded state-space models, by the names that `Command.inputs` has.
+    are those of commanded state-space models, by the names that `Command.inputs` has. Without `rates` only poses and
+    states are true: then what only the rates of orbit-fixed axes need is not worked out.
     """
-    sky = _Sky(tuple(bodies), epochs, local, _direction(sun_direction, local), flights or {})
+    sky = _Sky(tuple(bodies), epochs, local, given_direction(sun_direction, local=local), flights or {}, rates)
     tree = PoseTree({}, {})
     states: dict[str, BodyState] = {}
     by_origin = {body.origin: body for body in bodies}
@@ -54,7 +58,7 @@ def truth(
             body = by_origin[name]
             with placed(f"{body.name}.motion"):
                 tree = _with_origin(tree, body, sky)
-            states[body.name] = _state(tree, name, len(epochs))
+            states[body.name] = sky.states.get(body.name) or _state(tree, name, len(epochs))
         else:
             body = sky.by_name[name]
             with placed(f"{name}.attitude"):
@@ -77,8 +81,12 @@ class _Sky:
     local: bool
     sun_direction: np.ndarray | None
     flights: Flights
+    rates: bool = True
     by_name: dict[str, Body] = field(default_factory=dict)
     chiefs: dict[str, Chief] = field(default_factory=dict)
+    # Of bodies that orbit, and how their rtn axes turn in the root (time, 3) [rad/s], in those axes.
+    states: dict[str, BodyState] = field(default_factory=dict)
+    turning: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.by_name.update({body.name: body for body in self.bodies})
@@ -102,6 +110,57 @@ class _Sky:
         direction: np.ndarray = self.sun_m / np.linalg.norm(self.sun_m, axis=1, keepdims=True)
         return direction
 
+    @cached_property
+    def relative_turning(self) -> dict[str, np.ndarray]:
+        """Return the angular velocity (time, 3) [rad/s] of the rtn axes of relative motions in those of their chiefs.
+
+        It is the derivative of the rotation between them, in the body's own axes. Left out is what moves about a body under
+        commands, which has no state after an epoch.
+        """
+        names = [body.name for body in self.bodies if self._differenced(body)] if self.rates else []
+        if not names:
+            return {}
+        some = [body.replace(attitude=None, axes=()) for body in self.bodies if body.orbits]
+        origins = [self.by_name[name].origin for name in names]
+        breaks = [np.empty(0)]
+        for motion in (body.motion for body in some):
+            if isinstance(motion, RelativeMotion):
+                breaks.append(motion.breaks_s(self.epochs, Chief(some, motion.relative_to)))
+            elif isinstance(motion, StateSpace):
+                breaks.append(np.zeros(1))  # a user's dynamics need not be known before the start
+            elif (own := getattr(motion, "breaks_s", None)) is not None:
+                breaks.append(own(self.epochs))
+
+        def rows(time_s: np.ndarray) -> np.ndarray:
+            poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
+            matrices = [np.broadcast_to(poses[origin].matrix, (len(time_s), 3, 3)) for origin in origins]
+            return np.concatenate([matrix.reshape(-1, 9) for matrix in matrices], axis=1)
+
+        with unwarned():
+            try:
+                here = rows(self.epochs.time_s)
+                change = derivative(rows, self.epochs.time_s, here, np.concatenate(breaks))
+            except RsoLidarError:  # beside an epoch something cannot be flown; at the epochs it is said elsewhere
+                return {}
+        back, slope = here.reshape(-1, len(names), 3, 3), change.reshape(-1, len(names), 3, 3)
+        spin = np.einsum("tnki,tnkj->ntij", back, slope)
+        rates = np.stack([spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]], axis=-1)
+        return dict(zip(names, rates, strict=True))
+
+    def _differenced(self, body: Body) -> bool:
+        """Return whether a body moves about another by a relative motion, and nothing in that chain is under commands."""
+        if not isinstance(body.motion, RelativeMotion):
+            return False
+        while (relative_to := getattr(body.motion, "relative_to", None)) is not None:
+            body = self.by_name[relative_to]
+            if body.name in self.flights:
+                return False
+        return True
+
+    def turns(self, body: Body) -> bool:
+        """Return whether the turn of a body's orbital plane is asked for: with all rates, or by what moves about it."""
+        return self.rates or any(getattr(other.motion, "relative_to", None) == body.name for other in self.bodies)
+
     def sunlit(self, state: BodyState) -> np.ndarray:
         """Return the share (time) of the Sun that a body sees; in a local world nothing hides it."""
         if self.local or self.sun_m is None:
@@ -111,9 +170,8 @@ class _Sky:
     def chief(self, tree: PoseTree, name: str) -> Chief:
         """Return the trajectory of a body that stands in the tree already."""
         if name not in self.chiefs:
-            here = _state(tree, self.by_name[name].origin, len(self.epochs))
             self.chiefs[name] = Chief(
-                self.bodies, name, local=self.local, flights=self.flights, known=(self.epochs, here)
+                self.bodies, name, local=self.local, flights=self.flights, known=(self.epochs, self.states[name])
             )
         return self.chiefs[name]
 
@@ -143,7 +201,7 @@ class Chief:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states
         with unwarned():
-            states = truth(self._bare, epochs, local=self._local, flights=self._flights).states[self._name]
+            states = truth(self._bare, epochs, local=self._local, flights=self._flights, rates=False).states[self._name]
         if len(epochs) == 1:  # the start, which is asked for again and again
             self._known = [*self._known[-3:], (epochs, states)]
         return states
@@ -155,19 +213,6 @@ class Chief:
         while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]
-
-
-def _direction(given: Sequence[float] | np.ndarray | None, local: bool) -> np.ndarray | None:
-    if given is None:
-        return None
-    if not local:
-        raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
-    direction = np.asarray(given, dtype=float)
-    length = np.linalg.norm(direction)
-    if direction.shape != (3,) or not 0.0 < length < math.inf:
-        raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
-    unit: np.ndarray = direction / length
-    return unit
 
 
 def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
@@ -188,46 +233,78 @@ def _with_origin(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
             body.origin, motion.relative_to or ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3))
         )
     if isinstance(motion, StateSpace):
-        place = motion.place(_flight(body.name, motion, sky), time_s)
-        if motion.relative_to is not None:
-            return _about(tree, body, sky.by_name[motion.relative_to], *place)
+        flight = _flight(body.name, motion, sky.flights)
+        place = motion.place(flight, time_s)
         if sky.local:
             return tree.with_node(body.origin, ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3)))
-        return _in_orbit(tree, body, BodyState(*place))
+        moving = motion.place_rates(flight, time_s)
+        if motion.relative_to is not None:
+            sky.chief(tree, motion.relative_to)
+            return _about(tree, body, motion.relative_to, place, moving, sky)
+        return _in_orbit(tree, body, BodyState(*place), moving, sky)
     if isinstance(motion, RelativeMotion):
         chief = sky.chief(tree, motion.relative_to)
         place = motion.relative(sky.epochs, chief)
         for line in motion.validity(sky.epochs, chief) if told() else ():
             warn(f"{body.name}.motion: {line}")
-        return _about(tree, body, sky.by_name[motion.relative_to], *place)
+        return _about(tree, body, motion.relative_to, place, (place[1], None), sky)
     state = motion.states(sky.epochs)
     if isinstance(motion, J2 | Ephemeris) and told():
         for line in motion.validity(sky.epochs):
             warn(f"{body.name}.motion: {line}")
-    return _in_orbit(tree, body, state)
+    rates = state_rates(motion, sky.epochs, state) if sky.turns(body) else two_body_rates(state)
+    return _in_orbit(tree, body, state, rates, sky)
 
 
-def _in_orbit(tree: PoseTree, body: Body, state: BodyState) -> PoseTree:
-    """Return the tree with the rtn axes of an orbit under the root."""
-    matrix, rate = rtn_matrix(state.position_m, state.velocity_m_s)
-    return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), state.velocity_m_s, rate))
+def _in_orbit(
+    tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], sky: _Sky
+) -> PoseTree:
+    """Return the tree with the rtn axes of an orbit under the root; `rates` are the derivatives of its state."""
+    matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
+    sky.states[body.name], sky.turning[body.name] = state, turning
+    return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
 
 
-def _about(tree: PoseTree, body: Body, chief: Body, relative_m: np.ndarray, relative_m_s: np.ndarray) -> PoseTree:
-    """Return the tree with the rtn axes of an orbit under those of its chief, from position and velocity in them."""
-    there = tree.link(ROOT, chief.origin)
-    rate = there.angular_velocity_rad_s
-    position = there.translation_m + turned(there.matrix, relative_m)
-    velocity = there.velocity_m_s + turned(there.matrix, relative_m_s + cross(rate, relative_m))
-    own, own_rate = rtn_matrix(position, velocity)
+def _about(
+    tree: PoseTree,
+    body: Body,
+    chief: str,
+    place: tuple[np.ndarray, np.ndarray],
+    moving: tuple[np.ndarray, np.ndarray | None],
+    sky: _Sky,
+) -> PoseTree:
+    """Return the tree with the rtn axes of an orbit under those of its chief.
+
+    `place` is position [m] and velocity [m/s] (time, 3) in the chief's axes, and `moving` their derivatives, the second
+    where it is known. The velocity of the body's state is the chief's and rho' + omega x rho, omega with the turn of the
+    chief's plane.
+    """
+    there, turning, (rho, rho_rate) = tree.link(ROOT, sky.by_name[chief].origin), sky.turning[chief], place
+    position = there.translation_m + turned(there.matrix, rho)
+    velocity = sky.states[chief].velocity_m_s + turned(there.matrix, rho_rate + cross(turning, rho))
+    own, own_turning = rtn_matrix(position, velocity)
     chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
-    own_from_chief = np.swapaxes(chief_from_own, -1, -2)
-    link = Link((relative_m, chief_from_own), relative_m_s, own_rate - turned(own_from_chief, rate))
-    return tree.with_node(body.origin, chief.origin, link)
+    carried = turned(np.swapaxes(chief_from_own, -1, -2), turning)
+    # What moves about this body needs no more than that its plane turns as its chief's does: in free flight within some
+    # 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
+    own_turning[..., 0] = carried[..., 0]
+    sky.states[body.name], sky.turning[body.name] = BodyState(position, velocity), own_turning
+    if moving[1] is not None:
+        around = there.angular_velocity_rad_s
+        moved = rho, moving[0], moving[1]
+        acceleration = inertial_acceleration(sky.states[chief], there.matrix, around, moved)
+        rates = there.velocity_m_s + turned(there.matrix, moving[0] + cross(around, rho)), acceleration
+        sky.turning[body.name] = own_turning = rtn_matrix(position, velocity, rates)[1]
+        carried = turned(np.swapaxes(chief_from_own, -1, -2), around)
+    relative = own_turning - carried
+    found = sky.relative_turning.get(body.name, relative)
+    # what differs by the rounding of matrices over the step of a difference only, or is not known, is not taken
+    link = Link((rho, chief_from_own), moving[0], np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
+    return tree.with_node(body.origin, sky.by_name[chief].origin, link)
 
 
-def _flight(name: str, model: StateSpace | StateSpaceAttitude, sky: _Sky) -> Flight:
-    return sky.flights.get(name) or open_loop(model)
+def _flight(name: str, model: StateSpace | StateSpaceAttitude, flights: Flights) -> Flight:
+    return flights.get(name) or open_loop(model)
 
 
 # ----------------------------------------------------------------------------------------------------------- turns
@@ -254,9 +331,8 @@ def _with_joints(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
     seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
     if sky.sun_m is not None:
         whole = tree.link(ROOT, body.name)
-        line = sky.sun_m if sky.local else sky.sun_m - whole.translation_m
-        to_sun = line / np.linalg.norm(line, axis=1, keepdims=True)
-        seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, to_sun)
+        line = sun_line(_situation(tree, body, sky), "joint")
+        seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
     for joint in body.joints:
         tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(sky.epochs.time_s, *seen))
     return tree
@@ -267,9 +343,9 @@ def _turn(tree: PoseTree, body: Body, sky: _Sky) -> Turn:
     attitude, motion, time_s = body.attitude, body.motion, sky.epochs.time_s
     if isinstance(attitude, StateSpaceAttitude):
         name = body.name if not isinstance(motion, StateSpace) else f"{body.name}.attitude"
-        return Turn(*attitude.orientation(_flight(name, attitude, sky), time_s))
+        return Turn(*attitude.orientation(_flight(name, attitude, sky.flights), time_s))
     if isinstance(motion, StateSpace) and motion.turns:
-        rigid = motion.orientation(_flight(body.name, motion, sky), time_s)
+        rigid = motion.orientation(_flight(body.name, motion, sky.flights), time_s)
         if motion.relative_to is None:
             return Turn(*rigid)
         chief = tree.link(ROOT, sky.by_name[motion.relative_to].origin)

@@ -18,6 +18,7 @@ from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.anomaly import starter
 from rso_lidar.orbit.elements import Elements, elements
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.state_rates import two_body_rates
 from rso_lidar.orbit.universal import inverse_axis, perigee_m, universal
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
 from rso_lidar.pose import dot, turned
@@ -110,6 +111,10 @@ class Kepler(OrbitElements):
         start = self.at_epoch()
         return BodyState(*propagate(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
 
+    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
+        return two_body_rates(state)
+
 
 class State(Part):
     """Two-body motion from a position and a velocity in GCRS axes at `epoch_utc`."""
@@ -135,6 +140,10 @@ class State(Part):
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         position, velocity = np.array(self.position_m), np.array(self.velocity_m_s)
         return BodyState(*propagate(position, velocity, epochs.since(self.epoch_utc)))
+
+    def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
+        return two_body_rates(state)
 
 
 def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:

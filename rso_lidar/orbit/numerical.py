@@ -46,6 +46,11 @@ class Numerical(Part):
         rows = flight(epochs.time_s)
         return BodyState(rows[:, :3], rows[:, 3:])
 
+    def breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which velocity or acceleration jumps."""
+        at = [(one.at_s,) if isinstance(one, Impulse) else (one.from_s, one.until_s) for one in self.maneuvers]
+        return np.array([time_s for pair in at for time_s in pair])
+
     @property
     def delta_v_m_s(self) -> float:
         """Return the delta-v of all maneuvers [m/s]."""

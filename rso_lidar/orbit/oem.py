@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 import functools
 import itertools
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -77,6 +78,14 @@ class Ephemeris(Part):
             f"ephemeris {self.file}: its rows are far apart: interpolation may be off by some {off_m:.3g} m; take a finer "
             "table, or 'numerical' from one of its states"
         ]
+
+    def breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which segments begin and end."""
+        arcs, start = self._arcs(), epochs.at(slice(0, 1))
+        begin_s = [arc.begin_s - float(elapsed_s(start, arc.start_utc)[0]) + float(start.time_s[0]) for arc in arcs]
+        ends_s = [begin + arc.end_s - arc.begin_s for begin, arc in zip(begin_s, arcs, strict=True)]
+        open_ = [end + 2.0 * EDGE_S for end, after in zip(ends_s, [*begin_s[1:], math.inf], strict=True) if end < after]
+        return np.array([begin - 2.0 * EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
 
     def _states(self, epochs: Epochs, more: int) -> BodyState:
         """Return the states by polynomials of so many degrees more (or less, where the rows do not suffice)."""

@@ -71,6 +71,13 @@ class SeveralSets:
         number: np.ndarray = np.searchsorted(self._switch_s, epochs.since(self.sets[0].epoch_utc), side="right")
         return number
 
+    def breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which it switches between sets."""
+        after: np.ndarray = self._switch_s - float(
+            Epochs(epochs.start_utc, np.zeros(1)).since(self.sets[0].epoch_utc)[0]
+        )
+        return after
+
     def jumps(self, epochs: Epochs | None = None) -> tuple[Jump, ...]:
         """Return the switches between sets, or those that the span of some epochs crosses."""
         first, last = 0, len(self._switch_s)

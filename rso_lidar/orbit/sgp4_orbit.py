@@ -7,6 +7,7 @@ import functools
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import CatalogError, warn
@@ -115,6 +116,10 @@ class Tle(Part):
     def jumps(self, epochs: Epochs) -> tuple[Jump, ...]:
         """Return the switches between sets that the span of the epochs crosses."""
         return self.trajectory(epochs.start_utc).jumps(epochs)
+
+    def breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which it switches between sets."""
+        return self.trajectory(epochs.start_utc).breaks_s(epochs)
 
     def epoch_age_days(self, epochs: Epochs) -> float:
         """Return the largest time between an epoch asked for and that of the elements flown there [day]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.forces import Forces
 from rso_lidar.orbit.kepler import propagate
 from rso_lidar.orbit.numerical import solution
+from rso_lidar.orbit.state_rates import state_rates
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.pose import cross, turned
 from rso_lidar.records import BodyState
@@ -31,8 +33,18 @@ class Nonlinear(RelativeState):
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
         start = BodyState(*state_at_start(chief, epochs.start_utc))
-        body = beside(start, np.array(self.position_m), np.array(self.velocity_m_s))
-        return rtn_difference(*(self._flown(state, epochs) for state in (start, body)))
+        first = Epochs(epochs.start_utc, np.zeros(1))
+        rates = self._rates(start, BodyState(start.position_m[None], start.velocity_m_s[None]), first)
+        at_start = None if rates is None else (rates[0][0], rates[1][0])
+        body = beside(start, np.array(self.position_m), np.array(self.velocity_m_s), at_start)
+        flown = self._flown(start, epochs)
+        return rtn_difference(flown, self._flown(body, epochs), self._rates(start, flown, epochs))
+
+    def _rates(self, start: BodyState, flown: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the derivatives (time, 3) of the chief's states under the forces; None where its plane stands still."""
+        if self.forces is None:
+            return None
+        return flown.velocity_m_s, state_rates(_Flown(self, start), epochs, flown)[1]
 
     def _flown(self, start: BodyState, epochs: Epochs) -> BodyState:
         if self.forces is None:
@@ -47,20 +59,43 @@ class Nonlinear(RelativeState):
         return flattening("nonlinear", epochs, *state_at_start(chief, epochs.start_utc), better="give it forces")
 
 
-def rtn_difference(chief: BodyState, body: BodyState) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class _Flown:
+    """The trajectory of a state at the start under the forces of a relative motion."""
+
+    motion: Nonlinear
+    start: BodyState
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        return self.motion._flown(self.start, epochs)
+
+
+def rtn_difference(
+    chief: BodyState, body: BodyState, rates: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return position [m] and velocity [m/s] (…, 3) of a body in a chief's rtn axes, the velocity as those axes see it.
 
     What the axes' turning takes off, omega x rho, is in it; differences of inertial coordinates are good to 1e-8 m.
+    `rates` are the derivatives of the chief's state, as `rtn_axes` takes them; without them its plane stands still.
     """
-    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s)
+    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     back = np.swapaxes(axes, -1, -2)
     position = turned(back, body.position_m - chief.position_m)
     return position, turned(back, body.velocity_m_s - chief.velocity_m_s) - cross(omega, position)
 
 
-def beside(chief: BodyState, position_m: np.ndarray, velocity_m_s: np.ndarray) -> BodyState:
-    """Return the inertial state of a body at a position and with a velocity (…, 3) in a chief's rtn axes."""
-    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s)
+def beside(
+    chief: BodyState,
+    position_m: np.ndarray,
+    velocity_m_s: np.ndarray,
+    rates: tuple[np.ndarray, np.ndarray] | None = None,
+) -> BodyState:
+    """Return the inertial state of a body at a position and with a velocity (…, 3) in a chief's rtn axes.
+
+    `rates` are the derivatives of the chief's state, as `rtn_axes` takes them; without them its plane stands still.
+    """
+    axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     return BodyState(
         chief.position_m + turned(axes, position_m),
         chief.velocity_m_s + turned(axes, velocity_m_s + cross(omega, position_m)),

@@ -56,6 +56,10 @@ class ProximityOperation(RelativeMotion):
             raise _too_near(self.keep_out_m, float(distance[k]), float(epochs.time_s[k]), position[k])
         return position, velocity
 
+    def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which the legs of the plan begin."""
+        return np.array([leg.begin_s for leg in self.plan(epochs.start_utc, chief).legs])
+
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each way in which Clohessy-Wiltshire is stretched at these epochs."""
         position, _ = self.relative(epochs, chief)

@@ -21,6 +21,10 @@ class RelativeMotion(Part):
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
 
+    def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
+        """Return the instants [s] after the start of `epochs` at which the relative velocity jumps or has a corner."""
+        return np.empty(0)
+
     @abstractmethod
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""

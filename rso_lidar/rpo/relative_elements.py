@@ -14,6 +14,7 @@ from __future__ import annotations
 import datetime
 import functools
 import math
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from rso_lidar.orbit.mean_elements import (
     secular,
 )
 from rso_lidar.orbit.pole import equator_axes
+from rso_lidar.orbit.state_rates import state_rates
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import turned
@@ -72,8 +74,12 @@ class RelativeElements(RelativeMotion):
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
         rows = self._rows(epochs, chief)
         if self.j2:
-            return rtn_difference(*(BodyState(*osculating_from_mean(secular(row, epochs.time_s))) for row in rows))
-        return rtn_difference(*(BodyState(*propagate(*conic(row), epochs.time_s)) for row in rows))
+            of, body = (_MeanFlight(row) for row in rows)
+            there = of.states(epochs)
+            rates = there.velocity_m_s, state_rates(of, epochs, there)[1]
+            return rtn_difference(there, body.states(epochs), rates)
+        there, here = (BodyState(*propagate(*conic(row), epochs.time_s)) for row in rows)
+        return rtn_difference(there, here)
 
     def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return the elements of the chief and of the body at `start_utc`, rows (6)."""
@@ -107,6 +113,17 @@ class RelativeElements(RelativeMotion):
                 "of type numerical for each"
             )
         return sentences
+
+
+@dataclass(frozen=True, eq=False)
+class _MeanFlight:
+    """The trajectory of mean elements, a row (6) that holds at the start, in axes of the equator of that date."""
+
+    row: np.ndarray
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3)."""
+        return BodyState(*osculating_from_mean(secular(self.row, epochs.time_s)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -252,8 +252,10 @@ def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
 
 def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the difference of two orbits `time_s` after these states (time, 3), in the chief's turning rtn axes."""
-    flown = (kepler.propagate(state.position_m, state.velocity_m_s, time_s) for state in (chief, body))
-    return rtn_difference(*(BodyState(*state) for state in flown))
+    there, here = (
+        BodyState(*kepler.propagate(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
+    )
+    return rtn_difference(there, here)
 
 
 def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:

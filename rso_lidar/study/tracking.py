@@ -22,7 +22,6 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.tracking import tracking_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
 from rso_lidar.records import Frame, Source
-from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.study.burns import known_burns
 from rso_lidar.study.recorded import scenario_of, surfaces_of
@@ -220,11 +219,9 @@ def _row(
     true_m = {"cv": turned(own, link.translation_m)}
     true_m_s = {"cv": turned(own, link.velocity_m_s + cross(turning, link.translation_m))}
     if not scenario.local:
-        state = truth.states["follower"]
-        rtn, rate = rtn_matrix(state.position_m, state.velocity_m_s)
-        turns["cw"] = _rotation(rtn).inv() * own
-        true_m["cw"] = rtn.T @ true_m["cv"]
-        true_m_s["cw"] = rtn.T @ true_m_s["cv"] - cross(rate, true_m["cw"])
+        in_rtn = truth.poses.link("follower.rtn", name)
+        turns["cw"] = truth.pose("follower.rtn", "follower").rotation
+        true_m["cw"], true_m_s["cw"] = in_rtn.translation_m, in_rtn.velocity_m_s
     found, middle, covariance = None, np.full(3, np.nan), np.eye(3)
     if fix is not None:
         found = follow(truth.time_s, fix.points_m, own * seat.rotation) if follow else None
@@ -255,12 +252,6 @@ def _pointing_rad(scenario: Scenario) -> float:
         return 0.0
     errors = scenario.ptu.errors
     return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG
-
-
-def _rotation(matrix: np.ndarray) -> Rotation:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(matrix)
 
 
 def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:

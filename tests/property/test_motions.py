@@ -39,23 +39,28 @@ GRID_S = (TIMES_S[:, None] + STEP_S * np.arange(-2, 3)).ravel()
 # zonal harmonics have waves six times as short.
 EXACT_M_S = 2e-8
 SHORT_WAVES_M_S = 1e-6
-# SGP4's velocity leaves out small rates of its periodic terms: some cm/s (Vallado et al. 2006, 3.D).
-SGP4_M_S = 0.05
-# The first-order map of J2 leaves J2^2 r = 8 m a revolution, at several waves in it: 8 m n = 9 mm/s.
-MEAN_M_S = 0.02
-# rtn axes leave out the turn of a perturbed orbit's plane, 3 J2 (R/r)^2 n sin i cos i at most: 1.5e-6 rad/s in low orbit.
-PLANE_RAD_S = 1.6e-6
+# SGP4 rounds the time from its epoch, some days, to 1e-10 s, which is 1e-6 m along a low orbit, over the step of 2 s.
+SGP4_M_S = 3e-6
 OF_STATES = {
     "tle": SGP4_M_S,
     "tle of several sets": SGP4_M_S,
     "omm": SGP4_M_S,
     "kepler, open": SHORT_WAVES_M_S,
-    "j2": MEAN_M_S,
-    "j2, osculating": MEAN_M_S,
+    "j2": SHORT_WAVES_M_S,
+    "j2, osculating": SHORT_WAVES_M_S,
     "numerical": SHORT_WAVES_M_S,
     "numerical from a tle": SHORT_WAVES_M_S,
 }
-PERTURBED = [name for name in OF_STATES if name != "kepler, open"]
+# What differences of 2 s leave out of an acceleration, 3e-6 of 0.02 m/s^2 (J2), over the speed: 1e-11 rad/s. A user's own
+# dynamics are not differenced: what they leave out is said in `hill.inertial_acceleration`.
+RATE_RAD_S = 3e-11
+OWN_RAD_S = 1e-9
+# The velocity of SGP4 leaves out small rates of its periodic terms, some cm/s (Vallado et al. 2006, 3.D); the first-order
+# map of J2 leaves J2^2 r = 8 m a revolution, at several waves in it: 8 m n = 9 mm/s.
+# Two bodies 1 km apart have nearly the same of those 9 mm/s: the difference is 1.4e-4 (1 km over the radius) times some
+# waves in a revolution.
+FAR_WAVES_M_S = 1e-5
+THEORIES = ("tle", "tle of several sets", "omm", "j2", "j2, osculating")
 DIFFERENCES = (
     "relative_elements",
     "relative_elements of two bodies",
@@ -141,21 +146,21 @@ def test_velocity_is_the_slope_of_the_position(name, folder):
     bodies = rl.Scenario.loads(scenario_text(MOTIONS[name]), folder=folder).bodies
     truth = motion.truth(bodies, epochs(GRID_S))
     poses, origin = truth.poses, bodies[-1].origin
-    within = OF_STATES.get(name, EXACT_M_S)
-    own, plane = within, PLANE_RAD_S if name in PERTURBED else 0.0
-    if name in ("relative_elements", "nonlinear with forces"):  # 1 km of a plane that turns
-        within = own = 2.0 * PLANE_RAD_S * 1000.0
+    within = OF_STATES.get(name, FAR_WAVES_M_S if name in ("relative_elements", "nonlinear with forces") else EXACT_M_S)
     assert velocity_off_m_s(poses.link("inertial", origin)) < within
     assert velocity_off_m_s(poses.link("inertial", "follower")) < within
-    assert velocity_off_m_s(poses[origin]) < own
-    # Thrust turns the plane of its body too: 50 m (2 pi / 1200 s)^2 / 7.6 km/s across the track, 1.8e-7 rad/s.
-    thrust = 2e-7 if "forced" in name or name in RELATIVE else 0.0
-    assert rate_off_rad_s(poses.link("inertial", origin)) < plane + thrust + 1e-11
+    assert velocity_off_m_s(poses[origin]) < within
+    within = OWN_RAD_S if name.startswith("state_space") else RATE_RAD_S
+    assert rate_off_rad_s(poses.link("inertial", origin)) < within
+    assert rate_off_rad_s(poses[origin]) < within
     if bodies[-1].orbits:
         state, here = truth.states["follower"], poses.link("inertial", origin)
-        axes, rate = rtn_axes(state.position_m, state.velocity_m_s)
+        axes, plane = rtn_axes(state.position_m, state.velocity_m_s)
         assert np.allclose(here.matrix, axes.as_matrix(), rtol=0, atol=1e-12)
-        assert np.allclose(here.angular_velocity_rad_s, rate, rtol=0, atol=1e-15)
+        # of two bodies the plane stands still, and no perturbation turns it faster than thrust does here
+        assert np.allclose(here.angular_velocity_rad_s, plane, rtol=0, atol=3e-6)
+        within = 0.05 if name in THEORIES else 1e-6  # a theory's velocity is not quite the derivative of its position
+        assert np.allclose(state.velocity_m_s, here.velocity_m_s, rtol=0, atol=within)
 
 
 @pytest.mark.parametrize("name", ATTITUDES)
@@ -175,7 +180,9 @@ def test_body_rates_in_a_perturbed_orbit(name, folder):
     for law in ("rtn", "lvlh_ccsds", "nadir", "look_at", "sun_pointing"):
         bodies = rl.Scenario.loads(scenario_text(RELATIVE["hill"], ATTITUDES[law], MOTIONS[name]), folder=folder).bodies
         poses = motion.truth(bodies, epochs(GRID_S)).poses
-        assert rate_off_rad_s(poses.link("inertial", "follower")) < PLANE_RAD_S + 1e-9, law
+        for parent in ("inertial", "chief", "chief.rtn"):
+            assert rate_off_rad_s(poses.link(parent, "follower")) < 1e-10, (law, parent)
+            assert velocity_off_m_s(poses.link(parent, "follower")) < OF_STATES[name], (law, parent)
 
 
 def test_hinges_turn_at_their_rates(folder):
@@ -193,10 +200,8 @@ def test_hinges_turn_at_their_rates(folder):
         bodies = rl.Scenario.loads(scenario_text(RELATIVE["nonlinear"], None, KEPLER, more), folder=folder).bodies
         truth = motion.truth(bodies, epochs(GRID_S))
         (axes,) = [axes for axes in truth.poses if axes.endswith(name)]
-        # The Sun's own way about the Earth, 2e-7 rad/s, is left out of the panel's rate; across the axis up to three times.
-        within = 6e-7 if name == "panel" else 1e-10
         for parent in ("chief", "inertial", "follower"):
-            assert rate_off_rad_s(truth.poses.link(parent, axes)) < within, (name, parent)
+            assert rate_off_rad_s(truth.poses.link(parent, axes)) < 1e-10, (name, parent)
             assert velocity_off_m_s(truth.poses.link(parent, axes)) < EXACT_M_S
         again = motion.truth(bodies, epochs(GRID_S[3:4]))
         assert same_bits({key: rows[3:4] for key, rows in bits(truth).items()}, bits(again))
@@ -244,10 +249,9 @@ def test_a_relative_motion_about_any_chief(about, folder):
         if "position_m" in (fields := bodies[-1].motion.model_dump()):
             assert np.allclose(link.translation_m[-1], fields["position_m"], rtol=0, atol=1e-6), name
             assert np.allclose(link.velocity_m_s[-1], fields["velocity_m_s"], rtol=0, atol=1e-9), name
-        within = EXACT_M_S
-        if name in DIFFERENCES:
-            within += OF_STATES.get(about, 0.0) + 2.0 * PLANE_RAD_S * apart.max()
+        within = FAR_WAVES_M_S if name in DIFFERENCES else EXACT_M_S
         assert velocity_off_m_s(link[: len(GRID_S)]) < within, name
+        assert rate_off_rad_s(link[: len(GRID_S)]) < (OWN_RAD_S if "state_space" in name else RATE_RAD_S), name
 
 
 def test_about_an_open_chief_only_what_needs_no_mean_motion(folder):
