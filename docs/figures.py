@@ -266,9 +266,9 @@ def pixel() -> Any:
     made = chain.analog(detector, photons, rows, plan, camera, rng)
     threshold = np.array([detector.trigger.threshold_electrons * camera.threshold[0]], np.float32)
     base = chain.base_rate_per_s(detector, camera, photons)
-    latch = int(chain.latched(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
+    latch = float(chain.latched(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
     per = plan.steps_per_sample
-    sample = (rows.start[0] + latch) // per - detector.readout.pretrigger_samples
+    sample = math.floor((rows.start[0] + latch) / per) - detector.readout.pretrigger_samples
     at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
     samples = detector.readout.convert(made.amplitude[0, at])[None]
     waveforms = Waveforms(

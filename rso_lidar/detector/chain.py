@@ -6,7 +6,7 @@ pixels that trigger themselves, `gated` for pixels that all store one stretch of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from rso_lidar.detector.false_triggers import false_traces, first_false_s
 from rso_lidar.detector.focal_plane import Camera
 from rso_lidar.detector.noise import noise_rms
 from rso_lidar.detector.overlap import Overlap, blocks
-from rso_lidar.detector.trigger import NEAR, crossed_between, first_or_near, watched_steps
+from rso_lidar.detector.trigger import NEAR, NEVER, crossed_between, crossing_places, first_or_near, watched_steps
 from rso_lidar.detector.waveform import Laying, Plan, Rows, expected, laid, pulse_transfer, rows_about
 from rso_lidar.records import Photons, Waveforms
 
@@ -121,7 +121,8 @@ def analog(
     if gsfl.maps is not None:
         relative = pixel_gain[:, None]
     if wait and rng is not None:
-        sag = _droop(gsfl, rows, electrons, photons, plan.step_s) - np.float32(1.0)
+        steady = np.float32(gsfl.apd.gain) * base[:, None]
+        sag = drooped_gain(gsfl, rows, electrons - steady, photons, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
         for block, (quiet, excess) in zip(blocks(rows, _ROWS_AT_ONCE), waiting, strict=True):
             excess += electrons[block] * sag[block]
@@ -140,10 +141,19 @@ def _laying(amplifier: Filters, efficiency: float, gain: float, pulse_step_s: fl
     return Laying.of(pulse, gain * pulse * amplifier.mean, amplifier.n)
 
 
-def _droop(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, photons: Photons, step_s: float) -> np.ndarray:
+def drooped_gain(gsfl: Gsfl, rows: Rows, electrons: np.ndarray, photons: Photons, step_s: float) -> np.ndarray:
     """Return the gain (row, step) relative to rest in the dark, while the whole array draws on the bias supply.
 
-    Steady sunlight has sagged it to I R before the flash. Rows of a pixel that overlap in time hold the same light once.
+    Steady sunlight has sagged it before the flash, and the dark current belongs to rest: neither counts among the electrons
+    of the flash. Rows of a pixel that overlap in time hold the same light once.
+
+    Parameters
+    ----------
+    gsfl : the detector, with a droop.
+    rows : stretches of time of the lit pixels.
+    electrons : (row, step) electrons drawn at the gain of rest, less the mean of dark current and sunlight.
+    photons : the light, for its steady background.
+    step_s : length of a step [s].
     """
     assert gsfl.droop is not None
     if not len(rows.pixel):
@@ -170,7 +180,7 @@ def armed(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
     opens, closes = (np.ceil(m / units.RANGE_PER_DELAY_M_S / step_s) for m in (gsfl.armed_from_m, gsfl.armed_to_m))
     first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
     last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
-    return Rows(rows.pixel, rows.start, first, last, rows.length, rows.room), first > rows.first
+    return replace(rows, first=first, last=last), first > rows.first
 
 
 def latched(
@@ -182,9 +192,17 @@ def latched(
     step_s: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the step (row) at which each row's comparator latches, or -1; `threshold` (row) [electrons].
+    """Return where (row) [steps] each row's comparator latches, the crossing of its threshold, or -1.
 
-    `base_per_s` (row) are the primaries that no pulse makes; `arming` says which rows begin as the pixel is armed.
+    Parameters
+    ----------
+    gsfl : the detector.
+    made : the amplifier's output.
+    threshold : (row) [electrons].
+    base_per_s : (row) primaries that no pulse makes [1/s].
+    arming : (row) which rows begin as the pixel is armed.
+    step_s : length of a step [s].
+    rng : generator of what the steps leave open.
     """
     rows, amplitude, bridge, amplifier = made.rows, made.amplitude, gsfl.bridge(step_s), gsfl.amplifier
     latch = first_or_near(
@@ -201,15 +219,23 @@ def latched(
         shot_electrons_rs=float(noise_rms(gsfl.apd, 1.0, 0.0, amplifier.pole_s, amplifier.integration_s)),
         reach=bridge.reach * bridge.sigma,
     )
+    crossing = np.full(len(latch), float(NEVER))
+    above = np.flatnonzero(latch >= 0)
+    # What is above when its watch begins has crossed before, as far back as the row holds the samples of its trace; in a row
+    # that goes on, or that begins as the pixel is armed, it has not been above before.
+    back = ~arming & (np.diff(rows.pixel, prepend=-1) != 0)
+    stored_before = gsfl.readout.pretrigger_samples * round(gsfl.readout.sample_s / step_s)
+    earliest = np.where(back, np.minimum(stored_before, rows.first), rows.first)
+    crossing[above] = crossing_places(amplitude[above], threshold[above], latch[above], earliest[above])
     missed = np.flatnonzero(latch == NEAR)
     if not len(missed):
-        return latch
+        return crossing
     watched = watched_steps(rows.length, rows.first[missed], rows.last[missed])
     sigma = noise_sigma(gsfl, made.primaries[missed] / step_s + base_per_s[missed, None])
-    latch[missed] = crossed_between(
+    crossing[missed] = crossed_between(
         amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
     )
-    return latch
+    return crossing
 
 
 def noise_sigma(gsfl: Gsfl, rate_per_s: np.ndarray) -> np.ndarray:
@@ -223,7 +249,7 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     rng = quick(rng)
     n_pixels = photons.shape[0] * photons.shape[1]
     camera = gsfl.camera(n_pixels)
-    plan = gsfl.plan(photons.pulse_fwhm_s)
+    plan = gsfl.plan(photons.pulse_fwhm_s, _earliest_s(gsfl, photons))
     per_sample = plan.steps_per_sample
     dark = _DARK * gsfl.threshold_photons
     sure = _SURE * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
@@ -232,7 +258,7 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     base = base_rate_per_s(gsfl, camera, photons)
     threshold = (gsfl.trigger.threshold_electrons * camera.threshold[rows.pixel]).astype(np.float32)
     latch = latched(gsfl, made, threshold, base[rows.pixel], arming, plan.step_s, rng)
-    fired = np.flatnonzero((latch >= 0) & ~camera.dead[rows.pixel])
+    fired = np.flatnonzero((latch >= 0.0) & ~camera.dead[rows.pixel])
     row = fired[np.diff(rows.pixel[fired], prepend=-1) != 0]  # the first of each pixel
     pixel, latch_step = rows.pixel[row], rows.start[row] + latch[row]
 
@@ -241,13 +267,13 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     unwatched = ~_watched(rows, plan.step_s, noisy, false_s)
     noisy, false_s = noisy[unwatched], false_s[unwatched]
     place, both = _among(pixel, noisy)
-    late = both & (false_s >= np.append(latch_step, 0)[place] * plan.step_s)
+    late = both & (false_s >= np.append(latch_step, 0.0)[place] * plan.step_s)
     real = np.ones(len(pixel), bool)
     real[place[both & ~late]] = False
     noisy, false_s = noisy[~late], false_s[~late]
 
     row, pixel, latch_step = row[real], pixel[real], latch_step[real]
-    sample = latch_step // per_sample - gsfl.readout.pretrigger_samples
+    sample = np.floor(latch_step / per_sample).astype(np.int64) - gsfl.readout.pretrigger_samples
     offset = camera.offset_counts
     first = sample * per_sample - rows.start[row]
     counts = gsfl.readout.store(made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
@@ -270,6 +296,14 @@ def traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
     )
 
 
+def _earliest_s(gsfl: Gsfl, photons: Photons) -> float:
+    """Return how long before its delay the brightest pixel's light can pass half the threshold [s]; 0 where it does not."""
+    brightest = float(np.bincount(photons.pixel, photons.photons).max(initial=0.0)) if len(photons.pixel) else 0.0
+    pulse = gsfl.pulse(photons)
+    over = brightest * gsfl.electrons_per_photon * pulse.peak / gsfl.trigger.threshold_electrons
+    return max(-pulse.rise_s(0.5 / over), 0.0) if over > 1.0 else 0.0
+
+
 def _watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
     """Return whether rows say what noise does to these pixels at these times [s]."""
     row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
@@ -277,7 +311,7 @@ def _watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> 
     while (row < end).any():  # a pixel has few rows
         some = np.flatnonzero(row < end)
         step, of = at_s[some] / step_s - rows.start[row[some]], row[some]
-        watched[some] |= (step >= rows.first[of]) & (step <= rows.last[of])
+        watched[some] |= (step >= rows.first[of]) & (step <= rows.last[of] - 1)  # `last` itself is not looked at
         row = row + 1
     return watched
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
+from rso_lidar.detector.load import ArrayLoad
 from rso_lidar.detector.presets import FITTED
 from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
 from rso_lidar.records import Photons, Reading
@@ -116,6 +117,24 @@ class Empirical(Part):
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
         clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))
         return clipped
+
+    @property
+    def frame_jitter_s(self) -> float:
+        """Return the jitter of a whole frame [s, 1 sigma]: none."""
+        return 0.0
+
+    def alone(self, gain: float = 1.0) -> Self:
+        """Return this detector: its pixels do nothing to each other, and no gain sags."""
+        return self
+
+    def array_load(self, photons: Photons) -> ArrayLoad:
+        """Return what the pixels of a flash do to each other: nothing."""
+        n_pixels = photons.shape[0] * photons.shape[1]
+        return ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels))
+
+    def crosstalk_m(self, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Return the error of range [m] of pixels (pixel) that latch together: none."""
+        return np.zeros(np.shape(together_fraction))
 
     def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, None]:
         """Return what the sensor says of one flash; this detector has no waveforms."""

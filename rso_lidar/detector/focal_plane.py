@@ -9,6 +9,9 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
 
+_GAIN_WITHIN = 1e-6  # a relative error of the gain far below the noise of any frame
+_MOST_ROUNDS = 50
+
 
 class Timing(Part):
     """How well a pixel knows when light arrived: `pixel_jitter_ns` of each pixel and flash, `frame_jitter_ns` of a flash.
@@ -78,48 +81,86 @@ class Saturation(Part):
 
 
 class Droop(Part):
-    """The APD bias sags under the photocurrent of the whole array, and with it the gain of every pixel (Seal, AFIT).
+    """An APD bias that sags under the photocurrent of the whole array, and with it the gain of every pixel.
 
-    C dV/dt = (V₀ − V)/R − Σ i(t); the gain falls by `gain_slope_per_v` for each volt. All values are assumed.
+    C dV/dt = (V₀ − V)/R − Σ i(t): the sum of the photocurrents loads the bias regulator (M. Seal, Nonlinear time-variant
+    response in an avalanche photodiode array based LADAR, thesis, AFIT; it gives no circuit values that could be read). A
+    sag of v leaves 1/(1 + `gain_slope_per_v` · v) of the gain. That is M = a/(V_b − V), which the data sheet of the InGaAs
+    APDs C30645 and C30662 (Excelitas) states above M = 4 with a = 40 to 50 V, so 0.22 per volt at M = 10; Miller's law
+    M = 1/(1 − (V/V_b)ⁿ) has the same form near V_b. C is the junctions' own: 1.25 pF more at 200 µm than at 80 µm (same data
+    sheet) is 0.24 pF in a pixel of 80 µm, 4 nF in 128 x 128 of them. That nothing else holds the bias, and R, the output
+    resistance of the regulator (a loop of 0.8 MHz with C), are assumed.
     """
 
-    capacitance_nf: Positive = 10.0
-    resistance_ohm: Positive = 1000.0
-    gain_slope_per_v: NotNegative = 0.05
+    capacitance_nf: Positive = 4.0
+    resistance_ohm: Positive = 50.0
+    gain_slope_per_v: NotNegative = 0.22
 
     def gain(self, electrons: np.ndarray, step_s: float, steady_per_s: float = 0.0) -> np.ndarray:
-        """Return the gain (step) relative to rest, while `electrons` (step) leave the bias supply in each step.
+        """Return the gain (step) relative to rest under the current that pixels draw from the bias supply.
 
-        What a step draws is felt from the next one on; `steady_per_s` [electrons/s] have flowed for long before. The gain
-        does not fall below 0.
+        A lower gain draws less, so sag and gain are solved together. What a step draws is felt from the next one on.
+
+        Parameters
+        ----------
+        electrons : (step) electrons that all pixels draw in each step at the gain of rest.
+        step_s : length of a step [s].
+        steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s].
         """
         from scipy.signal import lfilter
 
-        capacitance_f = self.capacitance_nf * units.NF
+        slope, capacitance_f = self.gain_slope_per_v, self.capacitance_nf * units.NF
         keep = np.exp(-step_s / (self.resistance_ohm * capacitance_f))
         drawn_v = electrons * units.ELEMENTARY_CHARGE_C / capacitance_f
-        sag_v = lfilter([0.0, 1.0], [1.0, -keep], drawn_v)
-        sag_v = sag_v + steady_per_s * units.ELEMENTARY_CHARGE_C * self.resistance_ohm
-        gain: np.ndarray = np.maximum(1.0 - self.gain_slope_per_v * sag_v, 0.0)
-        return gain
+        # v (1 + slope v) = I R under a steady current.
+        loaded_v = steady_per_s * units.ELEMENTARY_CHARGE_C * self.resistance_ohm
+        steady_v = 2.0 * loaded_v / (1.0 + np.sqrt(1.0 + 4.0 * slope * loaded_v))
+        sag_v = np.full(np.shape(electrons), steady_v)
+        for _ in range(_MOST_ROUNDS):
+            gain = 1.0 / (1.0 + slope * sag_v)
+            missed_v = steady_v + lfilter([0.0, 1.0], [1.0, -keep], drawn_v * gain) - sag_v
+            sag_v += missed_v / (1.0 + slope * sag_v * gain)  # Newton's step, as if all current came at once
+            if slope * np.abs(missed_v).max(initial=0.0) < _GAIN_WITHIN:
+                break
+        found: np.ndarray = 1.0 / (1.0 + slope * sag_v)
+        return found
 
 
 class Crosstalk(Part):
-    """Pixels that latch together disturb each other (simultaneous ranging, Opt. Eng. 60(8) 083101).
+    """Electronic crosstalk between pixels that latch together (simultaneous ranging crosstalk, Opt. Eng. 60(8) 083101).
 
-    Where a share s of the array latches within one clock of a pixel, its range moves by `offset_m` · s and scatters by
-    `noise_m` · s. Both figures are assumed.
+    Where a share s of the array latches within one clock of a pixel, its range scatters by `noise_m` · s, 1 sigma. The mean
+    shift is common to the array, and the camera's calibration takes it off: what is left of it is `offset_m` · (s −
+    `calibrated_fraction`), with the share that latched together during calibration (0.5 for a checkerboard, 1 for a wall).
+
+    The paper states a precision of 8.04 cm for a camera of 128 x 128 pixels before a checkerboard, which triggers half of
+    them. `noise_m` makes the default camera give that: 5 cm are its `timing`, the rest is taken for crosstalk. How that
+    grows with s is not published, and linear by assumption. No mean shift is published either: 0 is a calibrated camera.
     """
 
-    offset_m: Number = 0.3
-    noise_m: NotNegative = 0.3
+    offset_m: Number = 0.0
+    calibrated_fraction: Fraction = 0.0
+    noise_m: NotNegative = 0.126
 
-    def shift_m(self, latch_s: np.ndarray, clock_s: float, n_pixels: int, rng: np.random.Generator) -> np.ndarray:
-        """Return the error of range [m] of pixels that latched at `latch_s` (trace), of an array of `n_pixels`."""
+    def share(self, at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels: int) -> np.ndarray:
+        """Return the share of the array that latches within one clock of each instant.
+
+        Parameters
+        ----------
+        at_s : (pixel) instants, such as those at which these pixels latch themselves [s].
+        latch_s : (latch) when pixels of the array latched [s].
+        clock_s : time between samples [s].
+        n_pixels : pixels of the array.
+        """
         order = np.sort(latch_s)
-        together = np.searchsorted(order, latch_s + clock_s, "right") - np.searchsorted(order, latch_s - clock_s)
-        share = together / n_pixels
-        shift: np.ndarray = share * (self.offset_m + self.noise_m * rng.standard_normal(len(latch_s)))
+        together = np.searchsorted(order, at_s + clock_s, "right") - np.searchsorted(order, at_s - clock_s)
+        share: np.ndarray = together / n_pixels
+        return share
+
+    def shift_m(self, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Draw the error of range [m] of pixels (pixel) with which such a share of the array latches."""
+        shift: np.ndarray = self.offset_m * (share - self.calibrated_fraction)
+        shift += self.noise_m * share * rng.standard_normal(np.shape(share))
         return shift
 
 

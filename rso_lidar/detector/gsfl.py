@@ -26,6 +26,7 @@ from rso_lidar.detector.focal_plane import (
     camera,
 )
 from rso_lidar.detector.gate import Gate
+from rso_lidar.detector.load import ArrayLoad, array_load
 from rso_lidar.detector.measure import measure
 from rso_lidar.detector.noise import noise_rms, rice_rate
 from rso_lidar.detector.presets import PRESETS
@@ -206,18 +207,25 @@ class Gsfl(Part):
         """Return the greatest range [m] at which anything is detected."""
         return self.gate.to_m if self.gate else self.armed_to_m
 
-    def plan(self, pulse_fwhm_s: float) -> Plan:
-        """Return how the axis of time is laid out for pulses of this length."""
+    def plan(self, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
+        """Return how the axis of time is laid out.
+
+        Parameters
+        ----------
+        pulse_fwhm_s : length of the pulse [s].
+        earliest_s : how long before its delay a return can latch [s], if that is longer than of moderate light.
+        """
         sample_s, pole_s = self.readout.sample_s, self.amplifier.pole_s
         # With 6.5 steps to a pulse, detection moves by less than 0.1 % from there to three times as many.
         per_sample = max(self.steps_per_sample, math.ceil(6.5 * sample_s / pulse_fwhm_s))
         step_s = sample_s / per_sample
         # Together with `room`, 1.5 FWHM from the last return around to the first sample: 0.2 % of a Gaussian's peak is left.
-        memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s)
+        rise = math.ceil(1.3 * pulse_fwhm_s / step_s)  # 110 times the threshold latches so early; more, before the watch
+        memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s, earliest_s - rise * step_s)
         return Plan(
             step_s=step_s,
             steps_per_sample=per_sample,
-            rise=math.ceil(1.3 * pulse_fwhm_s / step_s),  # 110 times the threshold latches so early; more, at once
+            rise=rise,
             fall=math.ceil((0.5 * pulse_fwhm_s + 2.0 * pole_s) / step_s),
             before=self.readout.pretrigger_samples * per_sample + math.ceil(memory_s / sample_s) * per_sample,
             after=(self.readout.samples - self.readout.pretrigger_samples) * per_sample,
@@ -254,6 +262,30 @@ class Gsfl(Part):
         linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
         clipped: np.ndarray = np.minimum(linear, self.full_scale_counts)
         return clipped
+
+    # ------------------------------------------------------------------------------------------------ what pixels share
+
+    @property
+    def frame_jitter_s(self) -> float:
+        """Return the jitter of a whole frame [s, 1 sigma]; each pulse that a gate averages has its own."""
+        return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
+
+    def alone(self, gain: float = 1.0) -> Self:
+        """Return this detector as it is for a pixel by itself, with the APD's gain at that share of what it is at rest."""
+        apart = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
+        if gain != 1.0:
+            apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
+        return self.replace(**apart)
+
+    def array_load(self, photons: Photons) -> ArrayLoad:
+        """Return what the pixels of a flash of this light do to each other."""
+        return array_load(self, photons)
+
+    def crosstalk_m(self, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Draw the error of range [m] of pixels (pixel) with which such a share of the array latches."""
+        if self.crosstalk is None or self.gate is not None:
+            return np.zeros(np.shape(together_fraction))
+        return self.crosstalk.shift_m(together_fraction, rng)
 
     # ----------------------------------------------------------------------------------------------------- stages
 

@@ -50,8 +50,8 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     range_m = delay_s * units.RANGE_PER_DELAY_M_S
     range_m = np.where(range_m > 0.0, range_m, np.nan)  # nothing is reported from behind the lens
     if gsfl.crosstalk is not None and not gsfl.gate:
-        shift_m = gsfl.crosstalk.shift_m(waveforms.latch_s, waveforms.sample_s, n_pixels, rng)
-        range_m = range_m + shift_m[:, None]
+        share = gsfl.crosstalk.share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
+        range_m = range_m + gsfl.crosstalk.shift_m(share, rng)[:, None]
     if gsfl.saturation is not None:
         clipped = clipped | _on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
     return _reading(gsfl, waveforms, range_m, amplitude, clipped)

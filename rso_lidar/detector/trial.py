@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,21 @@ if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
 _NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is a false trigger
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What the pixels of a trial get from the flashes that they stand for, and not from each other.
+
+    `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of the
+    array that latches with a pixel, see `load.array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those of the
+    laser, 1 sigma: each pixel stands for a flash of its own.
+    """
+
+    gain: float = 1.0
+    together_fraction: float | np.ndarray = 0.0
+    energy_jitter_fraction: float = 0.0
+    timing_jitter_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +94,16 @@ def plate(
 
 
 def trial(
-    detector: Gsfl | Empirical, photons: Photons, rng: np.random.Generator, true_m: np.ndarray | None = None
+    detector: Gsfl | Empirical,
+    photons: Photons,
+    rng: np.random.Generator,
+    true_m: np.ndarray | None = None,
+    around: Surroundings = Surroundings(),
 ) -> Trial:
     """Simulate what a detector makes of a return in each pixel, such as `plate` makes.
+
+    Each pixel stands for one pixel of a flash of its own. So the pixels of a trial, however many, draw no common current,
+    do not latch together and share no jitter: `around` says what their flashes do to them.
 
     Parameters
     ----------
@@ -88,11 +111,20 @@ def trial(
     photons : light on a row of pixels.
     rng : generator of the noise.
     true_m : (pixel) ranges [m] that the reports are held to (None: of the one return in each pixel).
+    around : what their flashes do to the pixels.
     """
-    reading, _ = detector.detect(photons, rng)
     if true_m is None:
         true_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
+    if around.energy_jitter_fraction > 0.0:
+        factor = 1.0 + around.energy_jitter_fraction * rng.standard_normal(photons.shape[0] * photons.shape[1])
+        photons = replace(photons, photons=photons.photons * np.maximum(factor, 1e-3)[photons.pixel])
+    reading, _ = detector.alone(around.gain).detect(photons, rng)
     error = reading.range_m.ravel().astype(float) - true_m
+    common_s = math.hypot(detector.frame_jitter_s, around.timing_jitter_s)
+    if common_s > 0.0:
+        error += common_s * units.RANGE_PER_DELAY_M_S * rng.standard_normal(len(error))
+    if np.any(around.together_fraction):
+        error += detector.crosstalk_m(np.broadcast_to(around.together_fraction, error.shape), rng)
     with np.errstate(invalid="ignore"):
         detected = np.abs(error) < _NEAR_M
     return Trial(detected, error[detected], reading.intensity_counts.ravel()[detected])

@@ -1,5 +1,6 @@
 """The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -66,14 +67,35 @@ class Bridge:
 
         `mean` (row, step) is the amplitude without noise.
         """
+        highest: np.ndarray = self.path(amplitude, mean, row, step, sigma, rng).max(axis=1)
+        return highest
+
+    def path(
+        self,
+        amplitude: np.ndarray,
+        mean: np.ndarray,
+        row: np.ndarray,
+        step: np.ndarray,
+        sigma: np.ndarray,
+        rng: np.random.Generator,
+    ) -> np.ndarray:
+        """Draw the amplitude at points evenly between `step` and the next of each `row`, without these two (row, point).
+
+        Parameters
+        ----------
+        amplitude : (row, step) [electrons].
+        mean : (row, step) the amplitude without noise [electrons].
+        row, step : where to draw.
+        sigma : rms of the noise there [electrons].
+        rng : generator of what the steps leave open.
+        """
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
         white = rng.standard_normal((len(row), len(self.root)))
         path = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
         path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], around])
         path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
-        highest: np.ndarray = path.max(axis=1)
-        return highest
+        return path
 
 
 def first_crossing(
@@ -172,15 +194,61 @@ def crossed_between(
     bridge: Bridge,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the step (row) after which rows that stay below at every step yet cross between two, or -1.
+    """Return where (row) [steps] rows that stay below at every step yet cross between two, or -1.
 
     `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
     """
     row, step = np.nonzero(_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
-    crossed = bridge.heights(amplitude, mean, row, step, sigma[row, step], rng) >= threshold[row]
-    result = np.full(len(amplitude), NEVER)
-    result[row[crossed][::-1]] = step[crossed][::-1]  # the first of a row is written last
+    path = bridge.path(amplitude, mean, row, step, sigma[row, step], rng)
+    above = path >= threshold[row, None]
+    crossed = np.flatnonzero(above.any(axis=1))
+    point = above[crossed].argmax(axis=1)
+    row, step, path = row[crossed], step[crossed], path[crossed]
+    before = np.where(point > 0, path[np.arange(len(point)), point - 1], amplitude[row, step])
+    after = path[np.arange(len(point)), point]
+    share = np.clip((threshold[row] - before) / np.maximum(after - before, 1e-30), 0.0, 1.0)
+    result = np.full(len(amplitude), float(NEVER))
+    place = step + (point + share) / (path.shape[1] + 1.0)
+    result[row[::-1]] = place[::-1]  # the first of a row is written last
     return result
+
+
+def crossing_places(
+    amplitude: np.ndarray, threshold: np.ndarray, latch: np.ndarray, earliest: np.ndarray
+) -> np.ndarray:
+    """Return where (row) [steps] the amplitude passes the threshold upward, of rows that are above it at `latch`.
+
+    The edge is a cubic through the two steps before the crossing and the two after it, in asinh(8 a/T): a straight line is
+    one there while the amplitude a is small, and the flank of a Gaussian, exponential and more, is a parabola. Of a pulse
+    without noise the error is below 0.01 ns up to ten times the threshold, and below 0.1 ns up to a million times.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    threshold : (row) [electrons].
+    latch : (row) a step at which the row is above. The crossing lies before it, where the watch found it above at once.
+    earliest : (row) the first step to look at. A row that is above from there on crosses there.
+    """
+    row, step = np.arange(len(latch)), latch.copy()
+    back = np.flatnonzero(step > earliest)
+    while len(back):
+        back = back[amplitude[back, step[back] - 1] >= threshold[back]]
+        step[back] -= 1
+        back = back[step[back] > earliest[back]]
+    around = np.clip(step[:, None] + np.arange(-2, 2), 0, amplitude.shape[1] - 1)
+    scale = 8.0 / threshold.astype(float)
+    two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around] * scale[:, None]).T
+    level = math.asinh(8.0)
+    # Newton's divided differences about the step before; their root by steps of Newton's from the straight line.
+    slope, bend = after - before, 0.5 * (after - 2.0 * before + two_before)
+    twist = (two_after - 3.0 * after + 3.0 * before - two_before) / 6.0
+    place = np.divide(level - before, slope, out=np.ones_like(slope), where=slope > 0.0)
+    for _ in range(6):
+        value = before + place * (slope + (place - 1.0) * (bend + (place + 1.0) * twist))
+        steep = slope + (2.0 * place - 1.0) * bend + (3.0 * place**2 - 1.0) * twist
+        place = np.clip(place - (value - level) / np.maximum(steep, 0.2 * np.abs(slope) + 1e-9), 0.0, 1.0)
+    crossing: np.ndarray = np.where((step <= earliest) | (before >= level), step.astype(float), step - 1.0 + place)
+    return crossing
 
 
 def _near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray, reach: np.ndarray) -> np.ndarray:

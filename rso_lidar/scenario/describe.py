@@ -17,7 +17,7 @@ from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.environment import environment_lines
 from rso_lidar.scenario.preview import Preview, Sight, preview
-from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, copy_pixels
+from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, copy_pixels, surroundings
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -276,7 +276,8 @@ def _trial(scenario: Scenario, casts: Sequence[TargetReturns], pixels: Sequence[
     # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
     shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
     photons, true_m = copy_pixels(casts, pixels, n, shift_m)
-    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m)
+    around = surroundings(lidar, casts, pixels, n)
+    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
 
 
 def _noise(made: Trial) -> str:

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import optics, scene, units
+from rso_lidar.detector.trial import Surroundings
 from rso_lidar.optics import Receiver
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Hits, Photons, Truth
 
 if TYPE_CHECKING:
+    from rso_lidar.scenario.lidar import Lidar
     from rso_lidar.scenario.preview import Preview
     from rso_lidar.scenario.scenario import Scenario
 
@@ -24,6 +26,7 @@ _MOST_ATTITUDES = 48
 _SAME_ATTITUDE_RAD = 2e-3  # 0.1 deg: below this, a turn changes the light by less than the sampling does
 _SAME_RANGE = 0.05  # share of the range within which a frame shows an attitude of the instant that is asked for
 _BINS_PER_PULSE = 8  # returns of a pixel are merged within an eighth of the pulse (0.15 m at 8 ns)
+_MOST_LOADS = 6  # attitudes for which it is simulated how the pixels of the array disturb each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +238,34 @@ def copy_pixels(
         cluster_pixel=np.repeat(np.arange(n), clusters),
     )
     return made, true_m + shift_m
+
+
+def surroundings(
+    lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int
+) -> Surroundings:
+    """Work out what the flashes do to `copy_pixels`: current of the whole array, pixels that latch together, laser jitter.
+
+    Parameters
+    ----------
+    lidar : the instrument that is in force.
+    casts : flashes, each for as many copies as the others; of many, what their arrays do is worked out for a few.
+    pixels : one pixel of each flash, None for a pixel without light.
+    n : number of copies in all.
+    """
+    few = np.unique(np.linspace(0, len(casts) - 1, _MOST_LOADS).round().astype(int))
+    gains, together = [], []
+    for number in few.tolist():
+        pixel = pixels[number]
+        load = lidar.detector.array_load(casts[number].light)
+        gains.append(1.0 if pixel is None else float(load.gain[pixel]))
+        together.append(0.0 if pixel is None else float(load.together_fraction[pixel]))
+    nearest = np.abs(np.subtract.outer(np.arange(len(casts)), few)).argmin(axis=1)
+    return Surroundings(
+        gain=float(np.mean(gains)),
+        together_fraction=np.array(together)[nearest][np.arange(n) % len(casts)],
+        energy_jitter_fraction=lidar.laser.energy_jitter_fraction,
+        timing_jitter_s=lidar.laser.timing_jitter_ns * units.NS,
+    )
 
 
 @dataclass(frozen=True, eq=False)

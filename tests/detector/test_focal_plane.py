@@ -169,18 +169,42 @@ def test_a_saturated_return_is_late_flagged_and_no_higher_than_the_rail():
 
 
 def test_droop_is_the_discharge_of_a_capacitor():
-    """C dV/dt = (V₀ − V)/R − i: after a charge Q, Q/C exp(−t/RC); under a steady current I, I R (1 − exp(−t/RC))."""
+    """C dV/dt = (V₀ − V)/R − i: after a charge Q, Q/C exp(−t/RC); under a steady current I, v = I R (1 − exp(−t/RC)).
+
+    A sag of v leaves 1/(1 + 0.05 v) of the gain. In the second case it is so small that the current stays I within its square.
+    """
     part, step_s = Droop(capacitance_nf=10.0, resistance_ohm=1000.0, gain_slope_per_v=0.05), 1e-9
     time_s = np.arange(40_000) * step_s
     burst = np.zeros(40_000)
     burst[0] = 1e11
     sag_v = 1e11 * ELECTRON_C / 10e-9 * np.exp(-(time_s[1:] - step_s) / 10e-6)
     assert part.gain(burst, step_s)[0] == 1.0
-    assert part.gain(burst, step_s)[1:] == pytest.approx(1.0 - 0.05 * sag_v, abs=1e-12)
-    steady = np.full(40_000, 1e7)
-    sag_v = 1e7 * ELECTRON_C / step_s * 1000.0 * -np.expm1(-time_s / 10e-6)
-    assert part.gain(steady, step_s) == pytest.approx(1.0 - 0.05 * sag_v, abs=0.05 * sag_v[-1] * step_s / 10e-6)
-    assert part.gain(np.full(100, 1e15), step_s).min() == 0.0
+    assert part.gain(burst, step_s)[1:] == pytest.approx(1.0 / (1.0 + 0.05 * sag_v), abs=1e-6)
+    steady = np.full(40_000, 1e6)
+    sag_v = 1e6 * ELECTRON_C / step_s * 1000.0 * -np.expm1(-time_s / 10e-6)
+    lost = 0.05 * sag_v
+    assert part.gain(steady, step_s) == pytest.approx(1.0 - lost, abs=lost[-1] * (step_s / 10e-6 + 2.0 * lost[-1]))
+
+
+@pytest.mark.parametrize("electrons", [1e5, 1e9, 1e12])
+def test_sag_and_gain_are_solved_together(electrons):
+    """The end of a long pulse is steady: v (1 + k v) = I R, a quadratic, at any load; so is sunlight before the flash."""
+    part, step_s = Droop(capacitance_nf=1.0, resistance_ohm=50.0, gain_slope_per_v=0.22), 1e-9
+    current_v = electrons * ELECTRON_C / 1e-9 / -math.expm1(-step_s / 50e-9)  # the sum over steps that recover in between
+    sag_v = (math.sqrt(1.0 + 4.0 * 0.22 * current_v) - 1.0) / (2.0 * 0.22)
+    assert part.gain(np.full(4000, electrons), step_s)[-1] == pytest.approx(1.0 / (1.0 + 0.22 * sag_v), rel=2e-6)
+    loaded_v = electrons / step_s * ELECTRON_C * 50.0
+    sag_v = (math.sqrt(1.0 + 4.0 * 0.22 * loaded_v) - 1.0) / (2.0 * 0.22)
+    sunlit = part.gain(np.zeros(5), step_s, steady_per_s=electrons / step_s)
+    assert sunlit == pytest.approx(1.0 / (1.0 + 0.22 * sag_v), rel=2e-6)
+
+
+def test_the_default_slope_is_that_of_the_data_sheet_and_within_millers():
+    """M = a/(V_b − V), a = 40 to 50 V (Excelitas C30662): dM/dV/M = M/a at M = 10. Miller at V_b = 50 to 70 V, n = 1 to 7."""
+    slope = Droop().gain_slope_per_v
+    assert 10.0 / 50.0 <= slope <= 10.0 / 40.0
+    miller = [n * 9.0 / (v_b * 0.9 ** (1.0 / n)) for v_b in (50.0, 70.0) for n in (1.0, 3.0)]
+    assert min(miller) <= slope <= max(miller)
 
 
 def test_a_bright_array_dims_every_pixel():
@@ -211,7 +235,7 @@ def test_crosstalk_grows_with_the_share_of_the_array_that_latches_together():
     """Mean offset · s and scatter noise · s (Opt. Eng. 60(8) 083101's model); 4 standard errors of 6,000 pixels."""
     part = Crosstalk(offset_m=0.4, noise_m=0.2)
     latch_s = np.concatenate([np.full(6000, 20e-6), 30e-6 + np.arange(50) * 10e-9])
-    shift = part.shift_m(latch_s, 2.38e-9, 10_000, np.random.default_rng(6))
+    shift = part.shift_m(part.share(latch_s, latch_s, 2.38e-9, 10_000), np.random.default_rng(6))
     together, alone = shift[:6000], shift[6000:]
     assert abs(together.mean() - 0.6 * 0.4) < 4.0 * 0.6 * 0.2 / math.sqrt(6000)
     assert together.std() == pytest.approx(0.6 * 0.2, rel=4.0 / math.sqrt(12_000))
@@ -221,8 +245,17 @@ def test_crosstalk_grows_with_the_share_of_the_array_that_latches_together():
 def test_within_one_clock_before_or_after_counts_as_together():
     part = Crosstalk(offset_m=1.0, noise_m=0.0)
     latch_s = np.array([0.0, 2.0, 2.9, 9.0]) * 1e-9
-    shift = part.shift_m(latch_s, 2.5e-9, 100, np.random.default_rng(0))
-    assert shift == pytest.approx([0.02, 0.03, 0.02, 0.01])
+    share = part.share(latch_s, latch_s, 2.5e-9, 100)
+    assert share == pytest.approx([0.02, 0.03, 0.02, 0.01])
+    assert part.shift_m(share, np.random.default_rng(0)) == pytest.approx(share)
+    assert part.share(np.array([1e-9, 20e-9]), latch_s, 2.5e-9, 100) == pytest.approx([0.03, 0.0])
+
+
+def test_calibration_takes_off_the_mean_shift_of_the_share_that_it_saw():
+    share = np.array([0.0, 0.25, 0.5, 1.0])
+    part = Crosstalk(offset_m=0.4, noise_m=0.0, calibrated_fraction=0.5)
+    assert part.shift_m(share, np.random.default_rng(0)) == pytest.approx([-0.2, -0.1, 0.0, 0.2])
+    assert not Crosstalk(noise_m=0.0).shift_m(share, np.random.default_rng(0)).any()  # a calibrated camera by default
 
 
 def test_a_plate_that_fills_the_view_is_the_worst_case():

@@ -117,7 +117,8 @@ def test_crossed_between_reports_the_first_step_of_each_row():
     bridge = Bridge(TAU, 1e-9)
     bridge.reach = 1e6
     found = crossed_between(traces, traces, np.full(3, 7.1), watched, sigma, bridge, np.random.default_rng(0))
-    assert found.tolist() == [1, NEVER, 9]
+    # 7 + x (1 − x) passes 7.1 at x = 0.113; the quintic through the flat ends of the humps bends it a little.
+    assert found == pytest.approx([1.11, NEVER, 9.11], abs=0.03)
 
 
 def test_detection_does_not_move_with_the_step_of_time():
