@@ -220,7 +220,9 @@ class Gsfl(Part):
         per_sample = max(self.steps_per_sample, math.ceil(6.5 * sample_s / pulse_fwhm_s))
         step_s = sample_s / per_sample
         # Together with `room`, 1.5 FWHM from the last return around to the first sample: 0.2 % of a Gaussian's peak is left.
-        rise = math.ceil(1.3 * pulse_fwhm_s / step_s)  # 110 times the threshold latches so early; more, before the watch
+        rise = math.ceil(
+            1.3 * pulse_fwhm_s / step_s
+        )  # 110 times the threshold latches so early; more, before the watch
         memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s, earliest_s - rise * step_s)
         return Plan(
             step_s=step_s,
@@ -272,7 +274,7 @@ class Gsfl(Part):
 
     def alone(self, gain: float = 1.0) -> Self:
         """Return this detector as it is for a pixel by itself, with the APD's gain at that share of what it is at rest."""
-        apart = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
+        apart: dict[str, Any] = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
         return self.replace(**apart)

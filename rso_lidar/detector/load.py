@@ -21,8 +21,8 @@ _SEED = 128  # of the noise that decides when the pixels of the flash latch
 class ArrayLoad:
     """What the other pixels of a flash do to each pixel of the array.
 
-    `gain` (pixel) is the APD's relative to rest, the mean over the pixel's own light; `together_fraction` (pixel) the share of
-    the array that latches within a clock of it. A pixel without light has 1 and 0.
+    `gain` (pixel) is the APD's relative to rest, the mean over the pixel's own light; `together_fraction` (pixel) the share
+    of the array that latches within a clock of it. A pixel without light has 1 and 0.
     """
 
     gain: np.ndarray
@@ -53,13 +53,13 @@ def array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     if gsfl.crosstalk is not None and gsfl.gate is None and len(photons.pixel):
         light = np.bincount(photons.pixel, photons.photons, n_pixels)
         lit = np.flatnonzero(light > 0.0)
-        made = chain.traces(gsfl, photons, np.random.Generator(np.random.Philox(_SEED)))
+        stored = chain.traces(gsfl, photons, np.random.Generator(np.random.Philox(_SEED)))
         at_s = np.zeros(n_pixels)
         at_s[lit] = np.bincount(photons.pixel, photons.photons * photons.delay_s, n_pixels)[lit] / light[lit]
-        latched = np.isin(made.pixel, lit)
-        after_s = made.latch_s[latched] - at_s[made.pixel[latched]]
+        latched = np.isin(stored.pixel, lit)
+        after_s = stored.latch_s[latched] - at_s[stored.pixel[latched]]
         at_s += np.median(after_s) if latched.any() else 0.0
-        at_s[made.pixel] = made.latch_s
-        share = gsfl.crosstalk.share(at_s[lit], made.latch_s, gsfl.readout.sample_s, n_pixels)
+        at_s[stored.pixel] = stored.latch_s
+        share = gsfl.crosstalk.share(at_s[lit], stored.latch_s, gsfl.readout.sample_s, n_pixels)
         together[lit] = np.maximum(share, 1.0 / n_pixels)  # itself, at least
     return ArrayLoad(gain, together)

@@ -22,9 +22,9 @@ _NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is
 class Surroundings:
     """What the pixels of a trial get from the flashes that they stand for, and not from each other.
 
-    `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of the
-    array that latches with a pixel, see `load.array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those of the
-    laser, 1 sigma: each pixel stands for a flash of its own.
+    `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of
+    the array that latches with a pixel, see `load.array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those
+    of the laser, 1 sigma: each pixel stands for a flash of its own.
     """
 
     gain: float = 1.0

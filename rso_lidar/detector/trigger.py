@@ -92,7 +92,7 @@ class Bridge:
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
         white = rng.standard_normal((len(row), len(self.root)))
-        path = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
+        path: np.ndarray = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
         path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], around])
         path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
         return path

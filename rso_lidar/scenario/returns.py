@@ -240,9 +240,7 @@ def copy_pixels(
     return made, true_m + shift_m
 
 
-def surroundings(
-    lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int
-) -> Surroundings:
+def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int) -> Surroundings:
     """Work out what the flashes do to `copy_pixels`: current of the whole array, pixels that latch together, laser jitter.
 
     Parameters

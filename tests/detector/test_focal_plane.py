@@ -171,7 +171,7 @@ def test_a_saturated_return_is_late_flagged_and_no_higher_than_the_rail():
 def test_droop_is_the_discharge_of_a_capacitor():
     """C dV/dt = (V₀ − V)/R − i: after a charge Q, Q/C exp(−t/RC); under a steady current I, v = I R (1 − exp(−t/RC)).
 
-    A sag of v leaves 1/(1 + 0.05 v) of the gain. In the second case it is so small that the current stays I within its square.
+    A sag of v leaves 1/(1 + 0.05 v) of the gain. In the second case it is so small that the current stays I.
     """
     part, step_s = Droop(capacitance_nf=10.0, resistance_ohm=1000.0, gain_slope_per_v=0.05), 1e-9
     time_s = np.arange(40_000) * step_s
@@ -190,7 +190,9 @@ def test_droop_is_the_discharge_of_a_capacitor():
 def test_sag_and_gain_are_solved_together(electrons):
     """The end of a long pulse is steady: v (1 + k v) = I R, a quadratic, at any load; so is sunlight before the flash."""
     part, step_s = Droop(capacitance_nf=1.0, resistance_ohm=50.0, gain_slope_per_v=0.22), 1e-9
-    current_v = electrons * ELECTRON_C / 1e-9 / -math.expm1(-step_s / 50e-9)  # the sum over steps that recover in between
+    current_v = (
+        electrons * ELECTRON_C / 1e-9 / -math.expm1(-step_s / 50e-9)
+    )  # the sum over steps that recover in between
     sag_v = (math.sqrt(1.0 + 4.0 * 0.22 * current_v) - 1.0) / (2.0 * 0.22)
     assert part.gain(np.full(4000, electrons), step_s)[-1] == pytest.approx(1.0 / (1.0 + 0.22 * sag_v), rel=2e-6)
     loaded_v = electrons / step_s * ELECTRON_C * 50.0
@@ -200,7 +202,7 @@ def test_sag_and_gain_are_solved_together(electrons):
 
 
 def test_the_default_slope_is_that_of_the_data_sheet_and_within_millers():
-    """M = a/(V_b − V), a = 40 to 50 V (Excelitas C30662): dM/dV/M = M/a at M = 10. Miller at V_b = 50 to 70 V, n = 1 to 7."""
+    """M = a/(V_b − V), a = 40 to 50 V (Excelitas C30662): M/a per volt at M = 10. Miller: V_b = 50 to 70 V, n = 1 to 3."""
     slope = Droop().gain_slope_per_v
     assert 10.0 / 50.0 <= slope <= 10.0 / 40.0
     miller = [n * 9.0 / (v_b * 0.9 ** (1.0 / n)) for v_b in (50.0, 70.0) for n in (1.0, 3.0)]

@@ -26,7 +26,9 @@ def behind_two_poles(time_s, sigma_s, pole_s):
     """
     middle = (time_s - sigma_s**2 / pole_s) / sigma_s
     front = np.exp(-0.5 * (time_s / sigma_s) ** 2) / np.sqrt(2.0 * np.pi)
-    tail = 0.5 * np.sqrt(2.0 * np.pi) * erfcx(-middle / np.sqrt(2.0))  # the normal integral from −middle on, over its density
+    tail = (
+        0.5 * np.sqrt(2.0 * np.pi) * erfcx(-middle / np.sqrt(2.0))
+    )  # the normal integral from −middle on, over its density
     return front * sigma_s / pole_s**2 * (1.0 + middle * tail)
 
 
