@@ -640,11 +640,11 @@ def models() -> Any:
         axes.set_title(name, fontsize=9.5, color=hexed(INK), pad=2)
         bar_m = nice_down(0.35 * width_m)
         wide, high = SHAPE_PIXELS
-        axes.plot(
-            [4, 4 + bar_m / width_m * wide], [high - 3, high - 3], color=hexed(INK), lw=1.5, solid_capstyle="butt"
-        )
+        axes.set_ylim(high + 26, 0)  # the bar stands below the picture: a craft may reach into every corner of that
+        foot = high + 22
+        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=hexed(INK), lw=1.5, solid_capstyle="butt")
         text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
-        axes.text(4, high - 8, text, fontsize=8, color=hexed(QUIET), va="bottom")
+        axes.text(4, foot - 5, text, fontsize=8, color=hexed(QUIET), va="bottom")
     return figure
 
 

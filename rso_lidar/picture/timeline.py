@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,7 @@ _PANEL_IN = 1.42  # height of a panel [inches]
 _WHOLE = 0.999  # share of the bounds in the field, from which all of the target is
 _SOME = 1e-6  # below, none of it
 _DASHED = (0, (4, 3))
+_LEGEND = 0.22  # height of a legend of one line over that of a panel
 Table = Mapping[str, np.ndarray]
 
 
@@ -147,10 +148,12 @@ def _drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
         axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=1.1, label=word)
         _marked(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
-    dress(axes, y="PTU rates\n[deg/s]", note=f"greatest rate {most:g}°/s" if np.isfinite(most) else "")
+    dress(axes, y="PTU rates\n[deg/s]")
     _room(axes, 1e-3)
-    _limit(axes, -most, hexed(INK))
-    _limit(axes, most, hexed(INK))
+    shown = [_limit(axes, value, hexed(INK)) for value in (-most, most)]
+    if np.isfinite(most):
+        beyond = "" if any(shown) else ", beyond the axis"
+        axes.plot([], [], color=hexed(INK), lw=0.9, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}")
     _entries(axes)
 
 
@@ -166,7 +169,9 @@ def _field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
     share = _beside(axes, "Of its bounds,\nin the field [%]", BLUE)
     share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=BLUE, lw=1.0)
     share.set_ylim(-4, 108)
-    _entries(axes, "center left")
+    share.set_yticks(range(0, 101, 25))
+    _headroom(share)
+    _entries(axes)
 
 
 def _pixels(axes: Axes, table: Table) -> None:
@@ -196,6 +201,7 @@ def _detection(axes: Axes, table: Table) -> None:
     axes.plot(table["time_s"], share, color=BLUE, lw=1.2, label="mean over the target's pixels")
     dress(axes, y="Probability of\ndetection")
     axes.set_ylim(-0.04, 1.06)
+    axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     _entries(axes)
 
 
@@ -218,12 +224,14 @@ def _marked(axes: Axes, table: Table, where: str, value: str, label: str) -> Non
         axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=hexed(FALSE), ms=4, label=label, zorder=4)
 
 
-def _limit(axes: Axes, value: float, colour: str) -> None:
-    """Draw a limit that is finite and near to what is shown."""
+def _limit(axes: Axes, value: float, colour: str) -> bool:
+    """Draw a limit that is finite and near to what is shown; return whether it is."""
     low, high = axes.get_ylim()
     reach = 0.6 * (high - low)
-    if np.isfinite(value) and low - reach <= value <= high + reach:
+    near = bool(np.isfinite(value) and low - reach <= value <= high + reach)
+    if near:
         axes.axhline(value, color=colour, lw=0.9, ls=_DASHED)
+    return near
 
 
 def _positive(values: np.ndarray) -> np.ndarray:
@@ -251,5 +259,13 @@ def _room(axes: Axes, least: float) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
-def _entries(axes: Axes, place: Literal["best", "center left"] = "best") -> None:
-    axes.legend(fontsize=7.5, frameon=False, loc=place, labelcolor=hexed(QUIET), ncols=3, borderaxespad=0.2)
+def _headroom(axes: Axes) -> None:
+    """Raise the upper end of an axis by the height of a legend of one line, so that no curve runs through that."""
+    low, high = axes.get_ylim()
+    more = 1.0 + _LEGEND
+    axes.set_ylim(low, low * (high / low) ** more if axes.get_yscale() == "log" else low + (high - low) * more)
+
+
+def _entries(axes: Axes) -> None:
+    _headroom(axes)
+    axes.legend(fontsize=7.5, frameon=False, loc="upper left", labelcolor=hexed(QUIET), ncols=4, borderaxespad=0.2)
