@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.detector.trial import plate, trial
 from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.orbit.kepler import elements
@@ -22,8 +21,9 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.tracking import tracking_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
 from rso_lidar.records import Frame, Source
-from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scenario import Scenario
 from rso_lidar.study.burns import known_burns
+from rso_lidar.study.range_noise import recorded_range_noise_m
 from rso_lidar.study.recorded import scenario_of, surfaces_of
 from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
 AXES = ("right", "down", "ahead")
-_PHOTONS, _TRIALS = 2000.0, 2000  # of a plate at which the precision of a range is tried
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 
@@ -83,7 +82,7 @@ def tracking(
     frames : a recording, or frames of one scenario in the order of time.
     target : a name (None: the first); other targets in the field confuse these trackers.
     folder : where mesh files that the scenario names lie (None: as for any scenario).
-    range_noise_m : standard deviation of one range [m] (None: tried on the scenario's detector with 2000 photons).
+    range_noise_m : standard deviation of one range [m] (None: the recording's own returns, tried again on its detector).
     acceleration_m_s2_rthz : process noise of the filters, each axis [m/s²/√Hz].
     shape : whether the filters take the target's shape into account: by how far, over all directions to look from, the
         middle of what is seen lies before the target's origin, and how that wanders. It wanders slowly, and so is no white
@@ -98,7 +97,7 @@ def tracking(
     number = _number([entry.name for entry in source.targets], target)
     name = source.targets[number].name
     model, size_m = _model(scenario, source, number)
-    noise_m = _range_noise_m(scenario.instrument) if range_noise_m is None else range_noise_m
+    noise_m = recorded_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
     rows = [
@@ -137,15 +136,6 @@ def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, floa
     surfaces_of(scenario, source, number, "track")  # or the mesh is another one
     model = sampled(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
-
-
-def _range_noise_m(lidar: Lidar) -> float:
-    """Return the standard deviation of the range [m] of a well-lit plate, through the whole detector."""
-    detector = lidar.detector
-    middle_m = 0.5 * (detector.sees_from_m + min(detector.sees_to_m, 1e6))
-    seen = plate(_PHOTONS, _TRIALS, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
-    noise_m = trial(detector, seen, np.random.Generator(np.random.Philox(_TRIALS))).range_noise_m
-    return max(noise_m, 1e-3) if np.isfinite(noise_m) else 0.05
 
 
 def _models(first: Frame, *, local: bool) -> dict[str, float | None]:

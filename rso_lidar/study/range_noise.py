@@ -1,0 +1,103 @@
+"""How precise the ranges of a recording are: its own returns tried again on the detector that took them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.trial import Surroundings, plate, trial
+from rso_lidar.records import Frame, Photons, Reading
+from rso_lidar.scenario import Lidar
+
+_FRAMES, _TRIALS = 12, 2000
+_LEVELS, _EACH = np.geomspace(100.0, 1e6, 60), 25  # photons at which the detector's counts are looked up
+_FLOOR_M, _UNKNOWN_M = 1e-3, 0.05
+
+
+def recorded_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
+    """Estimate the standard deviation of one range [m] in a recording.
+
+    Some of its frames are turned back into light: a return for each range, with the photons that the detector answers with
+    such an intensity. A trial of these returns has the recording's mix of intensities, the current that its flashes drew,
+    and as many pixels that latch together.
+
+    Parameters
+    ----------
+    lidar : the instrument that took them.
+    frames : the recording.
+    """
+    chosen = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)).tolist()
+    readings = [frames[k].observation.reading for k in chosen]
+    rng = np.random.Generator(np.random.Philox(_TRIALS))
+    answers = _answers(lidar, float(np.nanmedian(_ranges_m(readings))), rng) if len(_ranges_m(readings)) else None
+    if answers is None:
+        return _UNKNOWN_M
+    photons, range_m, together, gain = [], [], [], []
+    for reading in readings:
+        light = _light(lidar, reading, answers)
+        load = lidar.detector.array_load(light)
+        photons.append(light.photons)
+        range_m.append(light.delay_s * units.RANGE_PER_DELAY_M_S)
+        together.append(load.together_fraction[light.pixel])
+        gain.append(load.gain[light.pixel])
+    every = np.linspace(0, sum(map(len, photons)) - 1, _TRIALS).round().astype(int)
+    seen = plate(
+        np.concatenate(photons)[every],
+        _TRIALS,
+        lidar.laser.pulse,
+        lidar.laser.pulse_fwhm_s,
+        np.maximum(np.concatenate(range_m)[every] - 0.5, 0.0),
+    )
+    around = Surroundings(
+        gain=float(np.mean(np.concatenate(gain))),
+        together_fraction=np.concatenate(together)[every],
+        timing_jitter_s=lidar.laser.timing_jitter_ns * units.NS,
+    )
+    noise_m = trial(lidar.detector, seen, rng, around=around).range_noise_m
+    return max(noise_m, _FLOOR_M) if np.isfinite(noise_m) else _UNKNOWN_M
+
+
+def _ranges_m(readings: Sequence[Reading]) -> np.ndarray:
+    every: np.ndarray = np.concatenate([reading.range_m.ravel() for reading in readings])
+    seen: np.ndarray = every[np.isfinite(every)]
+    return seen
+
+
+def _answers(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarray:
+    """Return the mean intensity [counts] of a plate at each level of photons, never falling."""
+    n = len(_LEVELS) * _EACH
+    level = np.arange(n) % len(_LEVELS)
+    laser = lidar.laser
+    seen = plate(_LEVELS[level], n, laser.pulse, laser.pulse_fwhm_s, max(range_m - 0.5, 0.0))
+    reading, _ = lidar.detector.alone().detect(seen, rng)
+    counts = reading.intensity_counts.ravel().astype(float)
+    found = np.bincount(level, counts > 0, len(_LEVELS))
+    mean = np.bincount(level, counts, len(_LEVELS)) / np.maximum(found, 1)
+    rising: np.ndarray = np.maximum.accumulate(mean)
+    return rising
+
+
+def _light(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
+    """Return the light that would be answered with a reading: one return for each range."""
+    pixel = np.flatnonzero(np.isfinite(reading.range_m))
+    counts = reading.intensity_counts.ravel()[pixel].astype(float)
+    first = np.flatnonzero(np.diff(answers, prepend=0.0) > 0.0)  # one level for each answer: the dimmest that clips
+    photons = np.exp(np.interp(counts, answers[first], np.log(_LEVELS[first])))
+    step_s, power = lidar.laser.pulse
+    return Photons(
+        shape=reading.range_m.shape,
+        pulse_fwhm_s=lidar.laser.pulse_fwhm_s,
+        pulse_step_s=step_s,
+        late_s=0.0,
+        pulse_power_per_s=power,
+        pixel=pixel,
+        delay_s=reading.range_m.ravel()[pixel].astype(float) / units.RANGE_PER_DELAY_M_S,
+        photons=photons,
+        depth_spread_s=np.zeros(len(pixel)),
+        coherence_cells=np.full(len(pixel), np.inf),
+        hit=np.arange(len(pixel)),
+        cluster=np.arange(len(pixel)),
+        cluster_pixel=pixel,
+    )
