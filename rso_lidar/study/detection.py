@@ -88,11 +88,10 @@ def told(
             known_m = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
             precision_m[of] += weight * known_m
             snr[of] += weight * seen.snr(photons[of])
-    jitter_ns = math.hypot(
-        detector.timing.pixel_jitter_ns, math.hypot(detector.timing.frame_jitter_ns, laser.timing_jitter_ns)
-    )
+    own_ns = math.hypot(detector.timing.pixel_jitter_ns, detector.timing.frame_jitter_ns)
     saturated = detector.counts(photons) >= detector.full_scale_counts
-    jitter_ns /= math.sqrt(detector.gate.pulses if detector.gate else 1)
+    own_ns /= math.sqrt(detector.gate.pulses if detector.gate else 1)  # of a frame's pulses the laser's is the same
+    jitter_ns = math.hypot(own_ns, laser.timing_jitter_ns)
     return Told(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
 
 

@@ -113,7 +113,8 @@ def _glimpse(scenario: Scenario, truth: Truth, target: int, finest: int, curve: 
     watched = seen.hits.target[light.hit] == target
     watched &= (range_m >= detector.sees_from_m) & (range_m <= detector.sees_to_m)
     n_pixels = light.shape[0] * light.shape[1]
-    found = curve(np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
+    gain = detector.array_load(light).gain[seen.pixel]  # less of it is less signal, as of fewer photons
+    found = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
     return Glimpse(
         target_pixels=int(seen.pixel.size),
         filled_pixels=seen.filled_pixels,
