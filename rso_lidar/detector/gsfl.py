@@ -198,6 +198,12 @@ class Gsfl(Part):
         return self.gate.to_m - self.gate.from_m if self.gate else self.readout.window_m
 
     @property
+    def stored_behind_m(self) -> float:
+        """Return the depth [m] that a pixel stores behind its latch, or that a gate holds."""
+        cells = self.readout.samples - self.readout.pretrigger_samples
+        return self.window_m if self.gate else cells * self.readout.sample_s * units.RANGE_PER_DELAY_M_S
+
+    @property
     def sees_from_m(self) -> float:
         """Return the least range [m] at which anything is detected."""
         return self.gate.from_m if self.gate else self.armed_from_m

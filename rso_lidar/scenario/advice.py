@@ -18,6 +18,7 @@ from rso_lidar.scenario.compliance import broken
 from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, parallax_share, preview
 from rso_lidar.scenario.returns import cast_attitudes
+from rso_lidar.scenario.separations import separation_advice
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -39,6 +40,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _plans(scenario)
     lines += _window(scenario, seen)
     lines += _detector(scenario)
+    lines += separation_advice(scenario, seen)
     lines += _lens(scenario)
     lines += _sun_noise(scenario)
     lines += _sun(scenario)
@@ -180,12 +182,6 @@ def _detector(scenario: Scenario) -> list[str]:
                 f"samples {detector.readout.sample_ns:.3g} ns apart miss a pulse of {pulse_ns:.3g} ns; shorten "
                 "lidar.detector.readout.sample_ns"
             )
-        if detector.returns != "first" or detector.max_returns > 1:
-            lines.append(
-                f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing, "
-                f"{_behind_m(detector):.1f} m of them behind it: the strongest, last or further returns are chosen inside "
-                "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
-            )
     return lines
 
 
@@ -227,12 +223,6 @@ def _lens(scenario: Scenario) -> list[str]:
         for file, band in told
         if band is not None and not 0.95 * band[0] <= laser.wavelength_m <= 1.05 * band[1]
     ]
-
-
-def _behind_m(detector: Gsfl) -> float:
-    """Return the depth [m] that is stored behind a latch."""
-    readout = detector.readout
-    return (readout.samples - readout.pretrigger_samples) * readout.sample_s * units.RANGE_PER_DELAY_M_S
 
 
 def _sun(scenario: Scenario) -> list[str]:

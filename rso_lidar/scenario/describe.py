@@ -18,6 +18,7 @@ from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.environment import environment_lines
 from rso_lidar.scenario.preview import Preview, Sight, preview
 from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, copy_pixels, surroundings
+from rso_lidar.scenario.separations import separation_lines
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
@@ -206,6 +207,7 @@ def _detector_lines(scenario: Scenario) -> list[str]:
         parts.append(f"returns: {detector.returns} of up to {detector.max_returns}")
     if parts:
         lines.append(f"  with      {', '.join(parts)}")
+    lines += separation_lines(scenario)
     if detector.gate is not None:
         gate = detector.gate
         lines.append(

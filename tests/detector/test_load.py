@@ -29,7 +29,7 @@ def test_the_gain_of_a_pixel_is_the_mean_over_its_own_light():
 
 
 def test_the_share_is_that_of_pixels_that_latch_within_a_clock():
-    """A row of plates: 1000 pixels at 500 m, 24 at 510 m; 3072 stay dark. Threshold spread and noise move a latch by 0.3 ns."""
+    """1000 pixels at 500 m, 24 at 510 m; 3072 stay dark. Threshold spread and noise move a latch by 0.3 ns."""
     range_m = np.where(np.arange(1024) < 1000, 500.0, 510.0)
     photons = returns(range_m, 20_000.0, shape=(64, 64))
     load = array_load(Gsfl(crosstalk=Crosstalk()), photons)

@@ -210,3 +210,29 @@ def test_a_body_is_described_as_its_frames_are(model, wavelength_nm, range_m):
     spread = np.sqrt(max(probability * (1.0 - probability), 1e-3) * (1.0 / len(detected) + 1.0 / 4000))
     assert 0.1 < probability < 0.9, line
     assert probability == pytest.approx(share, abs=4.0 * spread)
+
+
+class TestSeveralReturns:
+    def test_the_separations_that_the_trace_holds_are_told(self, described):
+        """Those that `held_separations` finds: from a pulse's length to what 20 samples leave, less in brighter light."""
+        line = described("lidar.detector.max_returns=2")["returns"]
+        near, far, brighter = (float(x) for x in re.search(r"([\d.]+) to ([\d.]+) m with .* to ([\d.]+) m", line).groups())
+        assert 1.2 < near < 2.0 < brighter < far - 0.3 < 3.0
+        assert "returns" not in described()
+        longer = described("lidar.detector.max_returns=2", "lidar.detector.readout.samples=60")["returns"]
+        # 40 samples more are 14.3 m more.
+        assert float(re.search(r"to ([\d.]+) m with", longer)[1]) == pytest.approx(far + 14.3, abs=0.2)
+
+    @pytest.mark.parametrize(
+        ("tilt_deg", "depth_m", "words"), [(0.0, 0.0, "merge"), (35.0, 2.3, None), (75.0, 3.9, "can be parted too far")]
+    )
+    def test_parts_out_of_them_are_warned_of(self, text, tilt_deg, depth_m, words):
+        """A plate of 4 m a side at a tilt is 4 sin(tilt) deep: 0, 2.3 and 3.9 m, where 1.7 to 2.8 m are held."""
+        settings = ("lidar.detector.max_returns=2", f"target.0.attitude={{type='fixed', euler_zyx_deg=[0, {tilt_deg}, 0]}}")
+        (line,) = (
+            one for one in rl.Scenario.loads(text, settings=settings).advice() if "about the first crossing" in one
+        )
+        if words is None:
+            assert "the two edges" not in line
+        else:
+            assert re.search(rf"the two edges of .*\({depth_m:.1f} m\) {words}", line)

@@ -1,0 +1,135 @@
+"""How far apart two returns of a pixel may lie for a detector to list both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.records import Photons
+
+if TYPE_CHECKING:
+    from rso_lidar.detector.gsfl import Gsfl
+
+_EACH = 64  # trials of a separation: a probability is known to 0.06
+_TOLERANCE_M = 0.5  # within which a report is that of a return
+OVER = 5.0  # times the threshold, the light of each return
+_FARTHEST_M = 20.0  # at least so far away, so that both are in the armed window
+_SEED = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Separations:
+    """The probability that both of two returns are listed, against their separation (separation) [m], rising."""
+
+    separation_m: np.ndarray
+    probability: np.ndarray
+
+    def held_m(self, probability: float = 0.5) -> tuple[float, float] | None:
+        """Return the least and the greatest separation [m] at which both are found so often, None where none is.
+
+        They are the ends, interpolated, of the run of separations about the one that is found most often.
+        """
+        likely = self.probability >= probability
+        if not likely.any():
+            return None
+        best = int(np.flatnonzero(self.probability == self.probability.max()).mean())
+        best = best if likely[best] else int(self.probability.argmax())
+        before, after = np.flatnonzero(~likely[:best]), np.flatnonzero(~likely[best:])
+        first = int(before[-1]) + 1 if len(before) else 0
+        last = best + int(after[0]) - 1 if len(after) else len(likely) - 1
+        return self._between(first - 1, first, probability), self._between(last + 1, last, probability)
+
+    def _between(self, out: int, inside: int, probability: float) -> float:
+        """Return where the straight line from a separation that is not held to one that is passes the probability [m]."""
+        if not 0 <= out < len(self.probability):
+            return float(self.separation_m[inside])
+        low, high = self.probability[out], self.probability[inside]
+        share = (probability - low) / max(high - low, 1e-9)
+        return float(self.separation_m[out] + share * (self.separation_m[inside] - self.separation_m[out]))
+
+
+def found_both(
+    gsfl: Gsfl,
+    pulse: tuple[float, np.ndarray],
+    pulse_fwhm_s: float,
+    separation_m: np.ndarray,
+    photons: tuple[float, float] | None = None,
+    each: int = _EACH,
+) -> Separations:
+    """Simulate how often both of two returns of a pixel are listed, through the whole chain; the same draws each time.
+
+    Both count where a report lies within half a metre of each, or within half their separation if that is less.
+
+    Parameters
+    ----------
+    gsfl : the detector, with at least two returns listed.
+    pulse : the laser's step [s] and power (tap) [1/s].
+    pulse_fwhm_s : its length [s].
+    separation_m : (separation) distances of the two in range [m].
+    photons : of the near and the far return (None: five times the threshold each).
+    each : trials of each separation.
+    """
+    alone = gsfl.alone()
+    near, far = photons or (OVER * gsfl.threshold_photons,) * 2
+    separation = np.repeat(np.asarray(separation_m, dtype=float), each)
+    n = len(separation)
+    phase = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0] * gsfl.readout.sample_s * units.RANGE_PER_DELAY_M_S
+    if gsfl.gate is not None:  # the two about the middle of the gate
+        near_m = np.maximum(0.5 * (gsfl.gate.from_m + gsfl.gate.to_m - separation) + phase, 0.1)
+    else:
+        near_m = gsfl.armed_from_m + _FARTHEST_M + phase
+        alone = alone.replace(armed_to_m=max(gsfl.armed_to_m, float((near_m + separation).max()) + _FARTHEST_M))
+    true_m = np.stack([near_m, near_m + separation], axis=1)
+    pixel = np.repeat(np.arange(n), 2)
+    light = Photons(
+        shape=(1, n),
+        pulse_fwhm_s=pulse_fwhm_s,
+        pulse_step_s=pulse[0],
+        late_s=0.0,
+        pulse_power_per_s=pulse[1],
+        pixel=pixel,
+        delay_s=true_m.ravel() / units.RANGE_PER_DELAY_M_S,
+        photons=np.tile([float(near), float(far)], n),
+        depth_spread_s=np.zeros(2 * n),
+        coherence_cells=np.full(2 * n, 885.0),
+        hit=np.arange(2 * n),
+        cluster=np.arange(2 * n),
+        cluster_pixel=pixel,
+    )
+    reading, _ = alone.detect(light, np.random.Generator(np.random.Philox(_SEED)))
+    assert reading.return_range_m is not None, "a detector that lists one return has no second"
+    listed_m = reading.return_range_m.reshape(n, 1, -1).astype(float)
+    within_m = np.minimum(_TOLERANCE_M, 0.5 * separation)[:, None, None]
+    with np.errstate(invalid="ignore"):
+        found = (np.abs(listed_m - true_m[:, :, None]) < within_m).any(axis=2).all(axis=1)
+    return Separations(np.asarray(separation_m, dtype=float), found.reshape(-1, each).mean(axis=1))
+
+
+def held_separations(
+    gsfl: Gsfl, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
+) -> Separations:
+    """Simulate `found_both` at separations where it changes: about the pulse's length, and about the stored depth's end.
+
+    Parameters
+    ----------
+    gsfl : the detector, with at least two returns listed.
+    pulse : the laser's step [s] and power (tap) [1/s].
+    pulse_fwhm_s : its length [s].
+    over : light of each return over the threshold.
+    """
+    return _held(gsfl, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+
+
+@lru_cache(maxsize=16)
+def _held(gsfl: Gsfl, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+    width_m = pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
+    stored_m = gsfl.stored_behind_m
+    near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)
+    far = np.linspace(max(stored_m - 3.0 * width_m, 0.25 * width_m), stored_m + 0.5 * width_m, 45)
+    separation_m = np.unique(np.concatenate([near, far]).round(3))
+    light = over * gsfl.threshold_photons
+    return found_both(gsfl, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))

@@ -1,0 +1,124 @@
+"""Which depths between two returns of a pixel the detector lists both of, and which parts are not as deep, or deeper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.detector import Gsfl
+from rso_lidar.detector.separation import OVER, held_separations
+
+if TYPE_CHECKING:
+    from rso_lidar.scenario.preview import Preview
+    from rso_lidar.scenario.scenario import Scenario
+
+_OFTEN = 0.9  # of the time both are listed: then a separation is held
+_BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch
+_MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 32, 60_000, 3
+
+
+def separation_lines(scenario: Scenario) -> list[str]:
+    """Return the separations at which the detector lists both of two returns, in words; nothing where it lists one."""
+    detector = scenario.lidar.detector
+    if not isinstance(detector, Gsfl) or detector.max_returns == 1:
+        return []
+    held = [(over, _held_m(scenario, over)) for over in (OVER, _BRIGHT)]
+    words = [
+        f"{_span(one)} with {over * detector.threshold_photons:,.0f} photons each" if one else "" for over, one in held
+    ]
+    text = "; ".join(word for word in words if word)
+    if not text:
+        return ["  returns   two returns of a pixel are never listed both, at any separation"]
+    return [f"  returns   two of a pixel are both listed, 9 times in 10 and equally bright, {text}"]
+
+
+def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return a warning where returns of a pixel are lost by what it stores, with the parts of the targets that this is of.
+
+    A pixel that triggers itself stores little behind its latch, so it always has one where more than the first return is
+    asked for. Under a gate there is one where a part is deeper than the gate lists two returns of.
+    """
+    detector = scenario.lidar.detector
+    if not isinstance(detector, Gsfl) or (detector.returns == "first" and detector.max_returns == 1):
+        return []
+    words = []
+    if detector.gate is None:
+        words.append(
+            f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing, "
+            f"{detector.stored_behind_m:.1f} m of them behind it: the strongest, last or further returns are chosen inside "
+            "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
+        )
+    if detector.max_returns == 1:
+        return words
+    held = _held_m(scenario, OVER)
+    if held is None:
+        return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
+    apart = f"two returns of a pixel are both listed {_span(held)} apart in depth"
+    found, lost = zip(*(_outside(scenario, seen, number, held) for number in range(len(scenario.target))), strict=True)
+    if detector.gate is None or any(lost):
+        words.append("; ".join([apart, *(text for text in found if text)]))
+    return ["; ".join(words)] if words else []
+
+
+def _outside(scenario: Scenario, seen: Preview, number: int, held: tuple[float, float]) -> tuple[str, bool]:
+    """Return in words which parts of a target are not as deep as the separations held, or deeper, and whether any is."""
+    target = scenario.target[number]
+    if target.terrain is not None:
+        return "", False
+    deepest = {name: float(deep.max()) for name, deep in part_depths_m(scenario, seen, number).items()}
+    merged = {name: deep for name, deep in deepest.items() if deep < held[0]}
+    lost = {name: deep for name, deep in deepest.items() if deep > held[1]}
+    words = [f"{_named(merged)} merge" if merged else "", f"{_named(lost)} can be parted too far" if lost else ""]
+    text = " and of ".join(word for word in words if word)
+    return (f"the two edges of {target.name}'s {text}" if text else ""), bool(lost)
+
+
+def part_depths_m(scenario: Scenario, seen: Preview, number: int) -> Mapping[str, np.ndarray]:
+    """Return the depth [m] along the line of sight of each part of a target, at some instants of a preview (time).
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    seen : its preview.
+    number : of the target.
+    """
+    rows = np.unique(np.linspace(0, len(seen.time_s) - 1, _MOST_EPOCHS).round().astype(int))
+    near: dict[str, np.ndarray] = {}
+    far: dict[str, np.ndarray] = {}
+    for surface in scenario.surfaces_of(number):
+        place, turn = seen.truth.poses.place("lidar", surface.name)
+        place, turn = np.broadcast_to(place, (len(seen.time_s), 3)), np.broadcast_to(turn, (len(seen.time_s), 3, 3))
+        order = np.argsort(surface.part, kind="stable")
+        every = max(3 * len(order) // _MOST_CORNERS, 1)
+        kept = np.unique(
+            np.append(np.flatnonzero(np.diff(surface.part[order], prepend=-1)), np.arange(0, len(order), every))
+        )
+        part, corners = surface.part[order[kept]], surface.corners[order[kept]].reshape(-1, 3)
+        first = np.flatnonzero(np.diff(part, prepend=-1))
+        range_m = np.stack([np.linalg.norm(corners @ turn[row].T + place[row], axis=1) for row in rows])
+        least, most = (ufunc.reduceat(range_m, 3 * first, axis=1) for ufunc in (np.minimum, np.maximum))
+        for column, index in enumerate(part[first]):
+            name = surface.mesh.part_names[index]
+            near[name] = np.minimum(near.get(name, np.full(len(rows), np.inf)), least[:, column])
+            far[name] = np.maximum(far.get(name, np.zeros(len(rows))), most[:, column])
+    return {name: far[name] - near[name] for name in near}
+
+
+def _held_m(scenario: Scenario, over: float) -> tuple[float, float] | None:
+    lidar = scenario.instrument
+    if not isinstance(lidar.detector, Gsfl) or lidar.detector.max_returns == 1:
+        return None
+    return held_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).held_m(_OFTEN)
+
+
+def _span(held: tuple[float, float]) -> str:
+    return f"{held[0]:.1f} to {held[1]:.1f} m"
+
+
+def _named(depths: Mapping[str, float]) -> str:
+    """Return the deepest parts with their depths in words, and how many there are besides."""
+    names: Sequence[str] = sorted(depths, key=lambda name: -depths[name])
+    text = ", ".join(f"{name} ({depths[name]:.1f} m)" for name in names[:_MOST_NAMED])
+    return text + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")
