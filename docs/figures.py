@@ -11,6 +11,7 @@ import datetime
 import math
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,12 @@ import rso_lidar as rl
 from rso_lidar import picture, units
 from rso_lidar.detector import chain
 from rso_lidar.detector.calibrate import REFERENCE_FWHM_S, reference_pulse
+from rso_lidar.detector.load import array_load
 from rso_lidar.detector.measure import measure
 from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.ranging import locate
+from rso_lidar.detector.separation import found_both
 from rso_lidar.detector.trial import Trial, plate, trial
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
@@ -299,7 +302,7 @@ def pixel() -> Any:
     voltage.plot(range_m, made.mean()[0], color=hexed(INK), lw=0.9, label="without noise")
     voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=1.2, label="amplitude")
     voltage.axhline(threshold[0], color=RED, lw=0.9, ls="--", label="threshold of this pixel")
-    voltage.axvline(range_m[latch], color=RED, lw=0.9, label="latch")
+    voltage.axvline(np.interp(latch, np.arange(rows.length), range_m), color=RED, lw=0.9, label="latch")
     dress(voltage, "Amplifier and trigger", y="Electrons")
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
@@ -390,6 +393,92 @@ def gate() -> Any:
         lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hexed(QUIET)
     )
     return figure
+
+
+def shared() -> Any:
+    """Return what droop and crosstalk do against light and against the share of the array that is lit."""
+    figure = new_figure(
+        9.6, 4.6, "What the pixels of a flash do to each other",
+        "128 x 128 pixels, a facing plate at 50 m in some of them, Droop() and Crosstalk() with their defaults",
+    )  # fmt: skip
+    sag, scatter = figure.subplots(1, 2)
+    levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
+    for share, colour in ((1.0, RED), (0.25, ORANGE), (0.05, BLUE)):
+        lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
+        loads = [array_load(rl.Gsfl(droop=rl.Droop()), _flat(lit, level)) for level in levels]
+        lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
+        sag.plot(levels, lost, ".-", color=colour, ms=4, lw=1.0, label=f"{share:.0%} of the array is lit")
+        sys.stdout.write(
+            f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
+        )
+    sag.set(xscale="log", yscale="log", ylim=(0.002, 50.0))
+    in_thousands(sag.xaxis)
+    dress(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
+    key(sag)
+    shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
+    for name, detector, colour in (
+        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.Crosstalk()), BLUE),
+        ("default jitter alone", rl.Gsfl(), GREEN),
+    ):
+        spread = []
+        for share in shares:
+            lit = np.flatnonzero(np.modf(np.arange(n) * share)[0] < share)
+            reading, _ = detector.detect(_flat(lit, 30_000.0), np.random.Generator(np.random.Philox(5)))
+            low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
+            spread.append((high - low) / 1.349 / units.CM)
+        scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
+        sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
+    scatter.plot(
+        [0.5], [8.04], "D", color=hexed(INK), ms=6, label="published, before a checkerboard (Opt. Eng. 60, 083101)"
+    )
+    scatter.set(ylim=(0, 16), xlim=(0, 1.03))
+    dress(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
+    key(scatter, "upper left")
+    return figure
+
+
+def _flat(pixel: np.ndarray, photons: float) -> Photons:
+    """Return the light of a facing plate at 50 m in some pixels of 128 x 128."""
+    one = plate(photons, len(pixel), reference_pulse(), REFERENCE_FWHM_S)
+    return replace(
+        one,
+        shape=(128, 128),
+        pixel=pixel,
+        cluster_pixel=pixel,
+        delay_s=np.full(len(pixel), 50.0 / units.RANGE_PER_DELAY_M_S),
+    )
+
+
+def separation() -> Any:
+    """Return how often both of two returns of a pixel are listed, against their separation."""
+    figure = new_figure(
+        9.6, 4.6, "Two returns of a pixel",
+        "share of 300 pixels that list both, max_returns = 2, pulse 8 ns; left: trace of 20 samples; right: longer traces",
+    )  # fmt: skip
+    by_light, by_trace = figure.subplots(1, 2, sharey=True)
+    detector = rl.Gsfl(max_returns=2)
+    for over, colour in ((2.0, SKY), (5.0, BLUE), (20.0, ORANGE), (100.0, RED)):
+        photons = over * detector.threshold_photons
+        _both(by_light, detector, np.arange(0.6, 4.3, 0.1), photons, f"{photons:,.0f} photons each", colour)
+    for samples, colour in ((20, BLUE), (28, GREEN), (44, PINK)):
+        longer = detector.replace(readout=rl.Readout(samples=samples))
+        deep = np.arange(0.6, longer.stored_behind_m + 0.2, 0.1)
+        _both(by_trace, longer, deep, 5.0 * detector.threshold_photons, f"{samples} samples", colour)
+    for axes, title in ((by_light, "20 samples"), (by_trace, f"{5.0 * detector.threshold_photons:,.0f} photons each")):
+        axes.set(ylim=(-0.03, 1.03))
+        dress(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
+        key(axes, "upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
+    return figure
+
+
+def _both(axes: Any, detector: Any, separation_m: np.ndarray, photons: float, label: str, colour: str) -> None:
+    pulse, fwhm_s = reference_pulse(), REFERENCE_FWHM_S
+    made = found_both(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
+    axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=1.0, label=label)
+    held = [[round(float(end), 2) for end in made.held_m(share) or ()] for share in (0.5, 0.9)]
+    sys.stdout.write(
+        f"two returns, {label}, {detector.readout.samples} samples: half the time {held[0]} m, 90 % {held[1]} m\n"
+    )
 
 
 # ------------------------------------------------------------------------------------------- figures of orbits.md
@@ -656,6 +745,8 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "walk": walk,
     "pixel": pixel,
     "gate": gate,
+    "shared": shared,
+    "separation": separation,
     "operations": operations,
     "safety_ellipse": safety_ellipse,
     "relative_models": relative_models,

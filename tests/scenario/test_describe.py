@@ -216,7 +216,9 @@ class TestSeveralReturns:
     def test_the_separations_that_the_trace_holds_are_told(self, described):
         """Those that `held_separations` finds: from a pulse's length to what 20 samples leave, less in brighter light."""
         line = described("lidar.detector.max_returns=2")["returns"]
-        near, far, brighter = (float(x) for x in re.search(r"([\d.]+) to ([\d.]+) m with .* to ([\d.]+) m", line).groups())
+        near, far, brighter = (
+            float(x) for x in re.search(r"([\d.]+) to ([\d.]+) m with .* to ([\d.]+) m", line).groups()
+        )
         assert 1.2 < near < 2.0 < brighter < far - 0.3 < 3.0
         assert "returns" not in described()
         longer = described("lidar.detector.max_returns=2", "lidar.detector.readout.samples=60")["returns"]
@@ -228,7 +230,10 @@ class TestSeveralReturns:
     )
     def test_parts_out_of_them_are_warned_of(self, text, tilt_deg, depth_m, words):
         """A plate of 4 m a side at a tilt is 4 sin(tilt) deep: 0, 2.3 and 3.9 m, where 1.7 to 2.8 m are held."""
-        settings = ("lidar.detector.max_returns=2", f"target.0.attitude={{type='fixed', euler_zyx_deg=[0, {tilt_deg}, 0]}}")
+        settings = (
+            "lidar.detector.max_returns=2",
+            f"target.0.attitude={{type='fixed', euler_zyx_deg=[0, {tilt_deg}, 0]}}",
+        )
         (line,) = (
             one for one in rl.Scenario.loads(text, settings=settings).advice() if "about the first crossing" in one
         )
