@@ -230,7 +230,9 @@ class Waveforms(Record):
     baseline_counts: float
     pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
     start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first sample since emission")
-    latch_s: np.ndarray = array("trace", "f8", "s", "when the comparator latched, NaN under a range gate")
+    latch_s: np.ndarray = array(
+        "trace", "f8", "s", "when the signal passed the comparator's threshold, since emission; NaN under a range gate"
+    )
     samples_counts: np.ndarray = array("trace sample", "f4", "count", "output of the converter, baseline included")
     clipped: np.ndarray | None = array(
         "trace sample", "?", "1", "where the converter clipped, in any of the pulses averaged", optional=True
