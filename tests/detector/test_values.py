@@ -159,10 +159,10 @@ def test_between_steps_noise_has_its_own_rms_and_the_mean_is_a_curve():
 # ----------------------------------------------------------------------------------------------------------- the gate
 
 
-@pytest.mark.parametrize("quantised", [True, False])
-def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised):
+@pytest.mark.parametrize(("quantised", "samples"), [(True, 80), (False, 80), (True, 6)])
+def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised, samples):
     """Gaussian noise: σ² = (wᵀCw + wᵀw/12)/M + (o Σw)²; ν₀ T exp(−u²/2) + Q(u) = −ln(1 − p) (Rice 1944)."""
-    gate = Gate(delay_ns=500.0, width_ns=160.0, pulses=5, false_alarm_probability=4e-3)
+    gate = Gate(delay_ns=500.0, width_ns=2.0 * samples, pulses=5, false_alarm_probability=4e-3)
     amplifier = Amplifier(bandwidth_mhz=130.0, noise_electrons=90.0)
     readout = Readout(sample_ns=2.0, electrons_per_count=90.0, quantised=quantised)
     apd = Apd(gain=8.0, ionisation_ratio=0.3, dark_current_na=0.0)
@@ -176,7 +176,7 @@ def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised):
     inside += quantised / 12.0 * (weights**2).sum()
     sigma = math.sqrt(inside / 5.0 + (0.4 * weights.sum()) ** 2)
     wanted = -math.log1p(-4e-3)
-    crossings = matched.crossings_per_s * 80 * 2e-9
+    crossings = matched.crossings_per_s * samples * 2e-9
     u = optimize.brentq(lambda u: crossings * math.exp(-0.5 * u**2) + stats.norm.sf(u) - wanted, 0.1, 9.0)
     assert found == pytest.approx(u * sigma, rel=2e-3)
 
@@ -230,6 +230,22 @@ def test_the_rail_stands_on_the_pixels_own_offset():
         reading = measure(part, stored, pulse, np.random.default_rng(1))
         assert np.isfinite(reading.range_m).all()
         assert (reading.saturated == held).all()
+
+
+@pytest.mark.parametrize("path", ["numpy", "numba"])
+@pytest.mark.parametrize("at", [0, 7, 19])
+def test_any_clipped_sample_of_a_trace_says_saturated(path, at):
+    from rso_lidar import arithmetic
+
+    part = PART.replace(timing={"pixel_jitter_ns": 0.0})
+    pulse = part.pulse(nothing((1, 1)))
+    samples = np.tile(100.0 + 300.0 * pulse.amplitude(np.arange(20) * 2e-9 - 18e-9) / pulse.peak, (3, 1))
+    samples[1, at] = 4095.0
+    start = np.full(3, 6e-6)
+    stored = Waveforms((1, 3), 2e-9, 100.0, np.arange(3), start, start + 17e-9, samples)
+    with arithmetic.using(path):
+        reading = measure(part, stored, pulse, np.random.default_rng(1))
+    assert np.isfinite(reading.range_m).all() and reading.saturated[0].tolist() == [0, 1, 0]
 
 
 # -------------------------------------------------------------------------------------------------- the fast detector
