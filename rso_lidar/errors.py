@@ -36,6 +36,10 @@ class FieldError(ScenarioError):
         self.problems = tuple(problems)
 
 
+class RecordError(RsoLidarError, TypeError):
+    """An array that does not fit the statement of a record's field."""
+
+
 class MeshError(RsoLidarError, ValueError):
     """A mesh file that cannot be read as a target's surface."""
 

@@ -241,7 +241,7 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
 
 def _show(value: Any) -> str:
     try:
-        text = repr(value)
-    except ValueError:
+        text = " ".join(repr(value).split())
+    except (ValueError, RecursionError):
         text = f"a {type(value).__name__} of more digits than can be shown"
     return text if len(text) <= 60 else text[:57] + "..."

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from rso_lidar.errors import RecordError
+
 
 @dataclass(frozen=True)
 class ArraySpec:
@@ -56,17 +58,19 @@ class Record:
             value = getattr(self, name)
             if value is None:
                 continue
-            values = locked(value, spec.dtype)
+            place = f"{type(self).__name__}.{name}"
+            try:
+                values = locked(value, spec.dtype)
+            except (TypeError, ValueError, OverflowError):
+                raise RecordError(f"{place}: needs an array of {spec.dtype}, not {value!r:.60}; convert it") from None
             dims, shape = spec.dims, values.shape
             if dims[0] == "…":  # single, or batched over epochs
                 dims, shape = dims[1:], shape[1 - len(dims) :]
             if len(shape) != len(dims):
-                raise TypeError(
-                    f"{type(self).__name__}.{name}: needs dims ({', '.join(spec.dims)}), got {values.shape}"
-                )
+                raise RecordError(f"{place}: needs dims ({', '.join(spec.dims)}), got {values.shape}; reshape it")
             for dim, size in zip(dims, shape, strict=True):
                 if sizes.setdefault(dim, size) != size:
-                    raise TypeError(f"{type(self).__name__}.{name}: {dim} is {size} here and {sizes[dim]} elsewhere")
+                    raise RecordError(f"{place}: {dim} is {size} here and {sizes[dim]} elsewhere; match them")
             object.__setattr__(self, name, values)
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -1,7 +1,6 @@
 """`rso-lidar export`: a recording written in the format of another tool."""
 
 import datetime
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +25,7 @@ from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Source
 from rso_lidar.study.recorded import scenario_of
 from rso_lidar.study.timeline import breaks_s
+from rso_lidar.toml_text import parse_toml
 
 _OF_A_TARGET = ("tum", "kitti")
 _OF_A_BODY = ("oem", "aem")
@@ -112,7 +112,7 @@ def _texts(start_utc: datetime.datetime, time_s: np.ndarray) -> np.ndarray:
 def _about_the_earth(to: Path, source: Source, overwrite: bool) -> None:
     """Raise an error where an ephemeris cannot be written."""
     free(to, overwrite=overwrite)
-    if tomllib.loads(source.scenario).get("world", {}).get("axes") == "local":
+    if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
         raise RecordingError(f"{to.name}: a local world has no Earth to give positions about; write a .csv")
 
 

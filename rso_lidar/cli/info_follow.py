@@ -1,13 +1,13 @@
 """`rso-lidar info --follow`: a recording followed while another process writes it."""
 
 import time
-import tomllib
 from pathlib import Path
 
 import typer
 
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.growing import Growth, growth
+from rso_lidar.toml_text import parse_toml
 
 _SILENCE_S = 30.0  # without a new frame, after which a line says so
 
@@ -54,8 +54,8 @@ def _flown(seen: Growth) -> str:
     if seen.source is None or seen.time_s is None:
         return ""
     try:
-        duration_s = float(tomllib.loads(seen.source.scenario)["time"]["duration_s"])
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+        duration_s = float(parse_toml(seen.source.scenario, "recording", RecordingError)["time"]["duration_s"])
+    except (RecordingError, KeyError, TypeError, ValueError):
         return f", at {seen.time_s:g} s"
     return f", at {seen.time_s:g} of {duration_s:g} s"
 

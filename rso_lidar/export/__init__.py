@@ -23,6 +23,7 @@ from rso_lidar.export.kept import PhotonImage, check_kept
 from rso_lidar.export.recorder import SUFFIXES, Recorder, check_output, run_id
 from rso_lidar.export.recording import Recording
 from rso_lidar.export.stored import Frames, Stored
+from rso_lidar.files import path_of
 from rso_lidar.records import Frame
 
 __all__ = [
@@ -58,12 +59,14 @@ def save(
     format : by name, where the suffix does not say it.
     options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
     """
-    return writer_for(format or Path(path))(path, frames, overwrite=overwrite, **options)
+    path = path_of(path, RecordingError)
+    return writer_for(format or path)(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
     """Return the recording at a path, finished or (under its temporary name) not; nothing is read before it is used."""
-    suffix = Path(TEMPORARY.sub("", Path(path).name)).suffix
+    path = path_of(path, RecordingError)
+    suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*SUFFIXES, *format_for("zarr").suffixes)
     if Path(path).exists() and suffix.lower() in WRITTEN and suffix.lower() not in readable:
         made = WRITTEN[suffix.lower()].name

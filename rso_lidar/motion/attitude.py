@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.free_rotation import free_rotation
 from rso_lidar.motion.situation import Situation, Turn
-from rso_lidar.part import Direction, Number, Part, Quaternion, Text, Vector
+from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Text, Vector
 from rso_lidar.pose import euler_zyx
 
 if TYPE_CHECKING:
@@ -174,8 +174,10 @@ def _three_or_nine(inertia: Any) -> Any:
     if len(rows) != 3 or not (square or all(row is None for row in tables)):
         raise ValueError("needs the three principal moments along the body axes, or three rows of three numbers")
     for value in [value for row in tables for value in row or ()] or rows:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise ValueError(f"needs numbers, not {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"needs numbers, not {value!r:.60}")
+        if not -GREATEST <= value <= GREATEST:  # an integer of any length, too
+            raise ValueError(f"needs numbers up to {GREATEST:g}; check them and their unit")
     return inertia
 
 

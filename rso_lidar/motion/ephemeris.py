@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.orbit.timetable import read_timetable, unit_quaternions
 from rso_lidar.part import Name, Part, Text, Vector
 from rso_lidar.shipped import find
@@ -109,10 +110,7 @@ def read_table(path: str | Path) -> Rows:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
-    try:
-        text = path.read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
+    text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
     if not text.strip():

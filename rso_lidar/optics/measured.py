@@ -12,6 +12,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
 from rso_lidar.optics.zemax import points_for_commas, stamp
 
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
@@ -47,6 +48,7 @@ def _image(path: Path) -> np.ndarray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what Pillow could mend
+            check_regular(path, MOST_BYTES, ScenarioError, "picture")
             with Image.open(path) as image:
                 grey = image if image.mode in ("L", "F") or image.mode.startswith("I") else image.convert("L")
                 return np.asarray(grey, dtype=float)
@@ -66,11 +68,9 @@ def _image(path: Path) -> np.ndarray:
 
 def _table(path: Path) -> np.ndarray:
     """Return the numbers of a text file, separated by commas, semicolons or blanks; lines that begin with # are remarks."""
+    content = read_bytes(path, MOST_BYTES, ScenarioError, "table")
     try:
-        content = path.read_bytes()
         text = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except OSError as error:
-        raise ScenarioError(f"{path.name}: cannot be read ({error.strerror}); check the name") from None
     except UnicodeDecodeError:
         raise ScenarioError(f"{path.name}: is no text; give numbers in UTF-8, or an image") from None
     rows = [line.replace(",", " ").replace(";", " ").split() for line in points_for_commas(text).splitlines()]

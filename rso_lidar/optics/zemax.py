@@ -18,6 +18,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
+from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
 
 _NUMBER = r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
 _UNIT = r"([a-zA-Zµμ�?]+)"
@@ -29,7 +30,6 @@ _METRES = {
     "inches": 25.4 * units.MM,  # the international inch, exact
 }
 _NOT_A_NUMBER = re.compile(r"[-+]?\d*[.,]?\d*#(?:IND|INF|QNAN|SNAN)\w*", re.IGNORECASE)  # as Windows prints them
-_LARGEST = 2**28  # bytes: a grid of 2048 x 2048 in UTF-16 is half of this
 
 
 @dataclass(frozen=True)
@@ -74,25 +74,13 @@ def read_grid_distortion(path: str | Path) -> GridDistortion:
 
 def stamp(path: str | Path) -> tuple[str, int, int]:
     """Return path, time of change [ns] and size [bytes] of a file: what a cache of its content goes by."""
-    try:
-        status = Path(path).stat()
-        if not Path(path).is_file():
-            raise ScenarioError(f"{path}: is a folder or a device: name a text file")
-        if status.st_size > _LARGEST:
-            raise ScenarioError(f"{path}: has over {_LARGEST >> 20} MiB: save a listing of fewer points")
-    except FileNotFoundError:
-        raise ScenarioError(f"{path}: no such file: check the path") from None
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: cannot be read ({getattr(error, 'strerror', error)}): check the path") from None
+    status = check_regular(Path(path), MOST_BYTES, ScenarioError, "text file")
     return str(path), status.st_mtime_ns, status.st_size
 
 
 def read_text(path: str) -> str:
     """Return the text of a file in UTF-16 (with a mark or without), UTF-8 or Latin-1."""
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read ({error.strerror}): check its permissions") from None
+    content = read_bytes(Path(path), MOST_BYTES, ScenarioError, "text file")
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
     elif content[:64].count(b"\0") > len(content[:64]) // 4:  # Latin letters, and every other byte of them zero

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, did_you_mean
+from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
 from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
 from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written_text
@@ -245,7 +246,7 @@ def _contents(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
-    text = decoded(path.read_bytes())
+    text = decoded(read_bytes(path, MOST_BYTES, CatalogError, "catalogue"))
     if text is None:
         raise CatalogError(f"{path}: is not UTF-8 text: name a file of two-line element sets")
     sets, junk = _parsed(text, str(path))

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rso_lidar import files
 from rso_lidar.errors import RecordingError, ScenarioError, did_you_mean
 from rso_lidar.orbit.epochs import TT_MINUS_TAI_S, Epochs
 from rso_lidar.part import GREATEST
@@ -96,12 +97,7 @@ def found(file: str) -> Path:
 
 def read_text(path: Path) -> str:
     """Return the text of a file; what cannot be read is a `ScenarioError` that names it."""
-    try:
-        text = path.read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a file of text") from None
+    text = files.read_text(path, files.MOST_BYTES, ScenarioError, "OEM, AEM or CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name an OEM, AEM or CSV file")
     if not text.strip():

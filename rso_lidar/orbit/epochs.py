@@ -58,6 +58,17 @@ def _tai_us(instant: datetime.datetime) -> int:
     return utc_us + int(offset) * _MICROSECONDS
 
 
+def check_instant(instant: Any, place: str) -> None:
+    """Raise `ScenarioError` for what is no datetime with an offset."""
+    if not isinstance(instant, datetime.datetime):
+        raise ScenarioError(
+            f"{place}: needs a datetime with an offset, such as datetime(2024, 9, 17, 12, tzinfo=UTC), "
+            f"not {instant!r:.60}; datetime.fromisoformat reads a text"
+        )
+    if instant.utcoffset() is None:
+        raise ScenarioError(f"{place}: a time without an offset is ambiguous; end it with Z or +00:00")
+
+
 @dataclass(frozen=True, eq=False)
 class Epochs:
     """Return the instants `time_s` (time) [TAI s] after `start_utc`, an aware datetime.
@@ -71,9 +82,13 @@ class Epochs:
     time_s: np.ndarray
 
     def __post_init__(self) -> None:
-        if self.start_utc.tzinfo is None:
-            raise ScenarioError("start_utc: a time without an offset is ambiguous; end it with Z or +00:00")
-        time_s = np.array(self.time_s, dtype=float, ndmin=1)
+        check_instant(self.start_utc, "start_utc")
+        try:
+            time_s = np.array(self.time_s, dtype=float, ndmin=1)
+        except (TypeError, ValueError, OverflowError):
+            raise ScenarioError(f"time_s: needs seconds after start_utc, not {self.time_s!r:.60}") from None
+        if np.asarray(self.time_s).dtype.kind in "mM":
+            raise ScenarioError("time_s: needs seconds after start_utc, not dates; subtract start_utc")
         if time_s.ndim != 1 or not np.all(np.isfinite(time_s)):
             raise ScenarioError("time_s: needs one row of finite seconds")
         time_s.flags.writeable = False
@@ -92,6 +107,7 @@ class Epochs:
 
     def since(self, instant: datetime.datetime) -> np.ndarray:
         """Return elapsed TAI seconds (time) from an aware datetime to each epoch."""
+        check_instant(instant, "since")
         offset: np.ndarray = self.time_s + (_tai_us(self.start_utc) - _tai_us(instant)) / _MICROSECONDS
         return offset
 

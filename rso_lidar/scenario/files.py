@@ -30,6 +30,19 @@ def with_files(part: Part, file: Callable[[str], Any]) -> Any:
     return part.replace(**changes) if changes else part
 
 
+def code_of(part: Part) -> list[str]:
+    """Return the Python functions that a part and all parts it holds name as text in `dynamics`."""
+    found: list[str] = []
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if name == "dynamics" and isinstance(value, str):
+            found.append(value)
+        for inner in value if isinstance(value, tuple) else (value,):
+            if isinstance(inner, Part):
+                found += code_of(inner)
+    return found
+
+
 def files_of(part: Part) -> list[str]:
     """Return the files that a part and all parts it holds name, in the order of their fields."""
     found: list[str] = []

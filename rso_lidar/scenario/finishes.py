@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
+from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import Material, Named, Scatterer, Surface, library
 from rso_lidar.scene.colours import facet_colours, hexed
@@ -85,7 +86,10 @@ def _words(path: Path, facets: int) -> np.ndarray:
 
 def _of_array(path: Path, facets: int) -> np.ndarray:
     try:
+        check_regular(path, MOST_BYTES, MeshError, "array (.npy)")
         numbers = np.load(path, mmap_mode="r", allow_pickle=False)
+    except MeshError:
+        raise
     except Exception:  # NumPy reads the header as Python's: a broken one fails in a dozen ways
         raise MeshError(f"{path.name}: is no array of NumPy's; write it with numpy.save") from None
     if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iu" or numbers.shape != (facets,):
@@ -97,8 +101,8 @@ def _of_array(path: Path, facets: int) -> np.ndarray:
 def _of_table(path: Path, facets: int) -> np.ndarray:
     words = np.full(facets, "", dtype=object)
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error):
+        rows = list(csv.reader(read_text(path, MOST_BYTES, MeshError, "table (.csv)").splitlines()))
+    except csv.Error:
         raise MeshError(f"{path.name}: cannot be read; give a text with the columns facet, material") from None
     for line, row in enumerate(rows, start=1):
         if not row or (line == 1 and row[0].strip().lower() == "facet"):

@@ -1,31 +1,22 @@
 """From a TOML file to a validated scenario, and the one line that a bad one gets."""
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from rso_lidar.errors import FieldError, ScenarioError, SettingError
+from rso_lidar.files import read_text
 from rso_lidar.part import Part, explain
+from rso_lidar.toml_text import DEEPEST, MOST_BYTES, parse_toml
 
 AnyPart = TypeVar("AnyPart", bound=Part)
 
 
 def read_toml(path: Path) -> str:
     """Return the text of a scenario file, or raise `ScenarioError` for one that cannot be read."""
-    if path.is_dir():
-        raise ScenarioError(f"{path}: is a folder; give a scenario file (.toml)")
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ScenarioError(f"{path}: no such file; check the name") from None
-    except UnicodeDecodeError:
-        raise ScenarioError(f"{path}: is not UTF-8 text; save the scenario as UTF-8 TOML") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ScenarioError(f"{path}: cannot be read ({reason}); check its name and permissions") from None
+    return read_text(path, MOST_BYTES, ScenarioError, "scenario file (.toml)")
 
 
 def validated(
@@ -41,12 +32,7 @@ def validated(
     settings : ``place=value`` texts.
     table : name of the only table of the text, where that, not the whole text, fills the part.
     """
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{where}: not valid TOML: {error}; mend that line") from None
-    except (RecursionError, ValueError, TypeError, AttributeError) as error:
-        raise ScenarioError(f"{where}: not readable as TOML ({error}); give the text of a scenario") from None
+    tree = parse_toml(text, where, ScenarioError)
     for setting in settings:
         _apply(tree, setting)
         if table and set(tree) != {table}:
@@ -65,10 +51,12 @@ def _apply(tree: dict[str, Any], setting: str) -> None:
     place, equals, text = setting.partition("=")
     steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
     if not equals or not all(steps):
-        raise SettingError(f"--set {setting}: is not place=value; write for example lidar.laser.energy_mj=20")
+        raise SettingError(f"--set {setting:.80}: is not place=value; write for example lidar.laser.energy_mj=20")
+    if len(steps) > DEEPEST:
+        raise SettingError(f"--set {setting:.80}: has over {DEEPEST} steps; no table lies so deep")
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError):
+        value = parse_toml(f"value = {text}", "--set", SettingError)["value"]
+    except SettingError:
         value = text.strip()  # a bare word is a text
     here: Any = tree
     for step in steps[:-1]:

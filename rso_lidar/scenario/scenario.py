@@ -12,12 +12,13 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
+from rso_lidar.files import path_of
 from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
 from rso_lidar.scenario.constraints import Constraints
-from rso_lidar.scenario.files import with_files
+from rso_lidar.scenario.files import code_of, with_files
 from rso_lidar.scenario.lidar import Lidar
 from rso_lidar.scenario.load import read_toml, validated
 from rso_lidar.scenario.parts import Follower, Target, Time, World
@@ -44,20 +45,40 @@ class Scenario(Part):
     constraints: Constraints | None = None
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
+    _trust_code: bool = PrivateAttr(default=True)
 
     @classmethod
     def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Scenario:
-        """Return the scenario of a TOML file, with some fields set anew, such as ``"lidar.laser.energy_mj=20"``."""
-        path = Path(path)
-        return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings)
+        """Return the scenario of a TOML file, with some fields set anew, such as ``"lidar.laser.energy_mj=20"``.
+
+        Python code that the file names as `dynamics` is run when the scenario is flown.
+        """
+        path = path_of(path, ScenarioError)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings, trust_code=True)
 
     @classmethod
     def loads(
-        cls, text: str, *, folder: Path | None = None, where: str = "scenario", settings: tuple[str, ...] = ()
+        cls,
+        text: str,
+        *,
+        folder: Path | None = None,
+        where: str = "scenario",
+        settings: tuple[str, ...] = (),
+        trust_code: bool = False,
     ) -> Scenario:
-        """Return the scenario of a TOML text; `folder` is where its relative paths begin, `where` its name in errors."""
+        """Return the scenario of a TOML text, such as a recording's.
+
+        Parameters
+        ----------
+        text : the TOML.
+        folder : where its relative paths begin; None is the working folder.
+        where : its name in errors.
+        settings : fields set anew, such as ``"lidar.laser.energy_mj=20"``.
+        trust_code : run the Python code that the text names as `dynamics` when the scenario is flown. Otherwise such a
+            scenario is read and not flown, for its text may come from somebody else.
+        """
         scenario = validated(cls, text, where, settings)
-        scenario._folder, scenario._where = folder, where
+        scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
         return scenario
 
     def __eq__(self, other: object) -> bool:
@@ -69,7 +90,7 @@ class Scenario(Part):
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed, validated like a new scenario."""
         changed = super().replace(**changes)
-        changed._folder, changed._where = self._folder, self._where
+        changed._folder, changed._where, changed._trust_code = self._folder, self._where, self._trust_code
         return changed
 
     @model_validator(mode="after")
@@ -106,6 +127,7 @@ class Scenario(Part):
             if part is None:
                 continue
             with self.placed(f"{body.name}.{place}"):
+                self._check_code(part)
                 found = with_files(part, self.file)
                 if isinstance(found, Tle):
                     found.elements(self.time.start_utc)  # a bad set is told now, with its place
@@ -117,8 +139,17 @@ class Scenario(Part):
     def pan_tilt(self) -> Ptu | None:
         """Return the PTU with the files that it names found."""
         with self.placed("ptu"):
+            self._check_code(self.ptu)
             found: Ptu | None = with_files(self.ptu, self.file) if self.ptu else None
         return found
+
+    def _check_code(self, part: Part | None) -> None:
+        """Refuse Python code that a part names, unless the scenario's text is trusted."""
+        if not self._trust_code and part is not None and (named := code_of(part)):
+            raise ScenarioError(
+                f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "
+                "load the scenario from a file, or give trust_code=True to Scenario.loads where you trust it"
+            )
 
     def placed(self, place: str = "") -> AbstractContextManager[None]:
         """Return a context that puts the scenario's name, and a place in it, before the messages of errors."""

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rso_lidar import arithmetic
-from rso_lidar.errors import warn
+from rso_lidar.errors import ScenarioError, warn
+from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.motion.dynamics import in_words
 from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
@@ -124,7 +125,7 @@ def _warn_of_nameless(scenario: Scenario) -> None:
 
 
 def _sha256(file: str) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(Path(file), 2 * MOST_BYTES, ScenarioError)).hexdigest()  # meshes are the largest
 
 
 def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import MeshError
 from rso_lidar.scene.gltf import check_gltf
-from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.mesh import Mesh, trimesh_silenced
 
 SUFFIXES = (".glb", ".ply")
 
@@ -32,7 +32,7 @@ def facet_colours(mesh: Mesh) -> np.ndarray:
     try:
         if suffix == ".glb":
             check_gltf(path, path.read_bytes())
-        with warnings.catch_warnings():
+        with trimesh_silenced(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scene = trimesh.load_scene(path, process=False)
             order = {name: number for number, name in enumerate(scene.geometry)}
@@ -41,8 +41,8 @@ def facet_colours(mesh: Mesh) -> np.ndarray:
             colours = [_of(piece, path) for piece in pieces if len(getattr(piece, "faces", ()))]
     except (MeshError, MemoryError):
         raise
-    except Exception as error:
-        raise MeshError(f"{path.name}: its colours cannot be read ({str(error)[:80]}); name parts or facets") from None
+    except Exception:
+        raise MeshError(f"{path.name}: its colours cannot be read; name parts or facets instead") from None
     found = np.concatenate(colours)
     if len(found) != mesh.source_facets:
         raise MeshError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,11 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, mode
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, told, warn
+from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
 from rso_lidar.scene.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
+from rso_lidar.toml_text import MOST_BYTES, parse_toml
 
 _WRITE_AGAIN = "write it again with `python -m rso_lidar.shapes.write`"
 _told_of: set[object] = set()  # libraries, and which of their models it has been said that a shipped one hides
@@ -235,12 +236,9 @@ def read_table(
 ) -> dict[str, Any]:
     """Return what a TOML file of a catalogue holds, or raise `MeshError` with the cure."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        reason = str(error)
-    raise MeshError(f"{path}: cannot be read ({reason}): {cure}")
+        return parse_toml(read_text(path, MOST_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
+    except MeshError as error:
+        raise MeshError(f"{error}: {cure}") from None
 
 
 class _Table(BaseModel):

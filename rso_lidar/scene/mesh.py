@@ -1,8 +1,11 @@
 """Meshes from files: triangles in metres, by named parts, with what was repaired."""
 
 import hashlib
+import logging
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning, told, warn
+from rso_lidar.files import check_regular, read_bytes
 from rso_lidar.scene.gltf import MOST_FACETS, check_gltf
 from rso_lidar.scene.obj import read_obj
 
@@ -80,20 +84,12 @@ def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
         known = ", ".join(suffixes)
         cad = " (STEP and IGES come in through `rso-lidar models add`)" if path.suffix.lower() in CAD_SUFFIXES else ""
         raise MeshError(f"{path}: a mesh of type '{path.suffix}' is not read; convert it to one of {known}{cad}")
-    if path.is_dir():
-        raise MeshError(f"{path}: is a folder; give a mesh file in it")
-    if not path.is_file():
-        if path.exists():
-            raise MeshError(f"{path}: is not a plain file; give a mesh file")
-        raise MeshError(f"{path}: no such mesh file; check the name, or give a model of the catalogue")
-    if (size := path.stat().st_size) > _MOST_BYTES:
-        most = f"{_MOST_BYTES / 2**20:.0f} MiB"
-        raise MeshError(f"{path}: has {size / 2**20:,.0f} MiB, over {most}; decimate the mesh and export it again")
+    check_regular(path, _MOST_BYTES, MeshError, "mesh file")
     return path
 
 
 def _read(path: Path) -> Mesh:
-    blob = path.read_bytes()
+    blob = read_bytes(path, _MOST_BYTES, MeshError, "mesh file")
     if not blob:
         raise MeshError(f"{path.name}: the file is empty; export the mesh again")
     pieces = _pieces(path, blob)
@@ -149,20 +145,54 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
         return read_obj(path, blob, _MOST_PARTS)  # trimesh splits groups too, but loses the order that labels count in
     if suffix in (".glb", ".gltf"):
         check_gltf(path, blob)
+    if suffix == ".stl":
+        _check_stl(path, blob)
     import trimesh
 
+    broken = f"{path.name}: cannot be read as {suffix[1:].upper()}: it is cut short or damaged; export it again"
     try:
-        with warnings.catch_warnings():
+        with trimesh_silenced() as problems, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
+            # NumPy may end at what is no number, and keep what came before.
+            warnings.filterwarnings("error", message="string or file could not be read")
             scene = trimesh.load_scene(path, process=False, skip_materials=True)  # pictures beside it are not opened
             _check_count(path, blob, scene)
-            return _placed(scene, single=suffix in (".stl", ".off", ".ply"))
+            pieces = _placed(scene, single=suffix in (".stl", ".off", ".ply"))
     except (MeshError, MemoryError):
         raise
-    except Exception as error:
-        cut = isinstance(error, ImportError) or not str(error)  # trimesh gave up guessing what this is
-        reason = "cut short, or something else" if cut else " ".join(str(error).split())[:120]
-        raise MeshError(f"{path.name}: cannot be read as {suffix[1:].upper()} ({reason}); export it again") from None
+    except Exception:  # trimesh lets through whatever Python raises, whose words say nothing of the file
+        raise MeshError(broken) from None
+    if problems:  # trimesh went on without what it could not read
+        raise MeshError(broken)
+    if any(vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) for _, vertices, facets in pieces):
+        raise MeshError(f"{path.name}: has positions that are not three numbers each; export it again")
+    return pieces
+
+
+@contextmanager
+def trimesh_silenced() -> Iterator[list[str]]:
+    """Return, as a context, what trimesh logs inside as warnings or errors, in place of its lines on the terminal."""
+    problems: list[str] = []
+
+    class Kept(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            problems.append(record.getMessage())
+
+    log, kept = logging.getLogger("trimesh"), Kept(logging.WARNING)
+    propagates, log.propagate = log.propagate, False
+    log.addHandler(kept)
+    try:
+        yield problems
+    finally:
+        log.removeHandler(kept)
+        log.propagate = propagates
+
+
+def _check_stl(path: Path, blob: bytes) -> None:
+    """Refuse an ASCII STL that breaks off: trimesh reads the facets before, and is silent."""
+    is_binary = len(blob) >= 84 and 84 + 50 * int.from_bytes(blob[80:84], "little") <= len(blob)
+    if not is_binary and blob.lstrip()[:5].lower() == b"solid" and b"endsolid" not in blob[-1000:].lower():
+        raise MeshError(f"{path.name}: has no 'endsolid' at its end, so it is cut short; export it again")
 
 
 def _placed(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:

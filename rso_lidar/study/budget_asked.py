@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
+from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.scenario.preview import preview
@@ -170,11 +171,11 @@ def _material(given: str | float | Scatterer, wavelength_m: float) -> tuple[str,
 
 def _table(file: Path) -> TableBrdf:
     """Return the BRDF that a file tabulates: incidence_deg, brdf_per_sr, a heading allowed."""
+    text = read_text(file, MOST_BYTES, ScenarioError, "table (incidence_deg, brdf_per_sr)")
     try:
-        rows = [row for row in csv.reader(file.read_text(encoding="utf-8").splitlines()) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        told = getattr(error, "strerror", None) or "is no text"
-        raise ScenarioError(f"{file}: cannot be read ({told}); give columns incidence_deg, brdf_per_sr") from None
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error:
+        raise ScenarioError(f"{file}: is no CSV; give columns incidence_deg, brdf_per_sr") from None
     try:
         columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _number(rows[0][0]) else 0 :]]
         degrees, values = zip(*columns, strict=True)
