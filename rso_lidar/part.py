@@ -175,8 +175,9 @@ def _named(annotation: Any, tag: str) -> type[BaseModel] | None:
     return next((cls for cls in found if cls.model_fields["type"].default == tag), None)
 
 
-def _tag(raw: Any) -> Any:
-    return raw.get("type") if isinstance(raw, Mapping) else getattr(raw, "type", None)
+def _tag(raw: Any) -> str | None:
+    tag = raw.get("type") if isinstance(raw, Mapping) else getattr(raw, "type", None)
+    return tag if isinstance(tag, str) else None
 
 
 def _choose(annotation: Any, raw: Any) -> type[BaseModel] | None:
@@ -234,7 +235,7 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         tables = " ([[...]] for a list of tables)" if isinstance(value, dict) else ""
         return f"needs a list{tables}, not {_show(value)}"
     if kind == "value_error":
-        return str(context["error"])
+        return " ".join(str(context["error"]).split())
     message = problem["msg"].removeprefix("Input ")
     return f"{message}, not {_show(value)}"
 

@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
@@ -28,6 +29,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     _collect_garbage_seldom()
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # of a terminal that cannot show all that a name may hold
     interruption.advise(None)
     outcome = _run(arguments)
     interruption.leave()
@@ -86,8 +90,10 @@ def _collect_garbage_seldom() -> None:
 
 def _say(line: str) -> None:
     if sys.stderr is not None:
+        from rso_lidar.cli.terminal import one_line
+
         with suppress(OSError):  # nobody may be listening
-            print(" ".join(line.split()), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
+            print(one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
 
 
 _shown: set[str] = set()

@@ -8,6 +8,7 @@ import typer
 from rso_lidar import export, picture
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.picture.animation import ANIMATION_SUFFIXES
 
@@ -25,4 +26,4 @@ def animate(
     output = free(output, ANIMATION_SUFFIXES, overwrite=overwrite)
     with export.open(recording) as frames:
         picture.animate(frames, output, max_frames=max_frames, frame_rate_hz=rate_hz)
-    typer.echo(f"{output}")
+    echo(f"{output}")

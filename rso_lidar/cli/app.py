@@ -24,6 +24,7 @@ from rso_lidar.cli import (
     truth,
     view,
 )
+from rso_lidar.cli.terminal import echo
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -58,7 +59,7 @@ app.add_typer(models.app, name="models")
 
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"rso-lidar {importlib.metadata.version('rso-lidar')}")
+        echo(f"rso-lidar {importlib.metadata.version('rso-lidar')}")
         raise typer.Exit
 
 

@@ -10,6 +10,7 @@ from rso_lidar.cli.completion import camera_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import length_m
 from rso_lidar.cli.scenarios import Settings
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.scenario import Lidar, Scenario
@@ -69,9 +70,9 @@ def budget(
         made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
     if output is not None:
         made.save(output, overwrite=overwrite)
-    typer.echo(made.table())
+    echo(made.table())
     if output is not None:
-        typer.echo(f"{output}")
+        echo(f"{output}")
 
 
 def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:

@@ -12,6 +12,7 @@ from rso_lidar import units
 from rso_lidar.cli.completion import regime_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import beside, free
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
@@ -83,14 +84,14 @@ def catalog(
     if output is not None:  # first, so that what cannot be written is all that is said
         _write(chosen, output)
     for line in (*lines, _summary(file, whole, chosen, len(objects))):
-        typer.echo(line)
+        echo(line)
     told = whole.problems if problems else whole.problems[:_FIRST]
     for problem in told:
-        typer.echo(f"bad: {problem}")
+        echo(f"bad: {problem}")
     if len(told) < len(whole.problems):
-        typer.echo(f"and {len(whole.problems) - len(told):,} more bad records: give --problems for all")
+        echo(f"and {len(whole.problems) - len(told):,} more bad records: give --problems for all")
     if output is not None:
-        typer.echo(f"{output}")
+        echo(f"{output}")
 
 
 def heights_km(entry: ElementSet) -> tuple[float, float]:

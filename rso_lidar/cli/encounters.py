@@ -12,6 +12,7 @@ from rso_lidar import picture, units
 from rso_lidar.cli.completion import camera_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant, length_m
+from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.draft import free, write_text
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.picture.encounters import encounter_figure
@@ -104,24 +105,23 @@ def encounters(
     text = scenario_text(table, scenario) if scenario is not None and (table.rows or scenario < 1) else None
     _show(table)
     if csv is not None:
-        typer.echo(f"{table.csv(csv, overwrite=overwrite)}")
+        echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and table.rows:
-        typer.echo(f"{_draw(table, plot)}")
+        echo(f"{_draw(table, plot)}")
     elif plot is not None:
-        typer.echo("no picture written: there is no encounter to draw", err=True)
+        echo("no picture written: there is no encounter to draw", err=True)
     if text is not None and output is not None:
-        typer.echo(f"{write_text(output, text, overwrite=overwrite)}")
+        echo(f"{write_text(output, text, overwrite=overwrite)}")
     elif scenario is not None:
-        typer.echo("no scenario written")
+        echo("no scenario written")
 
 
 def _show(table: Encounters) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(markup=False, emoji=False)  # names were written by others
+    console = literal_console()
     if not console.is_terminal or not table.rows:
-        typer.echo(table.table())
+        echo(table.table())
         return
     heads, rows = table.cells()
     shown = Table(title=table.title, box=None, header_style="bold", title_justify="left")
@@ -129,9 +129,9 @@ def _show(table: Encounters) -> None:
         shown.add_column(head, justify="left" if head in ("object", "closest approach, UTC", "breaks") else "right")
     for row in rows:
         shown.add_row(*row)
-    console.print(shown, markup=False)
+    console.print(shown)
     for line in table.notes():
-        console.print(line, markup=False, highlight=False)
+        console.print(line)
 
 
 def _draw(table: Encounters, place: Path) -> Path:

@@ -14,6 +14,7 @@ from rso_lidar.cli.globe import globe
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
 from rso_lidar.export.course import courses, whole
@@ -87,7 +88,7 @@ def export(
             writer_for(wanted.name)(to, chosen, **options, overwrite=overwrite)
         else:
             writer_for(wanted.name)(to, counted(chosen, "exporting"), overwrite=overwrite)
-        typer.echo(_said(to, wanted, len(chosen), len(read)))
+        echo(_said(to, wanted, len(chosen), len(read)))
 
 
 def _said(to: Path, wanted: Format, count: int, held: int) -> str:

@@ -8,6 +8,7 @@ import typer
 from rso_lidar import export
 from rso_lidar.cli.info_follow import follow
 from rso_lidar.cli.recordings import RecordingFile, held_bytes
+from rso_lidar.cli.terminal import echo, one_line
 from rso_lidar.errors import RecordingError
 from rso_lidar.records import Frame
 
@@ -36,30 +37,26 @@ def info(
         source, count = frames.source, len(frames)
         size_mb = held_bytes(recording) / 1e6
         state = "complete" if frames.complete else "unfinished: run again with --resume"
-        typer.echo(f"{source.title}")
-        typer.echo(f"file        {recording.name}, {size_mb:.1f} MB, {state}")
+        echo(one_line(source.title))
+        echo(f"file        {recording.name}, {size_mb:.1f} MB, {state}")
         if not count:
             raise RecordingError(f"{recording}: holds no frames yet; run the scenario again")
         first, last = frames[0], frames[count - 1]
-        typer.echo(
-            f"frames      {count}, {first.time_s:g} to {last.time_s:g} s after {source.start_utc}; seed {source.seed}"
-        )
+        echo(f"frames      {count}, {first.time_s:g} to {last.time_s:g} s after {source.start_utc}; seed {source.seed}")
         rows, cols = first.range_m.shape
-        typer.echo(f"pixels      {rows} x {cols}")
+        echo(f"pixels      {rows} x {cols}")
         for name, frame in (("first", first), ("last", last)):
-            typer.echo(f"{name:<12}{_returns(frame.range_m, frame.labels.target)}")
+            echo(f"{name:<12}{_returns(frame.range_m, frame.labels.target)}")
         for number, target in enumerate(source.targets):
             parts = ", ".join(target.parts[:8]) + (", ..." if len(target.parts) > 8 else "")
-            typer.echo(
-                f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}"
-            )
+            echo(f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}")
             if target.taxonomy:
-                typer.echo(f"            {target.taxonomy.in_words}")
-            typer.echo(f"            mesh SHA-256 {target.mesh_sha256}")
+                echo(f"            {target.taxonomy.in_words}")
+            echo(f"            mesh SHA-256 {target.mesh_sha256}")
         for line in _more(frames, first):
-            typer.echo(line)
-        typer.echo("axes        " + ", ".join(["inertial", *first.truth.poses]))
-        typer.echo("versions    " + ", ".join(f"{name} {text}" for name, text in source.versions.items()))
+            echo(line)
+        echo("axes        " + ", ".join(["inertial", *first.truth.poses]))
+        echo("versions    " + ", ".join(f"{name} {text}" for name, text in source.versions.items()))
 
 
 def _more(frames: export.Recording, first: Frame) -> list[str]:

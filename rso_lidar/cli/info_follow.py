@@ -3,8 +3,7 @@
 import time
 from pathlib import Path
 
-import typer
-
+from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.growing import Growth, growth
 from rso_lidar.toml_text import parse_toml
@@ -19,16 +18,16 @@ def follow(recording: Path, every_s: float, timeout_s: float | None) -> None:
             raise RecordingError(f"{what} {seconds:g}: needs seconds above 0")
     began = said = time.monotonic()
     last = growth(recording)
-    typer.echo(_first(last))
+    echo(_first(last))
     while True:
         if last.complete and not last.running:
-            typer.echo(f"complete    {last.output} holds {last.frames} frames")
+            echo(f"complete    {last.output} holds {last.frames} frames")
             return
         if not last.running:
             _stopped(last)
         now = time.monotonic()
         if timeout_s is not None and now - began >= timeout_s:
-            typer.echo(f"unfinished  {last.frames} frames after {timeout_s:g} s; it is still being written")
+            echo(f"unfinished  {last.frames} frames after {timeout_s:g} s; it is still being written")
             return
         left_s = every_s if timeout_s is None else min(every_s, timeout_s - (now - began))
         time.sleep(max(left_s, 0.001))
@@ -38,7 +37,7 @@ def follow(recording: Path, every_s: float, timeout_s: float | None) -> None:
             continue
         if seen.frames != last.frames or now - said >= _SILENCE_S:
             rate = (seen.frames - last.frames) / max(now - said, 1e-9)
-            typer.echo(f"frames      {seen.frames}, {max(rate, 0.0):.1f} frames/s{_flown(seen)}")
+            echo(f"frames      {seen.frames}, {max(rate, 0.0):.1f} frames/s{_flown(seen)}")
             said = now
         last = seen
 

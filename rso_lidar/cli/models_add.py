@@ -7,6 +7,7 @@ from typing import Annotated, Literal, get_args
 import typer
 
 from rso_lidar.cli.completion import class_names, own_model_names, shape_names, stabilisation_names
+from rso_lidar.cli.terminal import echo
 from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import MeshError, did_you_mean
 from rso_lidar.scene.adding import Wanted, add_model, remove_model
@@ -72,12 +73,10 @@ def add(
     )
     entry, said = add_model(path, wanted, overwrite=overwrite)
     size = " x ".join(f"{side:.4g}" for side in entry.size_m)
-    typer.echo(
-        f"{entry.name}: {size} m, {entry.facets:,} facets, {len(entry.parts)} part{'s' * (len(entry.parts) > 1)}"
-    )
+    echo(f"{entry.name}: {size} m, {entry.facets:,} facets, {len(entry.parts)} part{'s' * (len(entry.parts) > 1)}")
     for line in said:
-        typer.echo(f"  {line}")
-    typer.echo(f'in {own_folder()}; in a scenario: model = "{entry.name}"')
+        echo(f"  {line}")
+    echo(f'in {own_folder()}; in a scenario: model = "{entry.name}"')
 
 
 def remove(
@@ -86,7 +85,7 @@ def remove(
     ],
 ) -> None:
     """Take a model out of your own library."""
-    typer.echo(f"removed {remove_model(name)}")
+    echo(f"removed {remove_model(name)}")
 
 
 def _rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli.models_add import MeshFile
+from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
@@ -30,13 +31,13 @@ def check(
     known = known_meshes().get(mesh.sha256) if path.exists() else None
     unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)
     lines = examine(mended(mesh, unit_m)).lines()
-    typer.echo(f"{path}")
+    echo(f"{path}")
     if known:
-        typer.echo(
+        echo(
             f"known       {known['file']} of NASA's printable models: one unit is {unit_m:.6g} m; `models add` mends it"
         )
     for line in lines:
-        typer.echo(line)
+        echo(line)
 
 
 def _mesh(path: Path) -> Mesh:

@@ -9,7 +9,7 @@ from rich.table import Table
 from rso_lidar import units
 from rso_lidar.cli.completion import model_names
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.terminal import literal_console
+from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library import models, own_models
@@ -48,7 +48,7 @@ def show(
     console.print("\nBody axes, from the centre of mass.")
     console.print(_joint(name, card), soft_wrap=True)
     if drawn is not None:
-        typer.echo(str(drawn))
+        echo(str(drawn))
 
 
 def _joint(name: str, card: ModelCard) -> str:

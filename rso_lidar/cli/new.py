@@ -11,6 +11,7 @@ import typer
 
 from rso_lidar.cli.completion import example_names
 from rso_lidar.cli.outputs import Overwrite
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.shipped import shipped
@@ -35,7 +36,7 @@ def new(
         raise ScenarioError(f"--from {example}: no example of that name{guess} (known: {', '.join(known)})")
     if name is None:
         for line in _listed(known):
-            typer.echo(line)
+            echo(line)
         return
     place = _place(name)
     source = known[example]
@@ -49,10 +50,10 @@ def new(
         with beside(target) as draft:
             draft.write_bytes(content)
     for target in written:
-        typer.echo(f"{target}")
-    typer.echo(f"from: {source}; its twin {source.stem}.py, there too, is the same in Python")
+        echo(f"{target}")
+    echo(f"from: {source}; its twin {source.stem}.py, there too, is the same in Python")
     file, recording = shlex.quote(str(place)), shlex.quote(str(place.with_suffix(".h5")))
-    typer.echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
+    echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
 
 
 def examples() -> dict[str, Path]:

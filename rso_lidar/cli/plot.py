@@ -8,6 +8,7 @@ import typer
 from rso_lidar import export, picture
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.output import FIGURE_SUFFIXES
@@ -53,4 +54,4 @@ def plot(
             picture.save_figure(picture.curve_figure(frames), place)
         else:
             picture.contact_sheet(frames, place)
-    typer.echo(f"{place}")
+    echo(f"{place}")

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
-import typer
-
+from rso_lidar.cli.terminal import echo
 from rso_lidar.interruption import removing
 from rso_lidar.records import Frame
 
@@ -91,4 +90,4 @@ class _Lines:
         self._said = now
         left = (self._total - self._done) / rate
         with suppress(OSError, AttributeError):  # nobody may be listening
-            typer.echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)
+            echo(f"{self._of} {self._done}/{self._total}, {rate:.1f} {self._of}s/s, {left:.0f} s left", err=True)

@@ -16,6 +16,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
 from rso_lidar.cli.recordings import choice
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
+from rso_lidar.cli.terminal import echo, one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import advise
 from rso_lidar.records import Frame
@@ -58,7 +59,7 @@ def run(
     if threads is not None and workers is not None:
         raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
     if resume and not overwrite and _complete(output, scenario, numbers, kept):
-        typer.echo(f"complete    {output} holds all {len(numbers)} frames already")
+        echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
     export.check_output(output, overwrite=overwrite)
     whole = np.array_equal(numbers, np.arange(scenario.time.n_frames))
@@ -79,20 +80,20 @@ def run(
         resume=resume,
         changing_lens=scenario.lidar.changes_lens,
     )
-    advise(lambda: _kept_frames(recorder, len(numbers), resume=resume))
+    advise(lambda: one_line(_kept_frames(recorder, len(numbers), resume=resume)))
     with recorder:
         done = recorder.written
         if done:
-            typer.echo(f"going on after {done} of {len(numbers)} frames")
+            echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
-            on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
+            on_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
             with progress(len(numbers), done) as bar:
                 left = numbers[done:].tolist()
                 for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
                     recorder.write(frame)
                     tally.add(frame)
                     bar.advance()
-    typer.echo(tally.table(output, done))
+    echo(tally.table(output, done))
 
 
 def _kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:

@@ -2,11 +2,10 @@
 
 import json
 
-import typer
-
+from rso_lidar.cli.terminal import echo
 from rso_lidar.scenario import Scenario
 
 
 def schema() -> None:
     """Print the JSON Schema of the scenario file; editors complete and check TOML from it."""
-    typer.echo(json.dumps(Scenario.model_json_schema(), indent=2))
+    echo(json.dumps(Scenario.model_json_schema(), indent=2))

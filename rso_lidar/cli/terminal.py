@@ -1,8 +1,46 @@
-"""The console that tables are printed on: text stands as it is, without markup and emoji, for users name things."""
+"""What commands print: text as it stands, without markup, emoji or control characters, for users and files name things."""
 
-from rich.console import Console
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import typer
+from rich.console import Console, ConsoleOptions
+from rich.segment import Segment
 
 _NO_END = 1000  # columns into a file or a pipe
+
+# What moves the cursor, changes colours or the title of the window, or turns the order of letters about: C0 but for tab
+# and newline, C1, the bidirectional marks of Unicode, its separators of lines, and what stands for bytes that are no UTF-8.
+_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    r"""Return a text with its control characters written as escapes.
+
+    >>> printable("a\x1b[31mred")
+    'a\\x1b[31mred'
+    """
+    return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def one_line(text: str) -> str:
+    """Return a text as one printable line."""
+    return printable(" ".join(re.split(r"[ \t\n]+", text.strip())))
+
+
+def echo(text: object = "", *, err: bool = False) -> None:
+    """Print a text whose control characters are written as escapes."""
+    typer.echo(printable(str(text)), err=err)  # noqa: TID251 - the one place
+
+
+class _Literal(Console):
+    """A console whose texts, wherever in a table they stand, are printable; its own colours stay."""
+
+    def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            text = segment.text if segment.control else printable(segment.text)
+            yield segment if text is segment.text else Segment(text, segment.style, segment.control)
 
 
 def literal_console(least_width: int = 0) -> Console:
@@ -13,6 +51,6 @@ def literal_console(least_width: int = 0) -> Console:
     least_width : columns that tables need; narrower terminals wrap lines. A file or a pipe gets all columns.
     """
     plain = {"markup": False, "emoji": False, "highlight": False}
-    console = Console(**plain)  # type: ignore[arg-type]
+    console = _Literal(**plain)  # type: ignore[arg-type]
     width = max(console.width, least_width) if console.is_terminal else _NO_END
-    return Console(width=width, **plain) if least_width else console  # type: ignore[arg-type]
+    return _Literal(width=width, **plain) if least_width else console  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ import typer
 
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.conops import SUFFIXES, Timeline
@@ -41,8 +42,8 @@ def timeline(
         one.retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
     )
     for line in _summary(made, mirrored):
-        typer.echo(line)
-    typer.echo(f"{output}")
+        echo(line)
+    echo(f"{output}")
 
 
 def _summary(made: Timeline, mirrored: bool) -> list[str]:

@@ -10,6 +10,7 @@ from rso_lidar import export, units
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture.tracking import NAMES
@@ -63,10 +64,10 @@ def track(
             each=counted(some, "tracking"),
         )
     for line in summary(made, icp=icp):
-        typer.echo(line)
+        echo(line)
     if output is not None:
         made.save(output)
-        typer.echo(f"{output}")
+        echo(f"{output}")
 
 
 def summary(made: Tracking, *, icp: bool = True) -> list[str]:

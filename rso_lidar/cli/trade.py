@@ -10,6 +10,7 @@ import typer
 from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import progress
+from rso_lidar.cli.terminal import echo, one_line
 from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import advise
@@ -68,21 +69,23 @@ def trade(
     kept = working_file(places[0], plan, base)
     _tell_of_others(kept)
     rows = Rows(kept, study.n_rows)
-    on_compiling(lambda: typer.echo("compiling    once for each installation: some 15 s", err=True))
-    advise(lambda: f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
+    on_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
+    advise(
+        lambda: one_line(f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
+    )
     with rows.opened():
         if rows.known:
-            typer.echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
+            echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
         with progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
             for row in work(plan, rows.known, workers):
                 rows.add(row)
                 bar.advance()
         made = tabled(plan, base, rows.known)
         _write(made, places)
-        advise(lambda: f"the outputs {', '.join(map(str, places))} are written")
+        advise(lambda: one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
     for line in (*summary(made), *map(str, places)):
-        typer.echo(line)
+        echo(line)
 
 
 def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
@@ -123,4 +126,4 @@ def _tell_of_others(kept: Path) -> None:
         one.name for one in sorted(kept.parent.iterdir()) if one.name.startswith(f"{start}-") and one.name != kept.name
     ]
     if others and not kept.exists():
-        typer.echo(f"starting afresh: {', '.join(others)} is of another study, scenario or version", err=True)
+        echo(f"starting afresh: {', '.join(others)} is of another study, scenario or version", err=True)

@@ -12,6 +12,7 @@ from rso_lidar import orbit, picture
 from rso_lidar.cli.globe import globe
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
+from rso_lidar.cli.terminal import echo
 from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.czml import thinned, write_czml
@@ -82,7 +83,7 @@ def truth(
             write_czml(output, globe(scenario.name, scenario.time.start_utc, targets, place))
         else:
             _ephemeris(scenario, output, suffix, body, frames)
-    typer.echo(f"{output}")
+    echo(f"{output}")
 
 
 def _kind(figure: str | None, suffix: str) -> str:

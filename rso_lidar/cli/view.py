@@ -10,6 +10,7 @@ from rso_lidar import export
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
+from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.study.viewing import COLOURS, TOOLS, Way, show, way
 
@@ -57,11 +58,11 @@ def view(
         chosen = way(tool, output, recording=recording, overwrite=overwrite)
         some = export.Frames(read, places(read, frames))
         if not chosen.paths:
-            typer.echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
+            echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
         each = counted(some, "drawing") if chosen.tool == "rerun" else None
         drawn = show(chosen, some, colour=colour, folder=recording.parent, each=each)
     if chosen.paths:
-        typer.echo(_said(chosen, drawn))
+        echo(_said(chosen, drawn))
 
 
 def _said(chosen: Way, drawn: Sequence[str]) -> str:

@@ -97,7 +97,7 @@ def found(file: str) -> Path:
 
 def read_text(path: Path) -> str:
     """Return the text of a file; what cannot be read is a `ScenarioError` that names it."""
-    text = files.read_text(path, files.MOST_BYTES, ScenarioError, "OEM, AEM or CSV file")
+    text = files.read_text(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name an OEM, AEM or CSV file")
     if not text.strip():

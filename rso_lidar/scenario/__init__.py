@@ -5,7 +5,7 @@ from rso_lidar.scenario.finishes import FacetMaterials
 from rso_lidar.scenario.hinges import Joint
 from rso_lidar.scenario.lidar import Lidar, Schedule
 from rso_lidar.scenario.parts import Follower, Target, Time, World
-from rso_lidar.scenario.scenario import Scenario
+from rso_lidar.scenario.scenario import Scenario, need_scenario
 from rso_lidar.scenario.terrain import CratersAndBoulders, HeightField
 
 __all__ = [
@@ -22,4 +22,5 @@ __all__ = [
     "Target",
     "Time",
     "World",
+    "need_scenario",
 ]

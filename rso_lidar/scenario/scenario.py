@@ -233,3 +233,9 @@ class Scenario(Part):
         from rso_lidar.scenario.advice import advice
 
         return advice(self)
+
+
+def need_scenario(given: object, asked_by: str) -> None:
+    """Raise `ScenarioError` for what is no scenario."""
+    if not isinstance(given, Scenario):
+        raise ScenarioError(f"{asked_by}: needs a Scenario, not {given!r:.60}; Scenario.load reads one from a file")

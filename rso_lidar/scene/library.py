@@ -238,7 +238,8 @@ def read_table(
     try:
         return parse_toml(read_text(path, MOST_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
     except MeshError as error:
-        raise MeshError(f"{error}: {cure}") from None
+        reason = str(error).removeprefix(f"{path}: ").partition(";")[0]
+        raise MeshError(f"{path}: cannot be read ({reason}): {cure}") from None
 
 
 class _Table(BaseModel):

@@ -35,6 +35,8 @@ def camera_of(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, s
         return camera.instrument.at(0.0), camera, camera.name
     if isinstance(camera, Lidar):
         return camera.at(0.0), None, camera.preset or "a camera"
+    if not isinstance(camera, str):
+        raise ScenarioError(f"budget: needs a lidar, a scenario or the name of a camera, not {camera!r:.60}")
     if camera in presets():
         return Lidar(preset=camera), None, camera  # type: ignore[call-arg]
     known = ", ".join(presets())

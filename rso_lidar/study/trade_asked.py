@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
+from rso_lidar.files import path_of
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.load import read_toml, validated
@@ -203,7 +204,7 @@ class Study(Part):
     @classmethod
     def load(cls, path: str | Path) -> Study:
         """Return the study of a TOML file; the scenario that it names is looked up from its folder."""
-        path = Path(path)
+        path = path_of(path, ScenarioError)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name)
 
     @classmethod

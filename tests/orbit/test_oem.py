@@ -344,7 +344,7 @@ def test_files_that_are_not_there_or_not_text(tmp_path):
     with pytest.raises(ScenarioError, match="no such file"):
         Ephemeris(file="not/there.oem").states(Epochs(START, np.zeros(1)))
     (tmp_path / "b").write_bytes(b"\xff\x00\xfe")
-    for path, says in ((tmp_path / "b", "not UTF-8"), (tmp_path, "cannot be read")):
+    for path, says in ((tmp_path / "b", "not UTF-8"), (tmp_path, "is a folder")):
         with pytest.raises(ScenarioError, match=says):
             Ephemeris(file=str(path)).states(Epochs(START, np.zeros(1)))
     for degree in (0, 32):

@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def load(folder):
-    return lambda text: rl.Scenario.loads(text, folder=folder, where="one.toml")
+    return lambda text: rl.Scenario.loads(text, folder=folder, where="one.toml", trust_code=True)
 
 
 def refusal(load, text):

@@ -40,7 +40,7 @@ def test_unknown_model_is_one_line_with_a_cure():
 
 
 def test_missing_index_is_one_line(tmp_path):
-    with pytest.raises(MeshError, match=r"index\.toml: cannot be read \(No such file.*\): install .*") as caught:
+    with pytest.raises(MeshError, match=r"index\.toml: cannot be read \(no such file.*\): install .*") as caught:
         read_models(tmp_path)
     assert "\n" not in str(caught.value)
 

@@ -259,7 +259,7 @@ def test_a_bad_file_gets_one_line_that_names_it(load, name, data, says):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(MeshError, match="no such mesh file; check the name"):
+    with pytest.raises(MeshError, match="no such file; check the name"):
         load_mesh(tmp_path / "nowhere.stl")
 
 
@@ -306,3 +306,48 @@ def test_real_spacecraft_have_the_size_and_the_triangles_that_their_manifest_say
         assert mesh.size_m == pytest.approx(entry["extents_m"], abs=1e-4)
         seen += 1
     assert seen >= 3
+
+
+def test_a_glb_whose_positions_are_not_three_numbers_is_one_line(load):
+    """One digit changed: the positions are read from the accessor of the indices."""
+    sound = glb([("body", BOX)], [{"mesh": 0}])
+    assert sound.count(b'"VEC3"') == 1
+    with pytest.raises(MeshError, match="positions that are not three numbers each; export it again"):
+        load("a.glb", sound.replace(b'"VEC3"', b'"VEC2"'))
+
+
+def test_numbers_lost_in_an_ascii_stl_are_an_error_and_nobody_logs(load, caplog, capfd):
+    sound = ascii_stl(BOX)
+    for old, new in (
+        (b"normal 0 0 0", b"normal 0.0!0.0 0"),
+        (b"vertex 0.5", b"vertex 0.0!0.5"),
+        (b"vertex 0.5 ", b"vertex "),
+    ):
+        with pytest.raises(MeshError, match="cannot be read as STL: it is cut short or damaged; export it again"):
+            load("a.stl", sound.replace(old, new, 1))
+    assert caplog.text == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_ascii_stl_that_breaks_off_between_facets_is_an_error(load):
+    sound = ascii_stl(BOX)
+    end = sound.rindex(b"facet normal")
+    with pytest.raises(MeshError, match="has no 'endsolid' at its end, so it is cut short"):
+        load("a.stl", sound[:end])
+
+
+@pytest.mark.parametrize(
+    ("name", "sound", "old", "new"),
+    [
+        ("a.ply", ply(BOX), b"property float x", b"property float q"),
+        ("a.ply", ply(BOX), b"3 0 1 2", b"3 0 1 x"),
+        ("a.ply", ply(BOX), b"property list", b"property lust"),
+        ("a.off", off(BOX), b"36 12 0", b"36 1! 0"),
+        ("a.off", off(BOX), b"0.5", b"0.5!"),
+    ],
+)
+def test_no_words_of_python_in_a_message(load, name, sound, old, new):
+    assert old in sound
+    with pytest.raises(MeshError) as refused:
+        load(name, sound.replace(old, new, 1))
+    assert str(refused.value).endswith("it is cut short or damaged; export it again")

@@ -1,0 +1,73 @@
+"""What users and files name reaches the terminal as text: no control character, no markup."""
+
+import re
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.cli.terminal import literal_console, one_line, printable
+
+# Colours, a new title of the window, the end of the line, a C1 control sequence, a text turned about, a byte of no text.
+STRANGE = "\x1b[31mred\x1b]0;title\x07\x08\x9b2J\u202eback\u2066[bold]x[/bold]:smile:"
+RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+
+
+def test_controls_are_written_as_escapes():
+    assert printable("a\tb\nc\x1b[1m\x9b\u202e\udcff\r") == "a\tb\nc\\x1b[1m\\x9b\\u202e\\udcff\\r"
+    assert printable("µm – ⅓ 東 naïve") == "µm – ⅓ 東 naïve"
+    assert one_line(" a\n b\x1b ") == "a b\\x1b"
+
+
+def test_a_console_of_tables_is_literal_too(capsys):
+    from rich.table import Table
+
+    table = Table(title=STRANGE)
+    table.add_column(STRANGE)
+    table.add_row(STRANGE)
+    literal_console(200).print(table)
+    literal_console().print(STRANGE)
+    said = capsys.readouterr().out
+    assert not RAW.search(said)
+    assert said.count("\\x1b[31mred") == 4
+
+
+def test_no_command_prints_what_a_scenario_or_recording_holds_raw(rso_lidar, text, tmp_path):
+    path = tmp_path / "strange.toml"
+    escaped = "".join(f"\\u{ord(letter):04x}" for letter in STRANGE)
+    path.write_text(text.replace("a plate on a bench", escaped), encoding="utf-8")
+    recording = tmp_path / "x.h5"
+    said = []
+    for words in (["check", path], ["run", path, "-o", recording, "--frames", "0:1"], ["info", recording]):
+        status, out, errors = rso_lidar(*words)
+        assert status == 0
+        said += [out, *errors]
+    assert not RAW.search("".join(said))
+    assert "\\x1b[31mred" in said[0] and "\\x1b[31mred" in said[-1]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [STRANGE],
+        ["check", f"{STRANGE}.toml"],
+        ["info", f"{STRANGE}.h5"],
+        ["catalog", f"{STRANGE}.tle"],
+        ["models", "show", STRANGE],
+        ["budget", STRANGE],
+        ["run", "examples/tdrs_approach.toml", "-o", f"{STRANGE}.h5", "--set", f"target.0.name={STRANGE}"],
+        ["run", "examples/tdrs_approach.toml", "-o", f"none/{STRANGE}.h5", "--set", f"{STRANGE}=1"],
+    ],
+    ids=range(8),
+)
+def test_no_error_repeats_what_was_given_raw(rso_lidar, words):
+    status, out, errors = rso_lidar(*words)
+    assert (status, out, len(errors)) == (2, "", 1)
+    assert not RAW.search(errors[0])
+
+
+def test_a_warning_is_printable(rso_lidar, text, tmp_path):
+    scenario = rl.Scenario.loads(text)
+    path = rl.save(tmp_path / f"a{chr(27)}[31m.h5", rl.simulate(scenario, frames=[0]))
+    status, out, errors = rso_lidar("info", path)
+    assert status == 0 and not errors
+    assert not RAW.search(out) and "\\x1b[31m.h5" in out

@@ -1,0 +1,86 @@
+"""Files that are read are regular and bounded: whoever reads one says so in a line, at once."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar import files
+from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.motion.ephemeris import read_table
+from rso_lidar.optics.measured import read_pattern
+from rso_lidar.optics.zemax import read_huygens_psf
+from rso_lidar.scene import load_mesh
+from rso_lidar.study.budget_asked import _table
+
+READERS = {
+    "scenario": ("x.toml", rl.Scenario.load),
+    "study": ("x.toml", rl.Study.load),
+    "catalogue": ("x.tle", rl.Catalog.from_file),
+    "ephemeris": ("x.oem", lambda path: rl.Ephemeris(file=str(path))._arcs()),
+    "table of places": ("x.csv", read_table),
+    "attitude": ("x.aem", lambda path: rl.AttitudeTable(file=str(path))._arcs()),
+    "brdf": ("x.csv", _table),
+    "listing": ("x.txt", read_huygens_psf),
+    "pattern": ("x.png", lambda path: read_pattern(str(path))),
+    "mesh": ("x.stl", load_mesh),
+    "recording": ("x.h5", rl.open),
+}
+
+
+def fifo(path):
+    os.mkfifo(path)
+
+
+def sock(path):
+    os.mknod(path, stat.S_IFSOCK | 0o600)
+
+
+def device(path):
+    path.symlink_to("/dev/zero")
+
+
+def sparse(path):
+    with path.open("wb") as file:
+        file.truncate(2**40)  # holes only: it takes no disk
+
+
+KINDS = {"pipe": fifo, "socket": sock, "device": device, "folder": Path.mkdir, "vast": sparse}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="has no such files")
+@pytest.mark.parametrize("reader", READERS)
+def test_no_reader_waits_at_a_pipe_or_reads_without_end(reader, tmp_path):
+    name, read = READERS[reader]
+    for kind, make in KINDS.items():
+        folder = tmp_path / kind
+        folder.mkdir()
+        make(folder / name)
+        with pytest.raises(RsoLidarError) as refused:
+            read(folder / name)
+        line = str(refused.value)
+        assert name in line and "\n" not in line and (";" in line or ": " in line), kind
+
+
+def test_what_is_read_is_regular_and_bounded(tmp_path):
+    path = tmp_path / "x.txt"
+    path.write_bytes(b"\xef\xbb\xbf12345")
+    assert files.read_text(path, 8, ScenarioError) == "12345"
+    with pytest.raises(ScenarioError, match="over the 7 bytes that a table may have; give a smaller one"):
+        files.read_bytes(path, 7, ScenarioError, "table")
+    path.write_bytes(b"\xff")
+    with pytest.raises(ScenarioError, match="is not UTF-8 text; save it as UTF-8"):
+        files.read_text(path, 8, ScenarioError)
+    with pytest.raises(ScenarioError, match="no such file; check the name"):
+        files.read_bytes(tmp_path / "none", 8, ScenarioError)
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        files.read_bytes(Path("a\0b"), 8, ScenarioError)
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="a file without a size is in /proc")
+def test_a_file_that_does_not_know_its_size_is_bounded_too():
+    assert Path("/proc/self/environ").stat().st_size == 0
+    with pytest.raises(ScenarioError, match="over the 5 bytes"):
+        files.read_bytes(Path("/proc/self/environ"), 5, ScenarioError)
