@@ -24,7 +24,6 @@ from rso_lidar.cli import (
     truth,
     view,
 )
-from rso_lidar.cli.terminal import echo
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
@@ -59,7 +58,7 @@ app.add_typer(models.app, name="models")
 
 def _version(wanted: bool) -> None:
     if wanted:
-        echo(f"rso-lidar {importlib.metadata.version('rso-lidar')}")
+        typer.echo(f"rso-lidar {importlib.metadata.version('rso-lidar')}")  # noqa: TID251 - names nothing
         raise typer.Exit
 
 
