@@ -106,7 +106,7 @@ def encounters(
     _show(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
-    if plot is not None and table.rows:
+    if plot is not None and not all(row.docked for row in table.rows):
         echo(f"{_draw(table, plot)}")
     elif plot is not None:
         echo("no picture written: there is no encounter to draw", err=True)
@@ -135,17 +135,18 @@ def _show(table: Encounters) -> None:
 
 
 def _draw(table: Encounters, place: Path) -> Path:
+    rows = [row for row in table.rows if not row.docked]
     start = np.datetime64(table.start_utc.astimezone(datetime.UTC).replace(tzinfo=None), "ms")
     figure = encounter_figure(
-        start + np.array([round(1e3 * row.time_s) for row in table.rows]).astype("timedelta64[ms]"),
-        np.array([row.range_m for row in table.rows]),
-        np.array([row.speed_m_s for row in table.rows]),
-        np.array([row.sunlit_fraction >= 0.5 for row in table.rows]),
-        [row.label for row in table.rows],
+        start + np.array([round(1e3 * row.time_s) for row in rows]).astype("timedelta64[ms]"),
+        np.array([row.range_m for row in rows]),
+        np.array([row.speed_m_s for row in rows]),
+        np.array([row.sunlit_fraction >= 0.5 for row in rows]),
+        [row.label for row in rows],
         table.within_m,
         table.reach_m[1],
         f"Encounters of {table.follower.name or table.follower.label}",
-        f"{counted(len(table.rows), 'encounter')} within {table.within_m / units.KM:g} km of "
+        f"{counted(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
         f"{counted(table.screened, 'object')}   ·   "
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
     )

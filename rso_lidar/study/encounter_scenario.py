@@ -19,7 +19,7 @@ from rso_lidar.orbit.teme import gcrs_from_teme
 from rso_lidar.pose import turned
 from rso_lidar.rpo.hill import rtn_axes
 from rso_lidar.study.encounters import Encounters
-from rso_lidar.study.sighting import Encounter, keep_out_radius_m, rtn_corridors
+from rso_lidar.study.sighting import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250
@@ -53,6 +53,7 @@ def scenario_text(table: Encounters, number: int) -> str:
             f"scenario {number}: there are {len(table.rows)} rows; give a number from 1 to {len(table.rows)}"
         )
     row = table.rows[number - 1]
+    _refuse_together(table, number)
     start_utc, duration_s, rate_hz = _time(table, row)
     name = _slug(row)
     pan, pitch, roll = _attitude(table, row)
@@ -89,6 +90,19 @@ def scenario_text(table: Encounters, number: int) -> str:
         *_constraints(table, name),
     ]
     return "\n".join(lines)
+
+
+def _refuse_together(table: Encounters, number: int) -> None:
+    """Refuse an encounter of what is docked, or has the follower's own elements at the closest approach."""
+    row = table.rows[number - 1]
+    whom = f"{row.label} and {table.follower.name or table.follower.label}"
+    if row.docked:
+        raise ScenarioError(f"scenario {number}: {whom} are docked or one object: {row.docked}; give another row")
+    if row.range_m < TOGETHER_M:
+        raise ScenarioError(
+            f"scenario {number}: at the closest approach the catalogue gives {whom} the same elements, so that they are "
+            "docked there or one object; give another row, or a span after they part"
+        )
 
 
 def _facts(table: Encounters, number: int) -> list[str]:
@@ -138,8 +152,8 @@ def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     up = np.cross(ahead, rate)
     if np.linalg.norm(up) < max(1e-6 * float(np.linalg.norm(ahead) * np.linalg.norm(rate)), 1e-12):
         up = np.cross(position[1], velocity[1])
-    if np.linalg.norm(ahead) < 1e-3 or np.linalg.norm(np.cross(ahead, up)) == 0.0:
-        return 90.0, 0.0, 0.0  # the same elements twice: look along the track
+    if np.linalg.norm(np.cross(ahead, up)) == 0.0:
+        return 90.0, 0.0, 0.0  # along the orbit normal, which leaves the roll open
     x = ahead / np.linalg.norm(ahead)
     y = np.cross(up, x)
     y /= np.linalg.norm(y)

@@ -20,6 +20,7 @@ from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
+from rso_lidar.study.docked import folded
 from rso_lidar.study.sighting import Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class Encounters:
     def _shown(self, number: int, row: Encounter) -> list[str]:
         light = "Sun" if row.sunlit_fraction >= 0.99 else "dark" if row.sunlit_fraction <= 0.01 else "part"
         minima = f" ({row.minima} minima)" if row.minima > 1 else ""
+        minima = " (docked or one object)" if row.docked else minima
         return [
             str(number),
             row.label + minima,
@@ -94,10 +96,10 @@ class Encounters:
             f"{row.range_m / units.KM:,.3f}",
             f"{row.speed_m_s:,.1f}",
             ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
-            f"{row.lidar_s:,.1f}",
+            _seconds(row.lidar_s),
             f"{row.slew_deg_s:,.3f}",
-            *([f"{row.clear_s:,.1f}"] if self._excludes else []),
-            f"{row.usable_s:,.1f}",
+            *([_seconds(row.clear_s)] if self._excludes else []),
+            _seconds(row.usable_s),
             _degrees(row.phase_deg),
             _degrees(row.moon_angle_deg),
             _degrees(row.earth_limb_deg),
@@ -128,6 +130,7 @@ class Encounters:
             *self._asked(),
             NOTE,
         ]
+        lines += self._docked()
         if self.switching:
             several = counted(self.switching, "object")
             lines.append(
@@ -139,6 +142,17 @@ class Encounters:
             more = f"; and {len(self.rejected) - 3} more" if len(self.rejected) > 3 else ""
             lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
         return lines
+
+    def _docked(self) -> list[str]:
+        """Return the lines that say why objects count as docked with the follower, one for each reason."""
+        reasons: dict[str, list[str]] = {}
+        for row in self.rows:
+            if row.docked:
+                reasons.setdefault(row.docked, []).append(row.label)
+        return [
+            f"docked or one object: {', '.join(labels)}: {reason}; no encounter, and no scenario is written"
+            for reason, labels in reasons.items()
+        ]
 
     def _asked(self) -> list[str]:
         """Return the lines that say what the constraints were held to."""
@@ -213,7 +227,8 @@ def encounters(
     """Return every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
 
     An encounter is one stay within `within_m` [m]; all objects are flown by SGP4, whose element sets are good to about a
-    kilometre. Of several sets of one object, and of the follower, the nearest in epoch is flown at each instant.
+    kilometre. Of several sets of one object, and of the follower, the nearest in epoch is flown at each instant. Objects
+    that their sets cannot tell from the follower over the whole span are docked, or one object: each has one row, the last.
 
     Parameters
     ----------
@@ -253,7 +268,7 @@ def encounters(
             stacklevel=2,
         )
     reach = reach_m(lidar)
-    rows = sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort])
+    rows = folded(found, sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
         rows=tuple(rows[:limit]),
@@ -347,6 +362,10 @@ def _by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
     for number, entry in enumerate(sets):
         objects.setdefault(entry.identity if any(entry.identity) else number, []).append(entry)
     return list(objects.values())
+
+
+def _seconds(time_s: float) -> str:
+    return "-" if math.isnan(time_s) else f"{time_s:,.1f}"
 
 
 def _degrees(angle: float) -> str:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
 _EACH_SIDE = 100  # instants looked at before and after the closest approach, twice
 _APART_S = 60.0  # and no farther apart than this: in a formation the line of sight turns once an orbit
-_TOGETHER_M = 1e-3
+TOGETHER_M = 1e-3
 _AT_ONCE = 400_000  # instants of encounters looked at together
 _SKY_STEP_S = 600.0  # between instants at which Sun and Moon are asked for: straight between them to 1e-6 rad
 
@@ -55,6 +55,8 @@ class Encounter:
     greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach, `slew_s` that within the slew limit,
     `clear_s` that in which all exclusion angles are kept by a boresight at the object, `usable_s` that within all of
     them (to about 1 %).
+
+    `docked` says why the two count as docked, or as one object, and is empty where they do not.
 
     What is asked by constraints is `kept` or not, None where it is not asked or does not apply. `corridor_angle_deg` is
     that, at the object, between a corridor's axis and the follower, in the object's rtn axes.
@@ -94,6 +96,7 @@ class Encounter:
     keep_out_kept: bool | None
     corridor_kept: bool | None
     corridor_angle_deg: float | None
+    docked: str
     time_s: float = field(metadata={"private": True})
     span_s: tuple[float, float] = field(metadata={"private": True})
     stay: Stay = field(repr=False, compare=False, metadata={"private": True})
@@ -237,7 +240,7 @@ def _some(
         "time_s": time_s,
     }
     for name in ("phase_deg", "sun_angle_deg", "moon_angle_deg", "earth_limb_deg"):
-        table[name][range_m < _TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
+        table[name][range_m < TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
     looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
     place_m = turned(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
@@ -260,6 +263,7 @@ def _some(
                 left=stay.left,
                 minima=len(stay.minima_s),
                 switches=objects.switches(stay.which, *within) + lead.switches(0, *within),
+                docked="",
                 span_s=spans[k],
                 stay=stay,
                 elements=elements,
@@ -282,7 +286,7 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
         radius_m = keep_out_radius_m(asked)
     corridors = rtn_corridors(asked)
     unseen = table["follower_sunlit_fraction"] <= 0.0
-    together = table["range_m"] < _TOGETHER_M
+    together = table["range_m"] < TOGETHER_M
 
     def held(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
         return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]

@@ -343,8 +343,11 @@ def test_docked_craft_share_elements_and_have_no_line_of_sight():
     (row,) = table.rows
     assert (row.label, row.range_m) == ("DOCKED", 0.0)
     assert math.isnan(row.phase_deg)
-    assert "BEWARE: it never comes into the lidar's reach" in scenario_text(table, 1)
-    assert rl.Scenario.loads(scenario_text(table, 1)).target[0].name == "docked"
+    assert row.docked == "the catalogue gives both the same elements"
+    with pytest.raises(
+        ScenarioError, match=r"^scenario 1: DOCKED and .* are docked or one object: .*; give another row$"
+    ):
+        scenario_text(table, 1)
 
 
 @pytest.mark.parametrize(
