@@ -149,6 +149,7 @@ def _draw(table: Encounters, place: Path) -> Path:
         f"{counted(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
         f"{counted(table.screened, 'object')}   ·   "
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
+        window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
     )
     return picture.save_figure(figure, place)
 

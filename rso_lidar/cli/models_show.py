@@ -6,14 +6,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from rso_lidar import units
 from rso_lidar.cli.completion import model_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.draft import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library import models, own_models
-from rso_lidar.study.model_card import RANGE_M, WAVELENGTHS_NM, ModelCard, model_card
+from rso_lidar.study.model_card import ModelCard, model_card
 
 WIDE = 112  # columns that the tables need
 
@@ -77,12 +76,10 @@ def _parts(card: ModelCard) -> Table:
 
 def _light(card: ModelCard) -> Table:
     """Return the photons that each side sends back, in all and in the brightest pixel."""
+    heads, *rows = card.light_table()
     table = Table(box=None, header_style="bold")
-    table.add_column(f"photons at {RANGE_M / units.KM:g} km", no_wrap=True)
-    for nm in WAVELENGTHS_NM:
-        table.add_column(f"{nm:g} nm, in all", justify="right")
-        table.add_column("brightest pixel", justify="right")
-    for side in dict.fromkeys(one.side for one in card.returns):
-        of = [one for one in card.returns if one.side == side]
-        table.add_row(side, *(f"{value:.3g}" for one in of for value in (one.photons, one.brightest_photons)))
+    for column, head in enumerate(heads):
+        table.add_column(head, no_wrap=column == 0, justify="right" if column else "left")
+    for row in rows:
+        table.add_row(*row)
     return table

@@ -21,6 +21,7 @@ _PLACES = (
     *((1, 0, 7), (-1, 0, 7), (0, 1, 7), (0, -1, 7), (1, 1, 5), (-1, 1, 5), (1, -1, 5), (-1, -1, 5)),
     *((x, y, far) for far in (18, 30, 44) for x, y in ((0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))),
 )  # of a name about its point, the best first: right (1) or left (-1), above (1) or below (-1), how far [points]
+_ROOM = 0.012  # of the window, beside its ends: half a mark
 _TOGETHER_M = 1.0  # nearer than this are craft that share elements, as docked ones do
 
 
@@ -34,6 +35,7 @@ def encounter_figure(
     reach_m: float | None = None,
     title: str = "Encounters",
     note: str = "",
+    window_utc: tuple[np.datetime64, np.datetime64] | None = None,
 ) -> Figure:
     """Return a figure of ranges at the closest approach over time, coloured by relative speed.
 
@@ -41,7 +43,8 @@ def encounter_figure(
     ----------
     time_utc : (row) numpy datetime64.
     sunlit : (row) whether the object is in sunlight then: a disc; in the Earth's shadow a square with a dark rim.
-    reach_m : how far the lidar sees [m], drawn as a line.
+    reach_m : how far the lidar sees a facing plate of a square metre [m], drawn as a line.
+    window_utc : from when to when was looked, all of which is drawn (None: from the first row to the last).
 
     What is nearer than a metre, as docked craft that share elements, is counted and not drawn.
     """
@@ -54,7 +57,8 @@ def encounter_figure(
     apart = np.asarray(range_m) >= _TOGETHER_M
     time_utc, range_m, speed_m_s, sunlit = (np.asarray(of)[apart] for of in (time_utc, range_m, speed_m_s, sunlit))
     labels = [label for label, kept in zip(labels, apart, strict=True) if kept]
-    range_km, speed = range_m / units.KM, speed_m_s / units.KM
+    slow = float(np.max(speed_m_s, initial=0.0)) < units.KM  # formations fly at metres a second
+    range_km, speed = range_m / units.KM, speed_m_s / (1.0 if slow else units.KM)
     nearest_km = float(range_km.min(initial=within_m / units.KM))
     spread = bool(nearest_km * units.KM < 0.03 * within_m)
     lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
@@ -67,7 +71,7 @@ def encounter_figure(
             c=speed[of],
             cmap=RANGE_RAMP,
             vmin=lowest,
-            vmax=max(highest, lowest + 1e-3),
+            vmax=max(highest, 1.02 * lowest, lowest + 1e-3),
             marker=marker,
             s=34 if len(speed) < 400 else 16,
             lw=0.5 if lit else 1.1,
@@ -78,7 +82,7 @@ def encounter_figure(
     if reach_m is not None and reach_m < within_m:
         line = axes.axhline(reach_m / units.KM, color=hexed(MARK), lw=1.1, ls="--", zorder=2)
         told = axes.annotate(
-            f"lidar sees to {reach_m / units.KM:.3g} km",
+            f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
             xycoords=("axes fraction", "data"),
             xytext=(-2, 4),
@@ -100,7 +104,11 @@ def encounter_figure(
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator, show_offset=False))  # type: ignore[no-untyped-call]
     together = int(np.count_nonzero(~apart))
     said = f"{together} more nearer than {_TOGETHER_M:g} m share its elements, as if docked" if together else ""
-    days = np.unique(time_utc.astype("datetime64[D]")).astype(str)
+    if window_utc is not None:
+        first, last = (float(date2num(end)) for end in window_utc)  # type: ignore[no-untyped-call]
+        axes.set_xlim(first - _ROOM * (last - first), last + _ROOM * (last - first))
+    ends = time_utc if window_utc is None else np.array([window_utc[0], window_utc[1] - np.timedelta64(1, "ms")])
+    days = np.unique(ends.astype("datetime64[D]")).astype(str)
     when = ", ".join(["UTC", " to ".join(dict.fromkeys([*days[:1], *days[-1:]]))]) if len(days) else "UTC"
     dress(axes, said, when, "Range at the closest approach [km]")
     marks = [
@@ -119,12 +127,14 @@ def encounter_figure(
     )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
-        bar.set_label("Relative speed [km/s]", fontsize=9, color=hexed(QUIET))
+        bar.set_label(f"Relative speed [{'m/s' if slow else 'km/s'}]", fontsize=9, color=hexed(QUIET))
         bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
         bar.outline.set_visible(False)
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
-    nearest = np.argsort(range_km, kind="stable")[: _NAMED * 2].tolist()
-    _name(figure, axes, points, [(k, labels[k]) for k in nearest], busy)
+    named: dict[str, int] = {}  # an object that comes back bears its name once, where it is nearest
+    for k in np.argsort(range_km, kind="stable").tolist():
+        named.setdefault(labels[k], k)
+    _name(figure, axes, points, [(k, label) for label, k in named.items()][: _NAMED * 2], busy)
     return figure
 
 

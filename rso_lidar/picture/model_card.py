@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.figures import new_figure
+from rso_lidar.picture.figures import LINE_IN, new_figure
 from rso_lidar.picture.palette import INK, OTHER_PART, PAPER, PARTS, QUIET, hexed
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _DARKEST = 0.35  # of a colour, on a facet seen edge-on
 _MOST_NAMES = 14
+_TABLE_FROM, _CELL = 0.40, 0.105  # where the table of light begins, and how wide a cell is, over the page's width
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +37,30 @@ class CardView:
     material_rgb: tuple[tuple[float, float, float], ...]
 
 
-def model_card_figure(title: str, views: Sequence[CardView], lines: Sequence[str]) -> Figure:
-    """Return the page: parts above, materials below, each with its names."""
-    wrapped = tuple(part for line in lines for part in textwrap.wrap(line, 165))
+def model_card_figure(
+    title: str, views: Sequence[CardView], lines: Sequence[str], light: Sequence[Sequence[str]] = ()
+) -> Figure:
+    """Return the page: parts above, materials below, each with its names, and tables at the foot.
+
+    Parameters
+    ----------
+    title : the model's name.
+    views : its sides.
+    lines : what it is, in a few words each.
+    light : rows of cells of a table, its heads first.
+    """
+    wrapped = [part for line in lines for part in textwrap.wrap(line, 80)]
+    foot = max(len(wrapped), len(light))
     tall_m = _half_height_m(views)
     first_half_m = 0.5 * views[0].cell_m * views[0].part.shape[1]
     figure = new_figure(
-        14.0, 1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + 0.17 * len(wrapped), title, "", wrapped
+        14.0,
+        1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + LINE_IN * foot,
+        title,
+        "",
+        (*wrapped, *[""] * (foot - len(wrapped))),
     )
+    _light(figure, light, foot)
     grid: Any = figure.subplots(2, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
     first = views[0]
     shown = _by_area(views, len(first.part_names))
@@ -71,6 +88,18 @@ def model_card_figure(title: str, views: Sequence[CardView], lines: Sequence[str
     of_material = dict(zip(first.material_names, first.material_rgb, strict=True))
     _names(grid[1, -1], "materials", list(of_material), np.array(list(of_material.values())), 0)
     return figure
+
+
+def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
+    """Write the table of light at the right of the words at the foot, which is `foot` lines high."""
+    height_in = float(figure.get_figheight())
+    for row, cells in enumerate(rows):
+        y = (0.07 + LINE_IN * (foot - 1 - row)) / height_in
+        for column, cell in enumerate(cells):
+            x = _TABLE_FROM if column == 0 else _TABLE_FROM + 0.10 + _CELL * column
+            side: Any = "left" if column == 0 else "right"
+            ink = hexed(QUIET if row == 0 or column == 0 else INK)
+            figure.text(x, y, cell, fontsize=8.5, color=ink, ha=side, va="bottom", in_layout=False)
 
 
 def _by_area(views: Sequence[CardView], count: int) -> list[int]:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.figures import dress, in_thousands, log_ticks, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -20,7 +21,8 @@ NAMES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
 COLOURS = {"cv": ORANGE, "cw": BLUE}
 _NIS_95 = (0.2158, 9.3484)  # chi-square of three degrees of freedom, two-sided
 _CUT = (1.0, 99.0)  # percentiles of errors that an axis shows, with room
-_PANEL_IN = 1.45  # height of a panel [inches]
+_PANEL_IN = 1.6  # height of a panel [inches], its legend above it counted
+_APART_IN = 0.08  # between panels
 
 
 def tracking_figure(
@@ -46,10 +48,7 @@ def tracking_figure(
     _range(rows[0], table)
     for axes, axis in zip(rows[1:4], ("right", "down", "ahead"), strict=True):
         _errors(axes, table, kinds, axis)
-    rows[1].legend(
-        fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=hexed(QUIET),
-        borderaxespad=0.0,
-    )  # fmt: skip
+    _above(rows[1], *rows[1].get_legend_handles_labels())
     _nis(rows[4], table, kinds)
     if poses:
         turn, place = rows[5:]
@@ -60,27 +59,54 @@ def tracking_figure(
         _logged(place, table, (("icp_error_m", "place", RED), ("icp_rms_m", "rms of points to facets", GREEN)), 1.0)
         dress(place, y="ICP, place [m]")
         for axes in (turn, place):
-            axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hexed(QUIET), ncols=2)
+            _above(axes, *axes.get_legend_handles_labels())
     rows[-1].set_xlabel("Time [s]", fontsize=9, color=hexed(QUIET))
     in_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
+    for axes in rows:
+        _sparse(axes)
+    figure.get_layout_engine().set(h_pad=_APART_IN)  # type: ignore[union-attr, call-arg]
     figure.align_ylabels(rows)
     return figure
 
 
+def _above(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
+    """Put a legend on one line above a panel, where it covers no point."""
+    axes.legend(
+        handles, words, fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
+        labelcolor=hexed(QUIET), borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _sparse(axes: Axes) -> None:
+    """Put few ticks on the values of a panel, none at its ends, where they meet those of its neighbours."""
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+
+    low, high = axes.get_ylim()
+    if axes.get_yscale() != "log":
+        axes.yaxis.set_major_locator(MaxNLocator(4, prune="both", steps=[1, 2, 2.5, 5, 10]))
+    elif high / low >= 100.0:
+        axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.yaxis.set_minor_locator(NullLocator())
+    else:
+        log_ticks(axes.yaxis, low, high)
+
+
 def _range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
-    axes.plot(table["time_s"], table["true_range_m"], color=hexed(LINE), lw=3.5)
-    axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3)
+    axes.plot(table["time_s"], table["true_range_m"], color=hexed(LINE), lw=3.5, label="true range")
+    axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3, label="range of the centroid")
     dress(axes, y="Range [m]")
     axes.yaxis.label.set_color(BLUE)
     in_thousands(axes.yaxis)
     points = axes.twinx()
-    points.plot(table["time_s"], table["points"], color=ORANGE, lw=1.0)
+    points.plot(table["time_s"], table["points"], color=ORANGE, lw=1.0, label="points (right)")
     dress(points, y="Points")
     points.grid(False)
     points.set_ylim(bottom=0.0)
     in_thousands(points.yaxis)
     points.yaxis.label.set_color(ORANGE)
+    entries = [one.get_legend_handles_labels() for one in (axes, points)]
+    _above(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
 
 
 def _errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
@@ -101,14 +127,14 @@ def _errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], a
 
 def _nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
     low, high = _NIS_95
-    axes.axhspan(low, high, color=hexed(LINE), alpha=0.45, lw=0, label="95 %", zorder=0)
-    axes.axhline(3.0, color=hexed(INK), lw=0.8, ls=(0, (4, 3)))
+    axes.axhspan(low, high, color=hexed(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
+    axes.axhline(3.0, color=hexed(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
     for kind in kinds:
         axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=NAMES[kind])
-    dress(axes, y="NIS (mean 3)")
+    dress(axes, y="NIS")
     axes.set_yscale("log")
     axes.set_ylim(bottom=max(axes.get_ylim()[0], 1e-3))
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hexed(QUIET), ncols=3)
+    _above(axes, *axes.get_legend_handles_labels())
 
 
 def _logged(axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float) -> None:

@@ -21,7 +21,7 @@ from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
 from rso_lidar.study.docked import folded
-from rso_lidar.study.sighting import Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
+from rso_lidar.study.sighting import SMALL_M2, Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.constraints import Constraints
@@ -124,9 +124,12 @@ class Encounters:
     def notes(self) -> list[str]:
         """Return the lines that belong under the table."""
         limits = f"usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s"
+        small_m = reach_m(self.lidar, SMALL_M2)[1]
         lines = [
             f"lidar {self.lidar_name}: reaches {self.reach_m[0]:,.0f} to {self.reach_m[1]:,.0f} m (a facing plate of 1 m2, "
             f"reflectance 0.30); {limits}{', and clear' if self._excludes else ''}",
+            f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
+            f"CubeSat, is seen to {small_m:,.0f} m only",
             *self._asked(),
             NOTE,
         ]

@@ -72,21 +72,23 @@ class ModelCard:
     returns: tuple[SideReturn, ...]
 
     def figure(self) -> Any:
-        """Return the page, a matplotlib Figure: four sides by part, four by material, and the text."""
-        return model_card_figure(self.name, self.views, [*self.lines, *self._light_lines])
+        """Return the page, a matplotlib Figure: four sides by part, four by material, and tables of what it is."""
+        return model_card_figure(self.name, self.views, self.lines, self.light_table())
 
-    @property
-    def _light_lines(self) -> list[str]:
-        lines = []
-        for nm in WAVELENGTHS_NM:
-            of = [one for one in self.returns if one.wavelength_nm == nm]
-            told = ", ".join(f"{one.side} {one.photons:.3g} ({one.brightest_photons:.3g})" for one in of)
-            lines += (
-                [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}, {nm:g} nm, in all (brightest pixel): {told}"]
-                if of
-                else []
-            )
-        return lines
+    def light_table(self) -> list[list[str]]:
+        """Return the photons of each side as rows of cells, heads first: in all, and in the brightest pixel.
+
+        The body's middle is on the boresight, where four pixels meet: a body smaller than a pixel lights all four.
+        """
+        if not self.returns:
+            return []
+        heads = [f"photons at {RANGE_M / units.KM:g} km, {CAMERA}"]
+        heads += [word for nm in WAVELENGTHS_NM for word in (f"{nm:g} nm, in all", "brightest pixel")]
+        rows = [heads]
+        for side in dict.fromkeys(one.side for one in self.returns):
+            of = [one for one in self.returns if one.side == side]
+            rows.append([side, *(f"{_counted(v)}" for one in of for v in (one.photons, one.brightest_photons))])
+        return rows
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the page, as .png, .pdf or .svg, written whole or not at all."""
@@ -168,6 +170,16 @@ def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> Rigi
 
     turn = Rotation.from_matrix(viewer_axes(toward, up))
     return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
+
+
+def _counted(photons: float) -> str:
+    """Return a number of photons in three digits, with commas.
+
+    >>> _counted(2_796_000.0), _counted(281.7), _counted(0.01234)
+    ('2,800,000', '282', '0.0123')
+    """
+    rounded = float(f"{photons:.3g}")
+    return f"{rounded:,.0f}" if rounded >= 100.0 else f"{rounded:g}"
 
 
 def _lines(target: Target, surface: Surface) -> list[str]:

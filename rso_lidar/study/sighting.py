@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.lidar import Lidar
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
+SMALL_M2 = 0.01  # a side of a CubeSat of one unit
 _EACH_SIDE = 100  # instants looked at before and after the closest approach, twice
 _APART_S = 60.0  # and no farther apart than this: in a formation the line of sight turns once an orbit
 TOGETHER_M = 1e-3
@@ -121,8 +122,8 @@ class Encounter:
         return [entry.name for entry in fields(cls) if not entry.metadata.get("private")]
 
 
-def reach_m(lidar: Lidar) -> tuple[float, float]:
-    """Return from where to where [m] a lidar sees a plate of 1 m2, Lambertian 0.30, that faces it.
+def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
+    """Return from where to where [m] a lidar sees a plate of `plate_m2` [m²], Lambertian 0.30, that faces it.
 
     The near end is the detector's. The far end is the detector's too, or where the light of the whole plate, in one pixel
     (filled up to where the pixel is larger than the plate, then with its share), is the threshold of detection [photons].
@@ -130,7 +131,7 @@ def reach_m(lidar: Lidar) -> tuple[float, float]:
     detector, receiver = lidar.detector, lidar.receiver
     at_1_m = filled_pixel(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
     filled = math.sqrt(at_1_m)
-    alone = math.sqrt(PLATE_M2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate
+    alone = math.sqrt(plate_m2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate
     far = filled if filled <= alone else math.sqrt(filled * alone)
     return float(detector.sees_from_m), float(min(detector.sees_to_m, far))
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.dates import date2num
 from matplotlib.text import Text
 
 import rso_lidar as rl
@@ -156,6 +157,23 @@ def test_figure_draws_every_row(table):
     assert sum(len(dots.get_offsets()) for dots in axes.collections) == 4
     assert axes.get_yscale() == "log"
     figure.canvas.draw()
+
+
+def test_the_figure_shows_the_whole_window_and_names_an_object_once():
+    """Four encounters of one object within two hours of a window of three days."""
+    start = np.datetime64("2024-09-17T00:00:00", "ms")
+    times = start + np.arange(4).astype("timedelta64[h]") // 2
+    window = (start, start + np.timedelta64(3, "D"))
+    figure = encounter_figure(
+        times, np.full(4, 2e3), np.full(4, 25.0), np.full(4, True), ["STAGE"] * 4, 2e4, window_utc=window
+    )
+    axes = figure.axes[0]
+    first, last = (date2num(end) for end in window)
+    low, high = axes.get_xlim()
+    assert low < first and high > last and high - low < 1.05 * (last - first)
+    assert axes.get_xlabel() == "UTC, 2024-09-17 to 2024-09-19"
+    assert [text.get_text() for text in axes.texts].count("STAGE") == 1
+    assert figure.axes[1].get_ylabel() == "Relative speed [m/s]"
 
 
 def test_names_cover_no_point_and_no_other_name():

@@ -31,6 +31,20 @@ def test_a_card_shows_parts_and_materials(tmp_path):
     assert card.save(tmp_path / "tdrs.png").stat().st_size > 20_000
 
 
+def test_light_stands_in_a_table_whose_cells_do_not_meet():
+    card = model_card("cubesat_3u")
+    heads, *rows = card.light_table()
+    assert [row[0] for row in rows] == list(SIDES) and all(len(row) == len(heads) == 5 for row in rows)
+    figure = card.figure()
+    figure.canvas.draw()
+    cells = [text for text in figure.texts if text.get_text() in {*heads, *(cell for row in rows for cell in row)}]
+    assert len(cells) == 25
+    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
+    assert not [1 for k, box in enumerate(boxes) for other in boxes[k + 1 :] if box.overlaps(other)]
+    width, height = figure.canvas.get_width_height()
+    assert all(0 <= box.x0 and box.x1 <= width and 0 <= box.y0 and box.y1 <= height for box in boxes)
+
+
 def test_no_model_is_one_line():
     with pytest.raises(rl.ScenarioError, match="unknown model 'tdr'; did you mean 'tdrs'") as caught:
         model_card("tdr")
