@@ -226,7 +226,7 @@ def latched(
     back = ~arming & (np.diff(rows.pixel, prepend=-1) != 0)
     stored_before = gsfl.readout.pretrigger_samples * round(gsfl.readout.sample_s / step_s)
     earliest = np.where(back, np.minimum(stored_before, rows.first), rows.first)
-    crossing[above] = crossing_places(amplitude[above], threshold[above], latch[above], earliest[above])
+    crossing[above] = crossing_places(amplitude, above, threshold[above], latch[above], earliest[above])
     missed = np.flatnonzero(latch == NEAR)
     if not len(missed):
         return crossing

@@ -214,9 +214,9 @@ def crossed_between(
 
 
 def crossing_places(
-    amplitude: np.ndarray, threshold: np.ndarray, latch: np.ndarray, earliest: np.ndarray
+    amplitude: np.ndarray, row: np.ndarray, threshold: np.ndarray, latch: np.ndarray, earliest: np.ndarray
 ) -> np.ndarray:
-    """Return where (row) [steps] the amplitude passes the threshold upward, of rows that are above it at `latch`.
+    """Return where (trace) [steps] the amplitude passes the threshold upward, in rows that are above it at `latch`.
 
     The edge is a cubic through the two steps before the crossing and the two after it, in asinh(8 a/T): a straight line is
     one there while the amplitude a is small, and the flank of a Gaussian, exponential and more, is a parabola. Of a pulse
@@ -225,28 +225,34 @@ def crossing_places(
     Parameters
     ----------
     amplitude : (row, step) [electrons].
-    threshold : (row) [electrons].
-    latch : (row) a step at which the row is above. The crossing lies before it, where the watch found it above at once.
-    earliest : (row) the first step to look at. A row that is above from there on crosses there.
+    row : (trace) the rows to look at.
+    threshold : (trace) [electrons].
+    latch : (trace) a step at which the row is above. The crossing lies before it, where the watch found it above at once.
+    earliest : (trace) the first step to look at. A row that is above from there on crosses there.
     """
-    row, step = np.arange(len(latch)), latch.copy()
+    step = latch.copy()
     back = np.flatnonzero(step > earliest)
     while len(back):
-        back = back[amplitude[back, step[back] - 1] >= threshold[back]]
+        back = back[amplitude[row[back], step[back] - 1] >= threshold[back]]
         step[back] -= 1
         back = back[step[back] > earliest[back]]
     around = np.clip(step[:, None] + np.arange(-2, 2), 0, amplitude.shape[1] - 1)
-    scale = 8.0 / threshold.astype(float)
-    two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around] * scale[:, None]).T
-    level = math.asinh(8.0)
+    scale, half = (
+        (np.float32(8.0) / threshold).astype(np.float32),
+        np.float32(0.5),
+    )  # in single precision: twice as fast
+    two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around].T * scale)
+    level = np.float32(math.asinh(8.0))
     # Newton's divided differences about the step before; their root by steps of Newton's from the straight line.
-    slope, bend = after - before, 0.5 * (after - 2.0 * before + two_before)
-    twist = (two_after - 3.0 * after + 3.0 * before - two_before) / 6.0
+    slope, bend = after - before, half * (after - before - before + two_before)
+    twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
     place = np.divide(level - before, slope, out=np.ones_like(slope), where=slope > 0.0)
-    for _ in range(6):
-        value = before + place * (slope + (place - 1.0) * (bend + (place + 1.0) * twist))
-        steep = slope + (2.0 * place - 1.0) * bend + (3.0 * place**2 - 1.0) * twist
-        place = np.clip(place - (value - level) / np.maximum(steep, 0.2 * np.abs(slope) + 1e-9), 0.0, 1.0)
+    least = np.float32(0.2) * np.abs(slope) + np.float32(1e-9)
+    for _ in range(3):
+        further = bend + (place + 1) * twist
+        steep = slope + (place + place - 1) * further + place * (place - 1) * twist
+        value = before + place * (slope + (place - 1) * further)
+        place = np.clip(place - (value - level) / np.maximum(steep, least), 0, 1)
     crossing: np.ndarray = np.where((step <= earliest) | (before >= level), step.astype(float), step - 1.0 + place)
     return crossing
 

@@ -92,11 +92,11 @@ def test_neither_the_latch_nor_where_a_trace_begins_hangs_on_the_step(steps):
 def test_a_straight_edge_is_crossed_where_it_is():
     """asinh bends a straight edge of three tenths of the threshold a step, and the cubic takes nearly all of that back."""
     amplitude = np.array([[0.2, 0.5, 0.8, 1.1, 1.4]], np.float32)
-    place = crossing_places(amplitude, np.ones(1, np.float32), np.array([3]), np.array([0]))
+    place = crossing_places(amplitude, np.array([0]), np.ones(1, np.float32), np.array([3]), np.array([0]))
     assert place == pytest.approx([2.0 + 2.0 / 3.0], abs=0.01)
 
 
 def test_what_is_above_at_once_crossed_before_the_watch_began():
     amplitude = np.array([[0.1, 0.5, 2.0, 4.0, 9.0], [3.0, 4.0, 5.0, 6.0, 7.0]], np.float32)
-    place = crossing_places(amplitude, np.ones(2, np.float32), np.array([4, 4]), np.array([0, 2]))
+    place = crossing_places(amplitude, np.array([0, 1]), np.ones(2, np.float32), np.array([4, 4]), np.array([0, 2]))
     assert 1.0 < place[0] < 2.0 and place[1] == 2.0
