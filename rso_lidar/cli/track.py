@@ -93,6 +93,9 @@ def summary(made: Tracking, *, icp: bool = True) -> list[str]:
             f"{NAMES[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
             f"{track.nis_share:.0%} inside its bounds; velocity, median error {np.nanmedian(speed):.3g} m/s"
         )
+        verdict = consistency(track.nis_mean, count)
+        if verdict:
+            lines.append(f"{'':<20}{verdict}")
     if "icp_error_rad" in table:
         turn, axis, place = (table[name] for name in ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m"))
         known = np.isfinite(turn)
@@ -108,6 +111,33 @@ def summary(made: Tracking, *, icp: bool = True) -> list[str]:
     elif icp:
         lines.append(f"{'icp':<20}no pose: it takes {FEWEST_POINTS} points of a frame, and no frame had over {most:,}")
     return lines
+
+
+def consistency(nis_mean: float, count: int) -> str:
+    """Return what a mean NIS outside its 95 % bounds means and which option to turn; nothing where it is inside.
+
+    Parameters
+    ----------
+    nis_mean : mean of the normalised innovations squared of a filter with three measured coordinates.
+    count : number of innovations in the mean.
+
+    Notes
+    -----
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), sec. 5.4: a mean below
+    the bounds shows covariances that are too large, one above them covariances that are too small, or a bias.
+    """
+    low, high = nis_bounds(count)
+    if nis_mean < low:
+        return (
+            "below its bounds: under-confident, the filter assumes more noise than its innovations show; lower "
+            "--range-noise or --acceleration, or try --no-shape where the target hardly turns"
+        )
+    if nis_mean > high:
+        return (
+            "above its bounds: over-confident, the filter assumes too little noise or a motion that does not fit; raise "
+            "--acceleration (motion) or --range-noise (fixes)"
+        )
+    return ""
 
 
 def _rms(error_m: np.ndarray) -> str:

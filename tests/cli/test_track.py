@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli.track import summary
+from rso_lidar import track
+from rso_lidar.cli.track import consistency, summary
 from rso_lidar.study.tracking import AXES, Tracking
 
 
@@ -30,7 +31,7 @@ def test_a_table_and_a_picture(call, bench, tmp_path):
     assert errors[-1].startswith("frame 10/10,")  # a slow machine says more on the way
     lines = said.splitlines()
     assert lines[0].startswith("plate: 10 of 10 frames with a fix; range noise 0.1 m")
-    assert [line.split()[0] for line in lines[3:7]] == ["centroid", "constant", "constant", "icp"]
+    assert [line.split()[0] for line in lines[3:-1] if line[0] != " "] == ["centroid", "constant", "constant", "icp"]
     assert lines[-1] == f"{tmp_path / 't.png'}"
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
     assert "icp" not in call(bench, "--no-icp")[1]
@@ -55,6 +56,27 @@ def test_icp_tells_of_hinges():
     assert summary(rigid)[-1].startswith("icp")
     hinged = dataclasses.replace(rigid, hinges=("wing", "dish"))
     assert "it takes the hinges as they stand in the mesh: wing, dish;" in summary(hinged)[-1]
+
+
+@pytest.mark.parametrize(
+    ("believed", "verdict"),
+    [(1.0, ""), (3.0, "below its bounds: under-confident"), (1 / 3, "above its bounds: over-confident")],
+)
+def test_a_nis_outside_its_bounds_is_explained(believed, verdict):
+    """A filter that is told the noise of its fixes, three times as much, and a third of it (standard deviations)."""
+    steps, sigma_m = 400, 0.1
+    fixes_m = np.array([0.0, 0.0, 100.0]) + sigma_m * np.random.default_rng(4).standard_normal((steps, 3))
+    covariance = np.broadcast_to((believed * sigma_m) ** 2 * np.eye(3), (steps, 3, 3))
+    made = track.kalman(np.arange(steps, dtype=float), fixes_m, covariance, acceleration_m_s2_rthz=1e-6)
+    said = consistency(made.nis_mean, int(np.isfinite(made.nis).sum()))
+    assert said.startswith(verdict) and bool(said) == bool(verdict)
+    assert not said or ("lower --range-noise" in said) == (believed > 1.0)
+
+
+def test_the_table_explains_a_nis_outside_its_bounds(call, bench):
+    lines = call(bench, "--no-icp", "--range-noise", "30", "--acceleration", "1")[1].splitlines()
+    (place,) = (k for k, line in enumerate(lines) if "NIS mean" in line)
+    assert "below its bounds: under-confident" in lines[place + 1]
 
 
 @pytest.mark.parametrize(
