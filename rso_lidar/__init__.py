@@ -40,7 +40,7 @@ from rso_lidar.errors import (
     RunError,
     ScenarioError,
 )
-from rso_lidar.export import open, save
+from rso_lidar.export import open
 from rso_lidar.motion import (
     AttitudeTable,
     Axes,
@@ -153,6 +153,7 @@ from rso_lidar.scene import ByWavelength, Crinkled, Ggx, Lambertian, Named, Oren
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
 from rso_lidar.study.conops import Timeline, timeline
+from rso_lidar.study.conversion import save
 from rso_lidar.study.tracking import Tracking, tracking
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trading import Trade, trade

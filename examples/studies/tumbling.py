@@ -223,6 +223,6 @@ if __name__ == "__main__":
         made = dict(zip(CAMERAS, pool.map(flown, CAMERAS.values()), strict=True))
     for name, (table, nis) in made.items():
         print(told(name, table, nis), end="\n\n")
-    picture = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).with_suffix(".png"))
+    picture = Path(sys.argv[1] if len(sys.argv) > 1 else "tumbling.png")  # in the working folder
     save_figure(figure({name: table for name, (table, _) in made.items()}), picture, dpi=110)
     print(picture)

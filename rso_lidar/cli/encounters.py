@@ -1,7 +1,7 @@
 """`rso-lidar encounters`: all close approaches of one object of a catalogue to the others."""
 
 import datetime
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from rso_lidar.cli.completion import camera_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant, length_m
 from rso_lidar.cli.terminal import echo, literal_console
-from rso_lidar.draft import free, write_text
+from rso_lidar.draft import check_suffix, free, write_text
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.picture.encounters import encounter_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES
@@ -25,6 +25,13 @@ from rso_lidar.study.encounters import MAX_SLEW_DEG_S, counted
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
+_GAP = 2  # spaces between columns of a terminal
+_NAMING = 4  # columns that say which encounter it is, and how near
+# Columns by what they tell of an encounter, for terminals that are too narrow for all.
+_TELLING = (
+    *("#", "object", "closest approach, UTC", "range, km", "usable, s", "breaks", "speed, m/s", "light", "norad"),
+    *("lidar, s", "phase, deg", "slew, deg/s", "clear, s", "inside, s", "Moon, deg", "limb, deg", "age, d"),
+)
 
 
 def encounters(
@@ -68,10 +75,24 @@ def encounters(
     scenario: Annotated[
         int | None, typer.Option("--scenario", metavar="N", help="Write the scenario of row N to the file of -o.")
     ] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Scenario file to write (.toml).")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="File to write: the table (.csv), a picture (.png) or, with --scenario, .toml."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """List all close approaches of one object to all others of a catalogue."""
+    if scenario is None and output is not None:  # the suffix says what is meant
+        suffix = output.suffix.lower()
+        if suffix == ".csv" and csv is None:
+            csv, output = output, None
+        elif suffix in FIGURE_SUFFIXES and plot is None:
+            plot, output = output, None
+        elif suffix != ".toml":
+            check_suffix(output, (".csv", *FIGURE_SUFFIXES, ".toml"))
+            raise ScenarioError(f"-o {output}: --{'csv' if suffix == '.csv' else 'plot'} names another; leave one out")
     if (scenario is None) != (output is None):
         raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
     if sort not in _ORDERS:
@@ -117,6 +138,7 @@ def encounters(
 
 
 def _show(table: Encounters) -> None:
+    """Print the table: on a terminal the columns that fit, into a file or a pipe all of them."""
     from rich.table import Table
 
     console = literal_console()
@@ -124,14 +146,45 @@ def _show(table: Encounters) -> None:
         echo(table.table())
         return
     heads, rows = table.cells()
-    shown = Table(title=table.title, box=None, header_style="bold", title_justify="left")
-    for head in heads:
-        shown.add_column(head, justify="left" if head in ("object", "closest approach, UTC", "breaks") else "right")
+    fit = fitting(heads, rows, console.width)
+    shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
+    for k in fit:
+        left = heads[k] in ("object", "closest approach, UTC", "breaks")
+        shown.add_column(heads[k], justify="left" if left else "right", no_wrap=True, overflow="ellipsis")
     for row in rows:
-        shown.add_row(*row)
+        shown.add_row(*(row[k] for k in fit))
+    console.print(table.title, style="bold")
     console.print(shown)
+    hidden = [head for k, head in enumerate(heads) if k not in fit]
+    if hidden:
+        console.print(f"too wide for this terminal: {'; '.join(hidden)}; write all columns with -o NAME.csv")
     for line in table.notes():
         console.print(line)
+
+
+def fitting(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Choose the columns that fit a terminal, the most telling ones first.
+
+    Parameters
+    ----------
+    heads : heads of all columns.
+    rows : rows of text, each with a cell for every head.
+    width : columns of characters.
+
+    Returns
+    -------
+    list of int
+        Places of the chosen columns, in their order; those that name an encounter are always among them.
+    """
+    needs = [max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)]
+    left = width + _GAP
+    chosen = []
+    for name in sorted(heads, key=lambda head: _TELLING.index(head) if head in _TELLING else len(_TELLING)):
+        k = heads.index(name)
+        if name in _TELLING[:_NAMING] or needs[k] <= left:
+            chosen.append(k)
+            left -= needs[k]
+    return sorted(chosen)
 
 
 def _draw(table: Encounters, place: Path) -> Path:

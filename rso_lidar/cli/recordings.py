@@ -9,7 +9,7 @@ import typer
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, ScenarioError
 
-RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, or .zarr).")]
+RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
 
 
 def choice(text: str | None) -> slice | None:

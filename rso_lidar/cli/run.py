@@ -26,7 +26,7 @@ from rso_lidar.simulate import frame_numbers, simulate
 
 def run(
     file: ScenarioFile,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5).")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Recording to write (.h5, or .nc).")],
     frames: Annotated[
         str | None,
         typer.Option(

@@ -9,7 +9,6 @@ import numpy as np
 import typer
 
 from rso_lidar import orbit, picture
-from rso_lidar.cli.globe import globe
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
@@ -23,6 +22,7 @@ from rso_lidar.picture.orbit import inertial_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
+from rso_lidar.study.globe import globe
 from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras
 
 FIGURES = ("relative", "orbit", "angles", "ptu")

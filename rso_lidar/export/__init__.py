@@ -45,17 +45,13 @@ __all__ = [
 def save(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
 ) -> Path:
-    """Return the path of the recording after writing frames to it, one at a time as they come.
-
-    The suffix picks the format: .h5 is a recording that `open` reads and that holds all the frames have; what the others
-    keep stands in docs/exports.md. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. What is written appears under its
-    name when it is complete.
+    """Write frames in a format of this room and return the path; `rso_lidar.save` knows all formats.
 
     Parameters
     ----------
     path : of the file or folder.
     frames : taken one at a time as they come, from `simulate` or `open`.
-    overwrite : replace an older one.
+    overwrite : whether an older one may be replaced.
     format : by name, where the suffix does not say it.
     options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -107,11 +107,18 @@ def _joined(truths: list[Truth]) -> Course:
     return truth, tuple(truth.pointing for truth in truths if truth.pointing is not None)
 
 
-def whole(batches: Iterable[Course]) -> Course:
-    """Return batches as one."""
+def whole(batches: Iterable[Course], choose: Callable[[int], np.ndarray] | None = None) -> Course:
+    """Join batches into one.
+
+    Parameters
+    ----------
+    batches : truth of some instants each.
+    choose : function that gives, for a number of instants, the places of those to keep; all are kept without it. The
+        PTU's angles of the others stay.
+    """
     several = list(batches)
-    if len(several) == 1:
+    if len(several) == 1 and choose is None:
         return several[0]
     truths = [truth.at(k) for truth, _ in several for k in range(truth.time_s.size)]
-    truth, _ = _joined(truths)
+    truth, _ = _joined(truths if choose is None else [truths[k] for k in choose(len(truths)).tolist()])
     return truth, tuple(angle for _, angles in several for angle in angles)

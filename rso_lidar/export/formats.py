@@ -18,7 +18,7 @@ Writer = Callable[..., Path]  # (path, frames, *, overwrite=False, and options o
 
 @dataclass(frozen=True)
 class Format:
-    """One way to write frames: `writer` is where its function is, empty where only a command can compose it.
+    """One way to write frames: `writer` is where its function is, empty where `study.conversion` composes it.
 
     `folder` says that the path names a folder; `loses` is one sentence for people; `extra` the extra to install.
     """
@@ -39,6 +39,9 @@ FORMATS = {
     made.name: made
     for made in (
         Format("hdf5", (".h5", ".hdf5"), "hdf5:write_hdf5", False, "nothing"),
+        Format(
+            "netcdf", (".nc",), "hdf5:write_hdf5", False, "nothing"
+        ),  # the layout of HDF5 recordings is netCDF-4 and CF
         Format("zarr", (".zarr",), "zarr_store:write_zarr", True, "nothing", "zarr"),
         Format(
             "npz", (".npz",), "npz:write_npz", False, "reading frame by frame: arrays are read as a whole, 2 GB at most"
@@ -99,7 +102,9 @@ def writer_for(word: str | os.PathLike[str]) -> Writer:
     """Return the function ``(path, frames, *, overwrite)`` that writes frames in a format, by its name or suffix."""
     found = format_for(word)
     if not found.writer:
-        raise RecordingError(f"{os.fspath(word)}: {found.name} is written by `rso-lidar export REC --to ...`; use that")
+        raise RecordingError(
+            f"{os.fspath(word)}: {found.name} needs time scales and the Earth; use rso_lidar.save or `rso-lidar export`"
+        )
     module, function = found.writer.split(":")
     writer: Writer = getattr(import_module(f"rso_lidar.export.{module}"), function)
     return writer

@@ -149,6 +149,7 @@ def root_attributes(source: Source) -> dict[str, Any]:
     return {
         "Conventions": "CF-1.11",
         "title": source.title,
+        "history": f"simulated by rso_lidar {source.versions.get('rso_lidar', 'unknown')}",
         "schema_version": np.int64(SCHEMA_VERSION),
         "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),
         "versions": json.dumps(dict(source.versions)),
@@ -172,6 +173,7 @@ def time_attributes(start_utc: str) -> dict[str, str]:
     return {
         "units": f"seconds since {start.isoformat(sep=' ')}",
         "calendar": "standard",
+        "units_metadata": "leap_seconds: none",  # CF 1.12, sec. 4.4.3: every day of this time line has 86400 s
         "standard_name": "time",
         "axis": "T",
         "long_name": TIME.meaning,

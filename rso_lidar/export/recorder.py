@@ -30,7 +30,7 @@ from rso_lidar.export.temporary import InterferenceError, TemporaryFile
 from rso_lidar.interruption import removing
 from rso_lidar.records import Frame, Source
 
-SUFFIXES = (".h5", ".hdf5")
+SUFFIXES = (".h5", ".hdf5", ".nc")
 _LIBVER = ("v110", "v110")
 _CACHE = {"rdcc_nslots": 1, "rdcc_nbytes": 2**20}  # one chunk a dataset: every flush looks at all that is cached
 _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash

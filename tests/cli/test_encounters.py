@@ -94,6 +94,11 @@ def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_
         (["--scenario", "1", "-o", "{}/a.h5"], "end its name with .toml"),
         (["--sort", "rnage"], "did you mean 'range'"),
         (["--scenario", "1"], "go together"),
+        (["-o", "{}/a.toml"], "go together"),
+        (["-o", "{}/a.cvs"], "unknown suffix '.cvs'; did you mean '.csv'"),
+        (["-o", "{}/a"], "has no suffix"),
+        (["-o", "{}/a.csv", "--csv", "{}/b.csv"], "--csv names another"),
+        (["-o", "{}/a.png", "--plot", "{}/b.png"], "--plot names another"),
         (["--scenario", "99", "-o", "{}/a.toml"], "give a number from 1 to"),
         (["--csv", "{}/none/a.csv"], "there is no folder"),
         (["--plot", "{}/a.xyz"], "unknown suffix '.xyz'"),
@@ -113,16 +118,66 @@ def test_a_catalogue_that_is_not_there(call, tmp_path):
         call(tmp_path / "none.tle", *ASKED)
 
 
-def test_a_terminal_shows_names_as_they_are(monkeypatch, capsys):
-    import rich.console
-
+@pytest.fixture
+def named():
+    """Return the encounters of the flyby, with names that look like markup."""
     names = ["[/x] :smile:", "[bold]y"]
     sets = list(rl.Catalog.from_file(FLYBY))
     sets = [type(entry)(**{**entry.__dict__, "name": name}) for entry, name in zip(sets, names, strict=True)]
     start = datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC)
-    table = command.find(sets, 99003, within_m=20e3, start_utc=start, days=0.125)
+    return command.find(sets, 99003, within_m=20e3, start_utc=start, days=0.125)
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Return a function that makes standard output a terminal of so many columns."""
+    import rich.console
+
     plain = rich.console.Console
-    monkeypatch.setattr(rich.console, "Console", lambda **given: plain(force_terminal=True, width=250, **given))
-    command._show(table)
+
+    def make(width):
+        console = plain(force_terminal=True, width=width, color_system=None, markup=False, emoji=False)
+        monkeypatch.setattr(command, "literal_console", lambda: console)
+
+    return make
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 250])
+def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, width):
+    terminal(width)
+    command._show(named)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= width
+    if width < 60:  # even what names an encounter is cut short
+        return
+    heads, rows = named.cells()
+    head = next(line for line in lines if line.strip().startswith("#"))
+    rest = " ".join(line.strip() for line in lines)
+    if width >= 80:
+        shown = [name for name in heads if name in head]
+        assert {"#", "object", "closest approach, UTC", "range, km"} <= set(shown)
+        assert len(lines[lines.index(head) + 1 : lines.index(head) + 1 + len(rows)]) == len(rows)
+        assert ("too wide for this terminal" in rest) == (len(shown) < len(heads))
+        assert all(name in rest for name in heads)  # in the table, or in the line that names the rest
+    if width == 250:
+        assert "too wide" not in rest and all(name in head for name in heads)
+
+
+def test_a_terminal_shows_names_as_they_are(named, terminal, capsys):
+    terminal(250)
+    command._show(named)
     out = capsys.readouterr().out
-    assert all(name in out for name in names)
+    assert all(name in out for name in ("[/x] :smile:", "[bold]y"))
+
+
+def test_a_pipe_gets_all_columns(named, capsys):
+    command._show(named)
+    out = capsys.readouterr().out
+    assert out.rstrip("\n") == named.table()
+
+
+def test_the_suffix_of_o_says_what_is_written(call, tmp_path):
+    call(FLYBY, *ASKED, "-o", tmp_path / "a.csv")
+    call(FLYBY, *ASKED, "--csv", tmp_path / "b.csv", "-o", tmp_path / "a.png")
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -3,15 +3,21 @@
 import inspect
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 import typing
+from pathlib import Path
 
 import pytest
 import typer
 
 from rso_lidar.cli.app import app
+from rso_lidar.export.formats import SUFFIXES
 from tests.house.test_start import LATER
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def names(application, before=()):
@@ -117,3 +123,56 @@ def test_a_shell_is_offered_names(rso_lidar, monkeypatch, words, offered):
     monkeypatch.setenv("COMP_CWORD", str(len(words)))
     status, out, errors = rso_lidar()
     assert (status, out.split(), errors) == (0, offered, [])
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "examples").rglob("*.md"))]
+
+
+def documented():
+    """Return every command of the README and the docs as words, with the page that gives it."""
+    for page in PAGES:
+        for block in re.findall(r"^```sh\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+            for line in block.replace("\\\n", " ").splitlines():
+                words = shlex.split(line, comments=True)
+                if words[:1] == ["rso-lidar"]:
+                    yield page.name, words[1:]
+
+
+def test_every_command_of_the_docs_is_one():
+    """Its options exist and take such values; nothing is run."""
+    group = typer.main.get_command(app)
+    found = list(documented())
+    assert len(found) > 50
+    for page, words in found:
+        command, rest, where = group, words, None
+        while hasattr(command, "resolve_command"):
+            where = command.make_context("rso-lidar", [], parent=where, resilient_parsing=True)
+            if not rest:
+                break
+            name, command, rest = command.resolve_command(where, rest)
+        else:
+            try:
+                command.make_context(name, list(rest), parent=where)
+            except Exception as error:
+                raise AssertionError(f"{page}: rso-lidar {' '.join(words)}: {error}") from error
+
+
+def test_no_command_of_the_docs_writes_among_the_examples():
+    """Neither an output that it names, nor one that it leaves out: those go where one works, or beside a recording."""
+    for page, words in documented():
+        outputs = [
+            words[k + 1] for k, word in enumerate(words[:-1]) if word in ("-o", "--output", "--to", "--csv", "--plot")
+        ]
+        assert not [output for output in outputs if output.startswith("examples")], f"{page}: {words}"
+
+
+def test_documented_exports_that_need_an_extra_name_it():
+    """A newcomer who installed the package alone is told beforehand."""
+    needs = {suffix: made.extra for suffix, made in SUFFIXES.items() if made.extra} | {".mp4": "mp4", ".rrd": "view"}
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for line in re.findall(r"^rso-lidar .*$", text, re.MULTILINE):
+            for suffix, extra in needs.items():
+                if re.search(rf"(--to|-o) \S+{re.escape(suffix)}\b|animate \S+ \S+{re.escape(suffix)}\b", line):
+                    told = line.partition("#")[2]
+                    assert "extra" in told or f"[{extra}]" in told, f"{page.name}: {line}"
