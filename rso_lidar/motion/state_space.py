@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Self
+import re
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import AfterValidator, model_validator
 
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, warn
 from rso_lidar.motion.dynamics import Flight, StateSpaceModel
-from rso_lidar.part import UNIT_NORM_WITHIN, Name
+from rso_lidar.part import UNIT_NORM_WITHIN, Name, Text
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-PLACE, RIGID = 6, 13  # entries of a state: position and velocity; and quaternion and body rate
+PLACE = 6  # entries of position and velocity
+QUATERNION = "quaternion_xyzw"
+NEAR_RAD = 1.0 * units.DEG  # of the singularity: the rates of two angles are over 57 times the body rate
+SINGULAR_RAD = 1e-6
+
+
+def _attitude_state(text: str) -> str:
+    """Return a name of numbers that tell an attitude, checked."""
+    found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
+    if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
+        raise ValueError(
+            f"'{text}' names no attitude: write {QUATERNION}, or Euler angles with their order and unit such as "
+            "euler_zyx_rad (intrinsic: about z, the new y, the new x)"
+        )
+    return text
+
+
+AttitudeState = Annotated[Text, AfterValidator(_attitude_state)]
 
 
 class StateSpace(StateSpaceModel):
@@ -21,26 +41,36 @@ class StateSpace(StateSpaceModel):
 
     They are in `axes`: "inertial" (GCRS; f brings its own gravity), "local" (a root without an Earth) or "rtn", the
     rotating rtn axes of the body `relative_to`, the velocity as those axes see it. With `layout` "rigid_body" the state
-    goes on with the quaternion x, y, z, w of axes_from_body, which is normalised when read, and the body rate [rad/s] in
-    body axes, and so turns the body too. Further entries are the user's own.
+    goes on with the attitude axes_from_body, as `attitude_state` says, and the body rate [rad/s] in body axes, and so turns
+    the body too. Further entries are the user's own.
+
+    `attitude_state` is "quaternion_xyzw", normalised when read, or three intrinsic Euler angles with order and unit, such
+    as "euler_zyx_rad" (as `euler_zyx_deg` elsewhere: about z, the new y, the new x). Three different axes are singular at a
+    middle angle of +-90 degrees, x-y-x and the like at 0 and 180: within 1 degree of that there is a warning, within 1e-6
+    rad an error.
     """
 
     type: Literal["state_space"] = "state_space"
     axes: Literal["inertial", "local", "rtn"] = "inertial"
     relative_to: Name | None = None
     layout: Literal["translation", "rigid_body"] = "translation"
+    attitude_state: AttitudeState = QUATERNION
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if (self.axes == "rtn") != (self.relative_to is not None):
             raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
-        needs = RIGID if self.layout == "rigid_body" else PLACE
+        if not self.turns and self.attitude_state != QUATERNION:
+            raise ValueError(
+                'attitude_state: a translation has no attitude: set layout = "rigid_body", or leave it out'
+            )
+        needs = PLACE + (_width(self.attitude_state) + 3 if self.turns else 0)
         if len(self.initial_state) < needs:
             raise ValueError(
                 f"initial_state: has {len(self.initial_state)} entries, a {self.layout} needs at least {needs}"
             )
-        if self.layout == "rigid_body":
-            _unit(self.initial_state[PLACE : PLACE + 4])
+        if self.turns:
+            _possible(self.initial_state[PLACE:], self.attitude_state)
         return self
 
     @property
@@ -60,36 +90,89 @@ class StateSpace(StateSpaceModel):
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Return axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
-        return _turned(flight(time_s)[:, PLACE:RIGID])
+        return _turned(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)
 
 
 class StateSpaceAttitude(StateSpaceModel):
-    """Attitude by a user's own dynamics: the state begins with the quaternion x, y, z, w of inertial_from_body.
+    """Attitude by a user's own dynamics: the state begins with inertial_from_body, as `attitude_state` says.
 
-    It is normalised when read. The body rate [rad/s] in body axes follows; further entries are the user's own.
+    The body rate [rad/s] in body axes follows; further entries are the user's own. `attitude_state` is "quaternion_xyzw",
+    normalised when read, or Euler angles such as "euler_zyx_rad", as for the motion `state_space`.
     """
 
     type: Literal["state_space"] = "state_space"
+    attitude_state: AttitudeState = QUATERNION
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        if len(self.initial_state) < RIGID - PLACE:
-            raise ValueError(f"initial_state: has {len(self.initial_state)} entries, an attitude needs at least 7")
-        _unit(self.initial_state[:4])
+        needs = _width(self.attitude_state) + 3
+        if len(self.initial_state) < needs:
+            raise ValueError(
+                f"initial_state: has {len(self.initial_state)} entries, an attitude needs at least {needs}"
+            )
+        _possible(self.initial_state, self.attitude_state)
         return self
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
         """Return inertial_from_body (time) and the body rates (time, 3) [rad/s]."""
-        return _turned(flight(time_s)[:, : RIGID - PLACE])
+        return _turned(flight(time_s), self.attitude_state, self.label, time_s)
 
 
-def _turned(state: np.ndarray) -> tuple[Rotation, np.ndarray]:
+def _width(attitude_state: str) -> int:
+    """Return how many numbers tell the attitude."""
+    return 4 if attitude_state == QUATERNION else 3
+
+
+def _turned(state: np.ndarray, attitude_state: str, label: str, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+    """Return axes_from_body (time) and the body rates (time, 3) of rows that begin with an attitude and its rate."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(state[:, :4]), state[:, 4:7]
+    width = _width(attitude_state)
+    numbers, rates = state[:, :width], state[:, width : width + 3]
+    if attitude_state == QUATERNION:
+        return Rotation.from_quat(numbers), rates
+    order, angles = _angles(numbers, attitude_state)
+    away = _from_singular_rad(angles, order)
+    near = int(np.argmin(away)) if len(away) else 0
+    where = "a middle angle of +-90 deg" if len(set(order)) == 3 else "a middle angle of 0 or 180 deg"
+    if (away < SINGULAR_RAD).any():
+        raise PropagationError(
+            f"{label}: its Euler angles are singular ({order}: {where}) at time_s = {time_s[near]:g}; use another order, or "
+            f"attitude_state = {QUATERNION}",
+            away < SINGULAR_RAD,
+        )
+    if (away < NEAR_RAD).any():
+        warn(
+            f"{label}: its Euler angles come within {away[near] / units.DEG:.2g} deg of their singularity "
+            f"({order}: {where}) at time_s = {time_s[near]:g}, where they change fast: use another order, or "
+            f"attitude_state = {QUATERNION}"
+        )
+    return Rotation.from_euler(order.upper(), angles), rates
 
 
-def _unit(quaternion: tuple[float, ...]) -> None:
-    norm = float(np.linalg.norm(quaternion))
-    if abs(norm - 1.0) > UNIT_NORM_WITHIN:
-        raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1: divide by it")
+def _angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:
+    """Return the order of Euler angles, in small letters, and the angles (…, 3) [rad]."""
+    _, order, unit = attitude_state.split("_")
+    return order, numbers * (units.DEG if unit == "deg" else 1.0)
+
+
+def _from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
+    """Return how far (…) [rad] the middle of Euler angles (…, 3) [rad] is from where the other two turn about one axis."""
+    across = np.cos(angles[..., 1]) if len(set(order)) == 3 else np.sin(angles[..., 1])
+    away: np.ndarray = np.abs(np.arcsin(np.clip(across, -1.0, 1.0)))
+    return away
+
+
+def _possible(state: tuple[float, ...], attitude_state: str) -> None:
+    """Refuse the start of a state that is no attitude."""
+    numbers = state[: _width(attitude_state)]
+    if attitude_state == QUATERNION:
+        norm = float(np.linalg.norm(numbers))
+        if abs(norm - 1.0) > UNIT_NORM_WITHIN:
+            raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1: divide by it")
+        return
+    order, angles = _angles(np.array(numbers), attitude_state)
+    if _from_singular_rad(angles, order) < SINGULAR_RAD:
+        raise ValueError(
+            f"initial_state: its Euler angles {order} begin where they are singular; use another order, or {QUATERNION}"
+        )

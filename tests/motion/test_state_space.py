@@ -408,3 +408,101 @@ def test_a_stretched_model_is_told_once_in_a_loop():
         warnings.simplefilter("always")
         list(rl.simulate(scenario, lambda _: None))
     assert len([one for one in caught if "hill: the separation" in str(one.message)]) == 1
+
+
+# ---------------------------------------------------------------------------------------------------- Euler angles
+
+RATES = (0.02, -0.03, 0.05)
+BEGIN = {"zyx": (0.4, -0.3, 1.1), "xyz": (0.4, -0.3, 1.1), "zxz": (0.4, 0.9, 1.1), "yzx": (2.0, 0.7, -2.5)}
+_AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+
+
+def by_angles(order, unit):
+    """Return `euler` with intrinsic angles in place of the quaternion.
+
+    The body rate is the sum of each angle's rate along its axis, seen from the body: that axis turned back by all that
+    follows (Wertz, Spacecraft Attitude Determination and Control, sec. 16.1).
+    """
+    scale = units.DEG if unit == "deg" else 1.0
+
+    def turning(_t, x, _u):
+        a, w = x[:3] * scale, x[3:6]
+        last = Rotation.from_euler(order[2].upper(), a[2])
+        last_two = Rotation.from_euler(order[1:].upper(), a[1:])
+        seen = np.stack(
+            [last_two.inv().apply(_AXES[order[0]]), last.inv().apply(_AXES[order[1]]), _AXES[order[2]]], axis=1
+        )
+        return np.concatenate([np.linalg.solve(seen, w) / scale, -np.cross(w, INERTIA * w) / INERTIA])
+
+    return turning
+
+
+def turned_by(attitude, times):
+    body = motion.Body(name="b", motion=rl.Fixed(position_m=(0.0, 0.0, 0.0)), attitude=attitude)
+    return motion.truth([body], epochs(times), local=True)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+@pytest.mark.parametrize("order", BEGIN)
+def test_euler_angles_and_quaternion_are_the_same_attitude(order, unit):
+    begin = Rotation.from_euler(order.upper(), BEGIN[order])
+    times = np.linspace(0.0, 25.0, 11)
+    tight = {"relative_tolerance": 1e-12, "absolute_tolerance": 1e-12}
+    given = begin.as_euler(order.upper(), degrees=unit == "deg")
+    angles = StateSpaceAttitude(
+        dynamics=by_angles(order, unit), attitude_state=f"euler_{order}_{unit}", initial_state=(*given, *RATES), **tight
+    )
+    quaternion = StateSpaceAttitude(dynamics=euler, initial_state=(*begin.as_quat(), *RATES), **tight)
+    one, other = turned_by(angles, times), turned_by(quaternion, times)
+    apart = one.pose("inertial", "b").rotation.inv() * other.pose("inertial", "b").rotation
+    assert apart.magnitude().max() < 1e-9
+    assert other.pose("inertial", "b").rotation.magnitude().max() > 0.5
+    np.testing.assert_allclose(one.rates("inertial", "b")[1], other.rates("inertial", "b")[1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(one.rates("inertial", "b")[1][0], RATES, rtol=0, atol=1e-15)
+
+
+def test_a_rigid_body_by_euler_angles_has_twelve_entries():
+    def flying(t, x, u):
+        return np.concatenate([x[3:6], np.zeros(3), by_angles("zyx", "rad")(t, x[6:], u)])
+
+    start = (1.0, 2.0, 3.0, 0.1, 0.0, 0.0, *BEGIN["zyx"], *RATES)
+    model = StateSpace(
+        dynamics=flying, axes="local", layout="rigid_body", attitude_state="euler_zyx_rad", initial_state=start
+    )
+    truth = motion.truth([motion.Body(name="b", motion=model)], epochs([0.0, 5.0]), local=True)
+    first = truth.pose("inertial", "b")[0]
+    np.testing.assert_allclose(
+        first.rotation.as_matrix(), Rotation.from_euler("ZYX", BEGIN["zyx"]).as_matrix(), atol=1e-15
+    )
+    np.testing.assert_allclose(truth.pose("inertial", "b").translation[1], [1.5, 2.0, 3.0], rtol=0, atol=1e-12)
+    with pytest.raises(ScenarioError, match="has 11 entries, a rigid_body needs at least 12"):
+        model.replace(initial_state=start[:11])
+    with pytest.raises(ScenarioError, match="a translation has no attitude"):
+        model.replace(layout="translation")
+
+
+def _pitching(_t, x, _u):
+    return np.array([0.0, x[4], 0.0, 0.0, 0.0, 0.0])
+
+
+def test_euler_angles_near_their_singularity_are_told_and_at_it_refused():
+    part = StateSpaceAttitude(
+        dynamics=_pitching, attitude_state="euler_zyx_deg", initial_state=(0.0, 80.0, 0.0, 0.0, 1.0, 0.0)
+    )
+    turned_by(part, np.array([0.0, 8.9]))  # no warning, which would be an error here
+    with pytest.warns(UserWarning, match=r"come within 0.5 deg of their singularity \(zyx: .*90 deg\) at time_s = 9.5"):
+        turned_by(part, np.array([0.0, 9.5]))
+    with pytest.raises(PropagationError, match=r"angles are singular \(zyx: .*\) at time_s = 10;") as caught:
+        turned_by(part, np.array([0.0, 10.0]))
+    assert caught.value.bad.tolist() == [False, True]
+    for order, middle in (("zyx", 90.0), ("xyz", -90.0), ("zxz", 0.0), ("yxy", 180.0)):
+        with pytest.raises(ScenarioError, match="begin where they are singular"):
+            part.replace(attitude_state=f"euler_{order}_deg", initial_state=(0.0, middle, 0.0, 0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "name", ["euler", "euler_zyx", "euler_zzx_rad", "euler_ZYX_rad", "euler_zyx_grad", "quaternion"]
+)
+def test_an_attitude_that_nobody_has_named(name):
+    with pytest.raises(ScenarioError, match=r"names no attitude: write quaternion_xyzw, or Euler angles"):
+        StateSpaceAttitude(dynamics=_pitching, attitude_state=name, initial_state=(0.0,) * 7)
