@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.figures import dress, in_thousands, log_ticks, new_figure
 from rso_lidar.picture.palette import LINE, PARTS, QUIET, hexed
 from rso_lidar.picture.sequence import on_target, pick, started, target_ranges_m
 from rso_lidar.records import Frame
@@ -77,7 +78,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     table = {name: np.array([getattr(point, name) for point, _, _ in points]) for name in Point.__dataclass_fields__}
     time_s = table["time_s"]
     _, title, start = points[0]
-    count = f"{total:,} frames" if total == len(points) else f"{len(points):,} of {total:,} frames"
+    count = f"{total:,} frame{'s' * (total != 1)}" if total == len(points) else f"{len(points):,} of {total:,} frames"
     figure = new_figure(8.4, 9.2, title, f"{count}   ·   time since {start}")
     ranges, share, photons, errors = figure.subplots(4, 1, sharex=True)
 
@@ -118,8 +119,20 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     dress(errors, x="Time [s]", y="Range minus truth [cm]")
     in_thousands(errors.xaxis)
     _entries(errors)
+    if len(points) == 1:  # a line of one point shows nothing
+        for axes in (ranges, pixels, photons):
+            axes.get_lines()[0].set(marker="_", ms=14, mew=axes.get_lines()[0].get_linewidth())
+    if photons.get_yscale() == "log":
+        photons.set_ylim(*_decade(*photons.get_ylim()))
+        log_ticks(photons.yaxis, *photons.get_ylim())
     figure.align_ylabels([ranges, share, photons, errors])
     return figure
+
+
+def _decade(low: float, high: float) -> tuple[float, float]:
+    """Return limits of a log axis that span a decade at least: a shorter one shows rounding."""
+    wider = max(1.0, math.sqrt(10.0 * low / high))
+    return low / wider, high * wider
 
 
 def _entries(axes: Axes) -> None:

@@ -42,7 +42,7 @@ Corner = Literal["lower left", "lower right", "upper left", "upper right"]
 PartKey = tuple[int, int]  # numbers of target and part
 
 WIDTH_IN = 10.6
-LETTERS = 172  # of small print in a line
+LETTERS = 156  # of small print in a line
 MOST_TARGETS = 3  # whose geometry is told
 
 

@@ -50,7 +50,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
     first, last = glimpses[0], glimpses[-1]
     inner = width - 2 * MARGIN
     write(draw, MARGIN, 14, fitted(draw, first.title, 20, inner, bold=True), 20, INK, bold=True)
-    count = f"{len(glimpses)} of {total} frames" if len(glimpses) < total else f"{total} frames"
+    count = f"{len(glimpses)} of {total} frames" if len(glimpses) < total else f"{total} frame{'s' * (total != 1)}"
     span = (
         f"{count}, {first.time_s:,.1f} s to {last.time_s:,.1f} s after {first.start_utc}; left range, right intensity"
     )

@@ -27,6 +27,8 @@ CLOSED = 0.05  # ends nearer to one another than this share of the whole path ha
 HEADROOM = 1.06  # top of a range axis over the greatest range
 NEAR, FAR, MARKER = 8.0, 22.0, 6.0  # of a label from its marker, and half a marker [points]
 
+_LETTERS = 22  # of a target's name beside other words of a panel
+
 
 @dataclass(frozen=True, eq=False)
 class Track:
@@ -119,7 +121,7 @@ def orbit_figure(
     planes = ((plane, 1, 0, "z"), (across, 1, 2, "x"), (along, 2, 0, "y"))
     labels = []
     for (axes, right, up, eye), head in zip(planes, heads, strict=True):
-        drawn, words = _panel(axes, path, right, up, head if in_rtn else f"Seen along {eye} of {path.target}")
+        drawn, words = _panel(axes, path, right, up, head if in_rtn else f"Seen along {eye} of {_short(path.target)}")
         labels.append((axes, words, path.position_m[:, [right, up]]))
         if keep_out_m:
             _keep_out(axes, keep_out_m)
@@ -133,7 +135,13 @@ def orbit_figure(
         ranges.axhspan(0, keep_out_m, color=PARTS[5], alpha=0.12, lw=0, zorder=0)
     ranges.set_ylim(0.0, HEADROOM * max(float(range_m.max()), keep_out_m or 0.0) or 1.0)
     in_thousands(ranges.xaxis, ranges.yaxis)
-    dress(ranges, "Range over time", "Time [s]", f"Range to {path.target} [m]", "impulses dashed" if impulses else "")
+    dress(
+        ranges,
+        "Range over time",
+        "Time [s]",
+        f"Range to {_short(path.target)} [m]",
+        "impulses dashed" if impulses else "",
+    )
     bar = figure.colorbar(drawn, ax=[plane, across], location="bottom", fraction=0.03, pad=0.02, aspect=55)
     bar.set_label("Time [s]", fontsize=9, color=hexed(QUIET))
     in_thousands(bar.ax.xaxis)
@@ -244,3 +252,8 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> tuple[An
     words = path.words
     dress(axes, title, f"{words[right]} [m]", f"{words[up]} [m]", "scales differ" if stretched else "")
     return drawn, labels
+
+
+def _short(name: str) -> str:
+    """Return a name as far as it fits over a panel."""
+    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"

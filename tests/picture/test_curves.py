@@ -60,3 +60,15 @@ def test_curves_of_nothing_seen(handmade, tmp_path):
         handmade.make_frame(float(k), 900.0, 16, photons_at_km=0.0, labelled=False, false_returns=0) for k in range(3)
     ]
     assert save_figure(curve_figure(iter(dark)), tmp_path / "dark.png").is_file()
+
+
+def test_one_frame_is_drawn_as_marks(handmade):
+    """A line of one point would show nothing, and an axis of photons over a tenth of a decade only rounding."""
+    figure = curve_figure([handmade.make_frame(0.0, 1500.0, 64, photons_at_km=60_000.0)])
+    figure.canvas.draw()
+    assert any(text.get_text().startswith("1 frame ") for text in figure.texts)
+    for axes in figure.axes:
+        lines = [one for one in axes.get_lines() if len(one.get_xdata()) == 1]
+        assert all(one.get_marker() != "None" for one in lines), axes.get_ylabel()
+    photons = next(axes for axes in figure.axes if axes.get_ylabel().startswith("Expected"))
+    assert photons.get_ylim()[1] / photons.get_ylim()[0] >= 10.0

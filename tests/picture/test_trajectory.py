@@ -114,3 +114,18 @@ def test_the_farthest_range_is_inside_its_panel():
     assert high == pytest.approx(1.06 * np.linalg.norm(still, axis=-1).max())
     figure = orbit_figure(batch(times_s, still, "tdrs.rtn"), keep_out_m=800.0)
     assert figure.axes[3].get_ylim()[1] > 800.0
+
+
+def test_a_long_name_stays_on_the_page():
+    name = "a_target_with_a_rather_long_name_for_a_plot"
+    times_s, position_m = ellipse()
+    truth = batch(times_s, position_m, f"{name}.origin")
+    parents = {f"{name}.origin": "inertial", name: f"{name}.origin", "lidar": f"{name}.origin"}
+    links = {new: truth.poses[old] for new, old in zip(parents, (f"{name}.origin", "tdrs", "lidar"), strict=True)}
+    figure = orbit_figure(Truth(times_s, PoseTree(parents, links), {}, truth.sun_direction))
+    figure.canvas.draw()
+    width, height = figure.canvas.get_width_height()
+    for axes in figure.axes:
+        for text in (axes.title, axes._left_title, axes._right_title, axes.xaxis.label, axes.yaxis.label):
+            box = text.get_window_extent()
+            assert not text.get_text() or (box.x0 >= 0 and box.x1 <= width and box.y0 >= 0 and box.y1 <= height)
