@@ -16,9 +16,6 @@ from rso_lidar import export, interruption
 SCRIPT = Path(sys.executable).with_name("rso-lidar")
 pytestmark = pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="looks at processes in /proc")
 
-# An idle machine needs a tenth of a second. A loaded one may take long to let the process run at all; a hang stays a hang.
-LONGEST_S = 60.0
-
 
 @pytest.fixture
 def bench(text, tmp_path):
@@ -43,9 +40,7 @@ def started(bench, *options, command=(SCRIPT,), last=signal.SIGHUP, **environmen
 
 
 def wait_until(happened):
-    deadline = time.monotonic() + LONGEST_S
-    while not happened():
-        assert time.monotonic() < deadline
+    while not happened():  # a hang is ended by the limit on each test, which scales with the load of the machine
         time.sleep(0.002)
 
 
@@ -80,7 +75,7 @@ def ended(process, number=signal.SIGINT):
     """Send a signal; return the last line of standard error once it is sure that all was as it must be."""
     children = descendants(process.pid)
     process.send_signal(number)
-    _, said = process.communicate(timeout=LONGEST_S)
+    _, said = process.communicate()
     assert process.returncode == 128 + number, said
     ours = [line for line in said.splitlines() if not line.startswith(("frame ", "compiling "))]
     assert len(ours) == 1, said
@@ -161,7 +156,7 @@ print("untouched")
 def test_a_program_that_imports_the_package_keeps_its_signals(tmp_path):
     script = tmp_path / "program.py"
     script.write_text(LIBRARY)
-    done = subprocess.run([sys.executable, script, "run"], capture_output=True, text=True, timeout=LONGEST_S)
+    done = subprocess.run([sys.executable, script, "run"], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("untouched\n", "")
 
 

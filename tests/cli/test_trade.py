@@ -146,9 +146,8 @@ def started(study, output):
     command = [sys.executable, "-m", "rso_lidar", "trade", str(study), "-o", str(output), "--overwrite"]
     before = len(kept_rows(output))
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60.0
     while len(kept_rows(output)) < before + 2:
-        assert process.poll() is None and time.monotonic() < until, process.communicate()
+        assert process.poll() is None, process.communicate()
         time.sleep(0.005)
     return process
 
@@ -178,7 +177,7 @@ def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call,
     output = tmp_path / "cut.csv"
     process = started(study, output)
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate()
     there = len(kept_rows(output))
     assert 2 <= there < 13  # or it was not cut off
     with monkeypatch.context() as patch:

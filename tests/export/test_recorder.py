@@ -305,9 +305,7 @@ except RunError as error:
 def test_a_full_disk_keeps_whole_frames_and_says_so(tmp_path, limit):
     output = tmp_path / "run.h5"
     here = Path(__file__).parent
-    child = subprocess.run(
-        [sys.executable, "-c", FULL, here, output, str(limit)], capture_output=True, text=True, timeout=60
-    )
+    child = subprocess.run([sys.executable, "-c", FULL, here, output, str(limit)], capture_output=True, text=True)
     assert (child.returncode, child.stderr) == (0, "")
     assert not output.exists()
     (line,) = child.stdout.splitlines()

@@ -1,8 +1,10 @@
-"""Each module imports alone, quickly and without the heavy libraries; so does the package."""
+"""Each module imports, in any order, quickly and without the heavy libraries; so does the package."""
 
+import ast
 import json
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -19,56 +21,71 @@ def dotted(file):
 
 MODULES = sorted(dotted(file) for file in (ROOT / "rso_lidar").rglob("*.py"))
 
-# Python, numpy, scipy and pydantic are imported once; then each module gets a fork of its own. Alone means that neither
-# the package nor the module's own room has been imported before: both are there by name and path only.
-ALONE = """
-import importlib, json, os, sys, traceback, types
-from pathlib import Path
-import numpy, scipy.spatial.transform, pydantic
+# In one process, one after the other: the traceback of each that fails, and the heavy libraries that it brought along.
+EACH = """
+import importlib, json, sys, traceback
 
-root, heavy, names = Path(sys.argv[1]), json.loads(sys.argv[2]), json.loads(sys.argv[3])
+heavy, names = json.loads(sys.argv[1]), json.loads(sys.argv[2])
 for name in names:
-    sys.stdout.flush()
-    child = os.fork()
-    if child:
-        os.waitpid(child, 0)
-        continue
-    words = name.split(".")
-    for n in range(1, len(words)):
-        package = types.ModuleType(".".join(words[:n]))
-        package.__path__ = [str(root.joinpath(*words[:n]))]
-        sys.modules[package.__name__] = package
+    before = {library for library in heavy if library in sys.modules}
     try:
         importlib.import_module(name)
         problem = ""
     except BaseException:
         problem = traceback.format_exc(limit=-3)
-    print(json.dumps([name, problem, [library for library in heavy if library in sys.modules]]), flush=True)
-    os._exit(0)
+    print(json.dumps([name, problem, [library for library in heavy if library in sys.modules and library not in before]]))
 """
 
 
 @pytest.fixture(scope="module")
-def alone():
-    """Return, for each module imported alone, the traceback (or nothing) and the heavy libraries that came along."""
-    command = [sys.executable, "-W", "ignore", "-c", ALONE, ROOT, json.dumps(HEAVY), json.dumps(MODULES)]
+def each():
+    """Return, for each module, the traceback (or nothing) and the heavy libraries that came along; those at home last."""
+    at_home = [name for name in MODULES if name.startswith(tuple(AT_HOME))]
+    names = [name for name in MODULES if name not in at_home] + at_home
+    command = [sys.executable, "-W", "ignore", "-c", EACH, json.dumps(HEAVY), json.dumps(names)]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return {name: (problem, heavy) for name, problem, heavy in map(json.loads, run.stdout.splitlines())}
+
+
+def imported(file):
+    """Return the modules of the package that a module imports while it is imported itself, with the doors on the way."""
+    found, waiting = set(), [ast.parse(file.read_text(encoding="utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += node.orelse
+            continue
+        waiting += ast.iter_child_nodes(node)
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    doors = {".".join(name.split(".")[:n]) for name in found for n in range(2, name.count(".") + 1)}
+    me = dotted(file)
+    return {name for name in (found | doors) & set(MODULES) if not f"{me}.".startswith(f"{name}.")}
 
 
 def test_the_ground_floors_are_among_the_modules():
     assert {"rso_lidar", "rso_lidar.units", "rso_lidar.errors", "rso_lidar.part", "rso_lidar.records"} <= set(MODULES)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_module_imports_alone(alone, module):
-    assert alone[module][0] == ""
+def test_modules_import_in_any_order(each):
+    """Each imports, and none needs another that needs it: then it does not matter which comes first."""
+    assert sorted(each) == MODULES
+    assert not {module: problem for module, (problem, _) in each.items() if problem}
+    needs = {dotted(file): imported(file) for file in (ROOT / "rso_lidar").rglob("*.py")}
+    assert sum(map(len, needs.values())) > 1000
+    TopologicalSorter(needs).prepare()  # which refuses a circle, and names it
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_module_leaves_heavy_libraries_for_later(alone, module):
-    allowed = next((libraries for room, libraries in AT_HOME.items() if module.startswith(room)), set())
-    assert set(alone[module][1]) <= allowed
+def test_modules_leave_heavy_libraries_for_later(each):
+    early = {}
+    for module, (_, heavy) in each.items():
+        allowed = next((libraries for room, libraries in AT_HOME.items() if module.startswith(room)), set())
+        early[module] = set(heavy) - allowed
+    assert not {module: libraries for module, libraries in early.items() if libraries}
 
 
 def test_the_package_imports_without_heavy_libraries():

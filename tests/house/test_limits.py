@@ -16,13 +16,13 @@ from tests import limits
 def pytest_configure(config):
     limits.watch(config)
 """
-OWN = ["-p", "no:cacheprovider", "-o", "addopts=", "--rootdir", "."]
+OWN = ["-p", "xdist", "-p", "no:cacheprovider", "-o", "addopts=", "--rootdir", "."]
 
 
 def start(folder, text, *options, limit_s):
     (folder / "conftest.py").write_text(CONFTEST)
     (folder / "test_it.py").write_text(text)
-    variables = {"RSO_LIDAR_TEST_LIMIT_S": str(limit_s), "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+    variables = {"RSO_LIDAR_TEST_LIMIT_S": str(limit_s), "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.Popen(
         [sys.executable, "-m", "pytest", *OWN, *options, "."],
         cwd=folder,

@@ -66,7 +66,7 @@ def test_a_part_first_asked_for_in_many_threads_is_checked_in_each():
         "sys.setswitchinterval(1e-6)\n"
         "asked = [(rl.Receiver, 'fov_deg', 2.5), (rl.Spin, 'rate_deg_s', 0.5), (rl.Kepler, 'raan_deg', 1.0),\n"
         "         (rl.Tumble, 'inertia_kg_m2', (1.0, 2.0, 3.0)), (rl.Gsfl, 'max_returns', 2), (rl.Hop, 'duration_s', 9.0)]\n"
-        "wrong, ready = [], threading.Barrier(8, timeout=20.0)\n"
+        "wrong, ready = [], threading.Barrier(8)\n"
         "def ask():\n"
         "    for part, key, value in asked:\n"
         "        ready.wait()\n"

@@ -174,14 +174,14 @@ def test_drawing_leaves_no_global_state(tmp_path):
         "assert 'matplotlib.pyplot' not in sys.modules\n"
         "assert before == settings()\n"
     )
-    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
 
 
 def test_importing_the_room_imports_no_heavy_library():
     program = "import sys, rso_lidar.picture; print({'matplotlib', 'PIL', 'imageio_ffmpeg'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 
 

@@ -220,7 +220,7 @@ def test_no_file_takes_more_memory_or_time_than_it_is_worth(tmp_path):
     if Path("/proc/self/mem").exists():
         (folder / "unreadable.stl").symlink_to("/proc/self/mem")
     found = subprocess.run(
-        [sys.executable, "-c", LOOK, str(folder)], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", LOOK, str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert found.returncode == 0, found.stderr
     lines = [line.split("\t") for line in found.stdout.splitlines()]
