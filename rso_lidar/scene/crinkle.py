@@ -15,6 +15,7 @@ from rso_lidar.scene.scatter import Scatterer, both_ways, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees
+_TIE = 1e-6  # components of a normal that differ by less are equal, whatever rounding says
 _OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces stand at round coordinates, cells do not
 
 
@@ -128,8 +129,9 @@ def _hidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
 
 
 def _least(normal: np.ndarray) -> np.ndarray:
-    """Return the coordinate axis (hit, xyz) that each normal (xyz, hit) is farthest from."""
-    axis: np.ndarray = np.eye(3)[np.argmin(np.abs(normal), axis=0)]
+    """Return the coordinate axis (hit, xyz) that each normal (xyz, hit) is farthest from, the first of equal ones."""
+    slant = np.abs(normal)
+    axis: np.ndarray = np.eye(3)[np.argmax(slant < slant.min(axis=0) + _TIE, axis=0)]
     return axis
 
 

@@ -16,6 +16,7 @@ from rso_lidar.scene.surface import Surface, build_surface
 _DIRECTIONS = 60
 _GRID = 96  # rays along each side of the square that they are cast from
 _GRAZING = 0.05  # cosine below which a facet is not looked at: a ray would start inside its own rounding
+_TIE = 1e-9  # of the weight: a sum that comes so near to half of it is half
 _STRAY = 2.0  # times as far from the middle as 95 % of the surface
 
 
@@ -209,14 +210,19 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
     """Return the components that lie wholly beyond twice the radius that holds 95 % of the surface."""
     middle = corners.mean(axis=1)
     order = np.argsort(middle, axis=0)
-    half = 0.5 * area.sum()
-    center = np.array([middle[order[np.searchsorted(np.cumsum(area[order[:, k]]), half), k], k] for k in range(3)])
+    center = np.array([_median(middle[order[:, k], k], area[order[:, k]]) for k in range(3)])
     distance = np.linalg.norm(middle - center, axis=1)
     outward = np.argsort(distance)
     most = distance[outward[np.searchsorted(np.cumsum(area[outward]), 0.95 * area.sum())]]
     nearest = np.full(component.max() + 1, np.inf)
     np.minimum.at(nearest, component, np.linalg.norm(corners - center, axis=2).min(axis=1))
     return np.flatnonzero(nearest > _STRAY * most)
+
+
+def _median(rising: np.ndarray, weight: np.ndarray) -> float:
+    """Return the weighted median of rising values; where rounding would choose between two, the lower one."""
+    below = np.cumsum(weight)
+    return float(rising[np.searchsorted(below, 0.5 * below[-1] * (1.0 - _TIE))])
 
 
 def _looked_at(surface: Surface) -> tuple[float, np.ndarray]:

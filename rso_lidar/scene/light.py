@@ -15,6 +15,7 @@ from rso_lidar.scene.crinkle import Crinkled, tilted, unhidden
 from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
 from rso_lidar.scene.surface import Surface
 
+_TIE = 1e-6  # components of a direction that differ by less are equal, whatever rounding says
 _OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so that no facet shades itself
 
 
@@ -184,7 +185,8 @@ def from_sun(hits: Seen) -> np.ndarray:
 
 def _disc(to_sun: np.ndarray) -> np.ndarray:
     """Return unit vectors (point, xyz) to points of equal weight on the Sun's disc."""
-    across = np.cross(to_sun, np.eye(3)[np.argmin(np.abs(to_sun))])
+    slant = np.abs(to_sun)
+    across = np.cross(to_sun, np.eye(3)[np.argmax(slant < slant.min() + _TIE)])
     across /= np.linalg.norm(across)
     upward = np.cross(to_sun, across)
     radius = np.repeat(np.sqrt(0.5 + np.array([-1.0, 1.0]) / np.sqrt(12.0)), 6) * SUN_RADIUS_RAD

@@ -1,0 +1,41 @@
+"""Choices between equal numbers: moved by 1e-12 to either side, what is chosen stays."""
+
+import numpy as np
+import pytest
+
+from rso_lidar.scene import Crinkled
+from rso_lidar.scene.crinkle import tilted
+from rso_lidar.scene.doctor import _median
+from rso_lidar.scene.light import _disc
+
+DIRECTIONS = [(0, 0, 1), (1, 0, 0), (0, -1, 0), (1, 1, 0), (1, -1, 1), (0, 1, 1)]  # of which two components are equal
+
+
+def moved(values, seed):
+    return np.asarray(values, dtype=float) + 1e-12 * np.random.default_rng(seed).uniform(-1.0, 1.0, np.shape(values))
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_a_crinkled_facet_tilts_alike(direction):
+    normal = np.repeat(np.array(direction, dtype=float)[:, None] / np.linalg.norm(direction), 50, axis=1)
+    point = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50))
+    foil = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=20.0)
+    first = tilted(normal, point, foil)
+    assert np.abs(first - normal).max() > 0.05
+    for seed in range(8):
+        assert np.abs(tilted(moved(normal, seed), point, foil) - first).max() < 1e-10
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_the_points_on_the_sun_s_disc_stay(direction):
+    to_sun = np.array(direction, dtype=float) / np.linalg.norm(direction)
+    for seed in range(8):
+        assert np.abs(_disc(moved(to_sun, seed)) - _disc(to_sun)).max() < 1e-10
+
+
+def test_the_middle_of_a_symmetric_mesh_stays():
+    """Half the weight lies on either side: rounding says which side the median falls to."""
+    rising, weight = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([0.1, 0.3, 0.3, 0.1])
+    for seed in range(8):
+        assert _median(rising, moved(weight, seed)) == -1.0
+    assert _median(rising, np.array([0.1, 0.1, 0.3, 0.1])) == 1.0
