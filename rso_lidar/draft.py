@@ -7,9 +7,9 @@ import errno
 import itertools
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.interruption import removing, uninterrupted
@@ -17,6 +17,7 @@ from rso_lidar.interruption import removing, uninterrupted
 _LOOK_S = 0.1  # is_locked holds a lock for microseconds: whoever wants it meanwhile waits that long
 _POLL_S = 0.02  # between two attempts to take a lock
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+_drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
 _CURES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room"),
     **dict.fromkeys(_REFUSED, "allow writing there"),
@@ -38,28 +39,97 @@ def beside(place: Path) -> Iterator[Path]:
     """Return, as a context, a new file beside `place` to write to; it takes the name `place` when all went well.
 
     So a run that is stopped half way leaves no half file, and an older one stays until the new one is whole. The new
-    file is nobody else's: its name is the first of x.part.png, x.part1.png, ... that is free.
+    file is nobody else's: its name is the first of x.part.png, x.part1.png, ... that is free. Where another program
+    replaces it meanwhile, nothing is published.
     """
     draft: Path | None = None
+    held = ExitStack()
 
     def remove() -> None:
-        if draft is not None:
-            draft.unlink(missing_ok=True)
+        if draft in _drafts and is_same(draft, _drafts.pop(draft)):
+            with suppress(OSError):
+                draft.unlink()
 
     try:
         with removing(remove):
             with uninterrupted():
-                draft = _new(place)
+                draft, stream = _new(place)
+                _drafts[draft] = os.fstat(stream.fileno())
+                held.enter_context(stream)
+                if os.name != "posix":  # an open file cannot be renamed
+                    held.close()
             yield draft
+            check_draft(draft, _drafts[draft], place)
             draft.replace(place)
-    except (FileNotFoundError, NotADirectoryError):
-        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first") from None
+            if place in _drafts:  # the draft of another context, which this one wrote
+                _drafts[place] = _drafts[draft]
     except PermissionError as error:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
+    except (FileNotFoundError, NotADirectoryError) as error:
+        if draft is not None:
+            raise write_error(place, error) from None
+        raise RecordingError(f"{place}: there is no folder {place.parent}; make it first") from None
     except OSError as error:
-        raise RunError(f"{place}: could not be written: {error.strerror or error}") from None
+        raise write_error(place, error) from None
     finally:
         remove()
+        held.close()  # as long as it is open, no other file gets its inode
+
+
+def write_error(place: Path, error: OSError) -> RunError:
+    """Return the error for a file or folder that could not be written to its end, with advice that fits the reason."""
+    if not place.parent.is_dir():
+        return RunError(
+            f"{place}: could not be written: its folder was removed or renamed; make it again and run again"
+        )
+    why = error.strerror or error
+    return RunError(f"{place}: could not be written: {why}; {write_cure(error.errno)} and run again")
+
+
+def is_same(path: Path, made: os.stat_result) -> bool:
+    """Return whether what lies at a path, links not followed, is the file or folder of an earlier look."""
+    with suppress(OSError):
+        return os.path.samestat(path.lstat(), made)
+    return False
+
+
+def check_draft(draft: Path, made: os.stat_result, place: Path) -> None:
+    """Raise a `RunError` where a temporary file or folder is no longer what was made there, or is empty.
+
+    Parameters
+    ----------
+    draft : of the temporary file or folder.
+    made : what it was when it was made.
+    place : the output, for the message.
+    """
+    if not draft.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+    if not is_same(draft, made):
+        what = "replaced" if os.path.lexists(draft) else "removed or renamed"
+    elif draft.is_dir() or draft.stat().st_size:
+        return
+    else:
+        what = "emptied"
+    raise RunError(f"{place}: is not written, for another program {what} its temporary file {draft.name}; run again")
+
+
+def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
+    """Raise a `RunError` where a temporary file, open and written from its beginning, was replaced or cut short.
+
+    Parameters
+    ----------
+    stream : the open file; it is flushed.
+    draft : path of the file.
+    place : the output, for the message.
+    """
+    stream.flush()
+    held = os.fstat(stream.fileno())
+    if held.st_size:
+        check_draft(draft, held, place)
+    if held.st_size != os.lseek(stream.fileno(), 0, os.SEEK_CUR):
+        raise RunError(
+            f"{place}: is not written, for another program cut short its temporary file {draft.name}; run again"
+        )
 
 
 def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
@@ -150,7 +220,9 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
             raise RecordingError(
                 f"{path.parent}: may not be written ({error.strerror}); choose another folder"
             ) from None
-        raise RunError(f"{path}: cannot be written ({error.strerror}); make room and run again") from error
+        raise RunError(
+            f"{path}: cannot be written ({error.strerror}); {write_cure(error.errno)} and run again"
+        ) from error
     try:
         with removing(path.unlink):
             yield
@@ -188,13 +260,12 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
     return place
 
 
-def _new(place: Path) -> Path:
-    """Return a file that was not there before, empty, beside `place` and with its suffix."""
+def _new(place: Path) -> tuple[Path, IO[bytes]]:
+    """Open a file that was not there before, empty, beside `place` and with its suffix; return its path, and it."""
     for number in itertools.count():
         draft = place.with_name(f"{place.stem}.part{number or ''}{place.suffix}")
         try:
-            draft.open("xb").close()
+            return draft, draft.open("xb")  # never through a link
         except FileExistsError:
             continue
-        return draft
     raise AssertionError("counting has no end")

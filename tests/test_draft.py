@@ -1,13 +1,16 @@
 """Files written whole or not at all; locks: one holder at a time, waited for or not, and none outlives its process."""
 
+import errno
 import os
+import shutil
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 
 import pytest
 
-from rso_lidar.draft import beside, free, hold_lock, is_locked, write_text
+from rso_lidar.draft import beside, check_stream, free, hold_lock, is_locked, write_text
 from rso_lidar.errors import RecordingError, RunError
 
 
@@ -181,3 +184,109 @@ def test_a_text_is_written_whole_and_an_older_one_kept(tmp_path):
         write_text(path, "two")
     assert write_text(path, "three", overwrite=True).read_text() == "three"
     assert [file.name for file in tmp_path.iterdir()] == ["a.oem"]
+
+
+# ---------------------------------------------------------------------------------------- what other programs do to it
+
+
+def replace(draft):
+    draft.unlink()
+    draft.write_text("another's")
+
+
+def link(draft):
+    draft.unlink()
+    draft.symlink_to("victim")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="inodes are POSIX")
+@pytest.mark.parametrize(
+    ("meddle", "said"),
+    [
+        (lambda draft: draft.unlink(), "another program removed or renamed its temporary file a.part.png; run again"),
+        (replace, "another program replaced its temporary file a.part.png; run again"),
+        (link, "another program replaced its temporary file a.part.png; run again"),
+        (lambda draft: os.truncate(draft, 0), "another program emptied its temporary file a.part.png; run again"),
+    ],
+    ids=["removed", "replaced", "link", "emptied"],
+)
+def test_a_draft_that_another_program_touched_is_not_published(tmp_path, meddle, said):
+    place, victim = tmp_path / "a.png", tmp_path / "victim"
+    place.write_text("old")
+    victim.write_text("precious")
+    with pytest.raises(RunError, match=said), beside(place) as draft:
+        draft.write_text("new")
+        meddle(draft)
+        left = draft.read_text() if draft.exists() else None
+    assert place.read_text() == "old"
+    assert victim.read_text() == "precious"
+    if left == "another's":
+        assert draft.read_text() == left  # and is not removed as if it were ours
+    else:
+        assert draft.is_symlink() or not draft.exists()
+
+
+def test_a_draft_is_not_made_through_a_link(tmp_path):
+    (tmp_path / "a.part.png").symlink_to("victim")
+    with beside(tmp_path / "a.png") as draft:
+        draft.write_text("new")
+    assert not (tmp_path / "victim").exists()
+    assert (tmp_path / "a.png").read_text() == "new"
+
+
+def test_a_folder_that_is_removed_meanwhile_is_told_without_advice_that_does_not_fit(tmp_path):
+    place = tmp_path / "out" / "a.csv"
+    place.parent.mkdir()
+    said = r"a\.csv: could not be written: its folder was removed or renamed; make it again and run again$"
+    with pytest.raises(RunError, match=said), beside(place) as draft:
+        draft.write_text("new")
+        shutil.rmtree(place.parent)
+
+
+@pytest.mark.parametrize(
+    ("number", "cure"),
+    [
+        (errno.ENOSPC, "make room"),
+        (errno.EDQUOT, "make room"),
+        (errno.EROFS, "allow writing there"),
+        (errno.EIO, "check the disk"),
+        (errno.ESTALE, "make its folder again"),
+    ],
+)
+def test_advice_fits_the_reason(tmp_path, number, cure):
+    with pytest.raises(RunError, match=f"could not be written: .*; {cure} and run again$"), beside(tmp_path / "a.png"):
+        raise OSError(number, os.strerror(number))
+
+
+def test_a_stream_that_is_cut_short_or_replaced_is_told(tmp_path):
+    place, draft = tmp_path / "a.mcap", tmp_path / "a.part.mcap"
+    with draft.open("wb") as stream:
+        stream.write(b"x" * 100)
+        check_stream(stream, draft, place)
+        os.truncate(draft, 40)
+        with pytest.raises(RunError, match="another program cut short its temporary file"):
+            check_stream(stream, draft, place)
+        os.truncate(draft, 100)
+        check_stream(stream, draft, place)
+        if os.name == "posix":
+            draft.rename(tmp_path / "elsewhere")
+            with pytest.raises(RunError, match="another program removed or renamed its temporary file"):
+                check_stream(stream, draft, place)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="symbolic links without rights are POSIX")
+def test_a_lock_is_not_made_through_a_link(tmp_path):
+    victim, lock = tmp_path / "victim", tmp_path / ".a.h5.lock"
+    victim.write_text("precious")
+    lock.symlink_to(victim)
+    with suppress(RecordingError, RunError), hold_lock(lock):
+        pass
+    assert victim.read_text() == "precious"
+
+
+def test_a_draft_may_be_written_by_another_context(tmp_path):
+    """As a command does that writes several outputs, and gives them their names once the last is whole."""
+    with beside(tmp_path / "a.txt") as draft:
+        write_text(draft, "new", overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "new"

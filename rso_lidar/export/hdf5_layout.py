@@ -63,7 +63,7 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
     _attributes(file["truth"], {"tree": json.dumps(parents(frame)), "states": json.dumps(list(frame.truth.states))})
     for group, held in kept.constants(frame.kept).items():
         _attributes(file[group], held)
-    _attributes(file, {"texts_crc32": np.uint32(texts_crc32(file))})
+    _attributes(file["truth"], {"texts_crc32": np.uint32(texts_crc32(file))})
     return found
 
 

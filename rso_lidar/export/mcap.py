@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside, free
-from rso_lidar.errors import RecordingError
+from rso_lidar.draft import beside, check_stream, free
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.camera import Camera, camera_of
 from rso_lidar.export.coming import begun
 from rso_lidar.export.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
@@ -90,6 +91,7 @@ def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Spa
         schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
         writer.add_metadata("rso_lidar", _provenance(first.source, camera))
         for number, frame in enumerate(frames):
+            check_stream(file, draft, place)
             if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
                 sight, camera = frame.line_of_sight, camera_of(frame.line_of_sight)
             at_ns = stamps[1] = _stamp(place, first.source, frame)
@@ -98,7 +100,24 @@ def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Spa
                 writer.write_message(topic, schemas[kind], messages[topic], at_ns, at_ns, number)
             file.flush()
         writer.finish()
+        check_stream(file, draft, place)
+    _check_written(place, draft, (number + 1) * len(TOPICS))
     return Span(stamps[0], stamps[1], number + 1)
+
+
+def _check_written(place: Path, draft: Path, messages: int) -> None:
+    """Raise a `RunError` unless a file reads back with so many messages, by the summary at its end."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with draft.open("rb") as file:
+            summary = make_reader(file, validate_crcs=True).get_summary()
+    except (McapError, ValueError, struct.error) as error:
+        raise RunError(f"{place}: is not written, for it does not read back ({error}); run again") from error
+    found = summary.statistics.message_count if summary and summary.statistics else 0
+    if found != messages:
+        raise RunError(f"{place}: is not written, for it reads back with {found} of {messages} messages; run again")
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Sized
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.draft import beside, free
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, variables
 from rso_lidar.export.hdf5_layout import array_attributes, root_attributes
@@ -63,7 +65,20 @@ def write_npz(
     with beside(place) as draft, draft.open("wb") as stream:
         squeeze: Callable[..., None] = np.savez_compressed
         squeeze(stream, allow_pickle=False, **arrays)
+        stream.flush()
+        _check_written(place, draft, arrays)
     return place
+
+
+def _check_written(place: Path, draft: Path, names: Iterable[str]) -> None:
+    """Raise a `RunError` unless a file reads back: all arrays are there, and their CRC-32 is right."""
+    try:
+        with zipfile.ZipFile(draft) as packed:
+            wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        wrong = str(error)
+    if wrong:
+        raise RunError(f"{place}: is not written, for it does not read back ({wrong}); run again")
 
 
 def _attributes(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.coming import begun
 from rso_lidar.export.datasets import lidar_from
 from rso_lidar.export.hdf5_layout import AXES
@@ -43,11 +43,17 @@ def write_each(
     first, coming = begun(place, frames)
     with folder_beside(place, overwrite=overwrite) as draft:
         write_source(draft, first.source, kind)
+        sizes: dict[str, int] = {}
         with (draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n") as lines:
             for frame in coming:
                 name = f"{file_stem(place, frame)}.{kind}"
-                write_new(place, draft / name, content(frame))
+                written = content(frame)
+                write_new(place, draft / name, written)
+                sizes[name] = len(written)
                 lines.write(json.dumps({"file": name, **account(frame)}) + "\n")
+        for name, size in sizes.items():
+            if (draft / name).stat().st_size != size:
+                raise RunError(f"{place}: is not written, for another program cut short {name} in it; run again")
     return place
 
 

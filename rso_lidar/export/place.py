@@ -7,10 +7,11 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.draft import check_draft, is_same, write_error
+from rso_lidar.errors import RecordingError
 from rso_lidar.interruption import removing, uninterrupted
 
 MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,
@@ -55,31 +56,38 @@ def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> I
     Of an older export that is overwritten, nothing is touched before the new one is whole.
     """
     place = Path(path)
-    ours: list[Path] = []  # folders to remove in the end
+    held = ExitStack()
+    ours: list[tuple[Path, os.stat_result]] = []  # folders to remove in the end, as they were made
 
     def remove() -> None:
-        for folder in ours:
-            shutil.rmtree(folder, ignore_errors=True)
+        for folder, made in ours:
+            if is_same(folder, made):
+                shutil.rmtree(folder, ignore_errors=True)
 
     try:
         with removing(remove):
             free_folder(place, overwrite=overwrite)
             with uninterrupted():
-                ours.append(draft := _new(place, "part"))
+                draft = _new(place, "part")
+                ours.append((draft, made := draft.lstat()))
+                if os.name == "posix":  # as long as it is open, no other folder gets its inode
+                    held.callback(os.close, os.open(draft, os.O_RDONLY))
             yield draft
+            check_draft(draft, made, place)
             free_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
             with uninterrupted():
                 if place.is_dir():
                     old = _new(place, "old")
                     place.replace(old)
-                    ours.append(old)
+                    ours.append((old, old.lstat()))
                 draft.replace(place)
     except PermissionError as error:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
     except OSError as error:
-        raise RunError(f"{place}: could not be written: {error.strerror or error}; make room and run again") from None
+        raise write_error(place, error) from None
     finally:
         remove()
+        held.close()
 
 
 def _new(place: Path, what: str) -> Path:

@@ -172,11 +172,12 @@ class Recorder:
         image = io.BytesIO()  # made in memory, for HDF5 crashes where it cannot write a new dataset
         with h5py.File(image, "w", libver=_LIBVER) as draft:  # HDF5 before 2.0 gives no image with a true checksum
             self._variables = hdf5_layout.lay_out(draft, self._source, first, changing_lens=changing)
-        with self._watched(), self._swept(starting):
+        with self._watched(), self._swept(starting), contextlib.ExitStack() as undone:
             starting.unlink(missing_ok=True)  # of a killed run; or a link, which must not be written through
             with starting.open("x+b") as stream:
                 stream.write(image.getvalue())
                 made = TemporaryFile(starting, stream.fileno())
+                undone.callback(made.close)
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
             self._columns = {path: self._file[path].id for path in self._variables}
             self._lenses = LensTables(self._file) if changing else None
@@ -191,6 +192,9 @@ class Recorder:
             self._superblock = read_superblock(self._file)
             made.check(end_of(self._superblock))
             starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
+            undone.pop_all()
+            if self._open is not None:
+                self._open.close()
             self._open, made.path = made, self.temporary
 
     @contextlib.contextmanager

@@ -232,7 +232,8 @@ class Recording(Sequence[Frame]):
                 f"{SCHEMA_VERSION}: upgrade rso_lidar"
             )
         self._need("truth")
-        if "texts_crc32" in attributes and int(attributes["texts_crc32"]) != texts_crc32(self._file):
+        stated = self._file["truth"].attrs.get("texts_crc32")
+        if stated is not None and int(stated) != texts_crc32(self._file):
             raise RecordingError(
                 f"{self.path}: is damaged (texts in its attributes differ from their checksum texts_crc32); copy or record "
                 "it again"

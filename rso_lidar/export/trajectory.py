@@ -16,7 +16,7 @@ from typing import TextIO
 
 import numpy as np
 
-from rso_lidar.draft import beside, free
+from rso_lidar.draft import beside, check_stream, free
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.course import Course, courses, source_of
 from rso_lidar.pose import quaternion_xyzw
@@ -123,7 +123,14 @@ def _beginning(
     place = free(path, overwrite=overwrite)
     source, frames = source_of(place, frames)
     with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
-        yield file, source, courses(frames)
+
+        def checked() -> Iterator[Course]:
+            for course in courses(frames):
+                check_stream(file, draft, place)
+                yield course
+
+        yield file, source, checked()
+        check_stream(file, draft, place)
 
 
 def _ends(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:

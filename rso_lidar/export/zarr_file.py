@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
+import zlib
 from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError
 
 SUFFIX = ".zarr"
+_CRC = "metadata_crc32"  # attribute of the group /truth
 
 
 class ZarrFile:
@@ -47,6 +50,7 @@ def opened_zarr(path: Path) -> ZarrFile:
     except ImportError:
         raise RecordingError(f"{path}: Zarr needs an extra: pip install rso-lidar[zarr], or open the .h5") from None
     try:
+        _check_metadata(path)
         root = zarr.open_group(path, mode="r")
         for name, array in root.members(max_depth=None):
             if isinstance(array, zarr.Array):
@@ -57,6 +61,33 @@ def opened_zarr(path: Path) -> ZarrFile:
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = " ".join(str(error).split())[:120]
         raise RecordingError(f"{path}: is damaged ({what}); export it again") from error
+
+
+def add_metadata_crc32(folder: Path) -> None:
+    """Write a CRC-32 of the consolidated metadata of a store, which stand in its zarr.json, into that file."""
+    file = folder / "zarr.json"
+    metadata = json.loads(file.read_text(encoding="utf-8"))
+    _attributes(metadata)[_CRC] = _crc32(metadata)
+    file.write_text(json.dumps(metadata, indent=2), encoding="utf-8", newline="\n")
+
+
+def _check_metadata(path: Path) -> None:
+    """Refuse a store whose metadata differ from their checksum; an older store has none."""
+    metadata = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
+    if "consolidated_metadata" in metadata:
+        stated = _attributes(metadata).pop(_CRC, None)
+        if stated is not None and stated != _crc32(metadata):
+            raise ValueError(f"metadata in zarr.json differ from their checksum {_CRC}")
+
+
+def _attributes(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return the attributes of /truth in the consolidated metadata of a store."""
+    found: dict[str, Any] = metadata["consolidated_metadata"]["metadata"]["truth"]["attributes"]
+    return found
+
+
+def _crc32(metadata: dict[str, Any]) -> int:
+    return zlib.crc32(json.dumps(metadata, sort_keys=True).encode())
 
 
 def _whole(path: Path, name: str, array: Any) -> None:

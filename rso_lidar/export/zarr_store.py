@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import kept
 from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, sometimes, variables
 from rso_lidar.export.hdf5_layout import SCALES, array_attributes, root_attributes
 from rso_lidar.export.place import folder_beside, free_folder
+from rso_lidar.export.zarr_file import add_metadata_crc32, opened_zarr
 from rso_lidar.records import Frame, Observation, specs
 
 FRAMES_PER_SHARD = 100
@@ -68,7 +69,7 @@ class Store:
         self._waiting: dict[str, list[np.ndarray]] = {name: [] for name in self._variables}
         self._written = 0
         self._sights = Sights()
-        self._root = zarr.open_group(folder, mode="w", zarr_format=3)
+        self._root = zarr.open_group(folder, mode="a", zarr_format=3)  # "w" would make the folder anew
         self._root.attrs.update(plain(root_attributes(first.source)))
         self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
         self._scales()
@@ -103,6 +104,15 @@ class Store:
         ):  # all metadata in one file: not yet in the specification, and others may ignore it
             warnings.simplefilter("ignore")
             self._zarr.consolidate_metadata(self._root.store)
+        try:
+            add_metadata_crc32(self._folder)
+            written = opened_zarr(self._folder)["time"].shape[0]
+        except (RecordingError, KeyError, ValueError) as error:
+            raise RunError(f"{self._place}: is not written, for it does not read back ({error}); run again") from error
+        if written != self._written:
+            raise RunError(
+                f"{self._place}: is not written, for it reads back with {written} of {self._written} frames; run again"
+            )
 
     # ------------------------------------------------------------------------------------------------------ the inside
 
@@ -136,7 +146,10 @@ class Store:
             shards=shard,
             dtype=stated["dtype"],
             fill_value=0 if stated["fill"] is None else stated["fill"],
-            compressors=self._zarr.codecs.BloscCodec(cname="zstd", clevel=5, shuffle="shuffle"),
+            compressors=[
+                self._zarr.codecs.BloscCodec(cname="zstd", clevel=5, shuffle="shuffle"),
+                self._zarr.codecs.Crc32cCodec(),
+            ],
             dimension_names=stated["dims"],
             attributes=plain(attributes),
             config=_ALL_CHUNKS,

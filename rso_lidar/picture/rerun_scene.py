@@ -153,7 +153,7 @@ def _flush(stream: Any, place: Path) -> None:
     try:
         stream.flush()
     except (RuntimeError, ValueError, OSError) as error:
-        raise RunError(f"{place}: could not be written ({error}); make room and run again") from None
+        raise RunError(f"{place}: could not be written ({error}); check the disk and run again") from None
 
 
 def _readable(draft: Path, place: Path) -> None:
@@ -164,7 +164,7 @@ def _readable(draft: Path, place: Path) -> None:
         RrdReader(draft).store()
     except Exception as error:
         what = " ".join(str(error).split())[:120]
-        raise RunError(f"{place}: could not be written ({what}); make room and run again") from None
+        raise RunError(f"{place}: could not be written ({what}); check the disk and run again") from None
 
 
 def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:

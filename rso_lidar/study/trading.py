@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import importlib.metadata
 import json
@@ -15,7 +16,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from rso_lidar.draft import hold_lock
+from rso_lidar.draft import hold_lock, write_cure
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
@@ -73,7 +74,7 @@ class Rows:
         with hold_lock(self.path.with_name(f".{self.path.name}.lock")):
             try:
                 with self._written():
-                    self._file = self.path.open("a+b")
+                    self._file = open(self.path, "a+b", opener=_open_no_link)  # noqa: SIM115  # closed below
                     self._file.seek(0)
                     whole = 0
                     for line in self._file:
@@ -103,8 +104,15 @@ class Rows:
         try:
             yield
         except OSError as error:
-            told = error.strerror or error
-            raise RunError(f"{self.path}: cannot be written ({told}); make room and run again") from error
+            told, cure = error.strerror or error, write_cure(error.errno)
+            if error.errno == errno.ELOOP:
+                told, cure = "it is a symbolic link", "remove it"
+            raise RunError(f"{self.path}: cannot be written ({told}); {cure} and run again") from error
+
+
+def _open_no_link(path: str, flags: int) -> int:
+    """Open a file whose name others can guess; a link there is an error."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def _read(line: bytes, count: int) -> Row | None:

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from frames_for_tests import SOURCE, line_of_sight, make_frame, make_frames
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar import export
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.mcap import TOPICS, write_mcap
 from rso_lidar.export.ros_messages import DEFINITIONS
 from rso_lidar.pose import ROOT
@@ -221,3 +222,19 @@ def test_outputs_that_cannot_be(written):
     with pytest.raises(RecordingError, match="there were no frames"):
         write_mcap(written, [], overwrite=True)
     assert len(messages(written)) == COUNT * len(TOPICS)
+
+
+@pytest.mark.parametrize(
+    "meddle", [lambda draft: os.truncate(draft, 1000), lambda draft: draft.unlink()], ids=["cut", "removed"]
+)
+def test_a_file_that_another_program_touched_is_not_published(tmp_path, meddle):
+    pytest.importorskip("mcap_ros2", reason="the extra `mcap` is not installed")
+
+    def flying():
+        yield from make_frames(2)
+        meddle(tmp_path / "a.part.mcap")
+        yield make_frame(2)
+
+    with pytest.raises(RunError, match=r"a\.mcap: is not written, for another program (cut short|removed)"):
+        export.save(tmp_path / "a.mcap", flying())
+    assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,6 @@
 import json
+import zipfile
+import zlib
 
 import h5py
 import numpy as np
@@ -6,7 +8,7 @@ import pytest
 from frames_for_tests import KEEP, make_frames
 
 from rso_lidar import export
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.npz import write_npz
 
 HOW = {"returns": True, "keep": KEEP}
@@ -66,4 +68,37 @@ def test_too_much_is_refused_with_what_to_use(tmp_path, known):
     frames = list(make_frames(5)) if known else make_frames(5)
     with pytest.raises(RecordingError, match=r"run.npz: more than 2e-05 GB .* write \.h5 or \.zarr, or choose fewer"):
         write_npz(tmp_path / "run.npz", frames, most_bytes=20_000)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numpy_reports_damage(tmp_path):
+    """Each array of the archive has a CRC-32, which numpy verifies; a flip is an error or hits what says nothing."""
+    path = export.save(tmp_path / "a.npz", make_frames(2, shape=(6, 5)))
+    whole = path.read_bytes()
+    before = {name: array.tobytes() for name, array in np.load(path).items()}
+    rng = np.random.default_rng(17)
+    told = 0
+    for _ in range(60):
+        damaged = bytearray(whole)
+        damaged[int(rng.integers(len(damaged)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            with path.open("rb") as stream, np.load(stream) as arrays:
+                assert {name: array.tobytes() for name, array in arrays.items()} == before
+        except (zipfile.BadZipFile, zlib.error, ValueError, NotImplementedError, OSError, KeyError, EOFError):
+            told += 1
+    assert told > 30
+
+
+def test_what_does_not_read_back_is_not_published(tmp_path, monkeypatch):
+    save = np.savez_compressed
+
+    def garbled(stream, **arrays):
+        save(stream, **arrays)
+        stream.seek(500)
+        stream.write(b"garbage")
+
+    monkeypatch.setattr(np, "savez_compressed", garbled)
+    with pytest.raises(RunError, match=r"a\.npz: is not written, for it does not read back"):
+        export.save(tmp_path / "a.npz", make_frames(2))
     assert list(tmp_path.iterdir()) == []

@@ -9,7 +9,7 @@ from frames_for_tests import KEEP, make_frame, make_frames
 from test_npz import filled
 
 from rso_lidar import export
-from rso_lidar.errors import RecordingError
+from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import zarr_store
 from rso_lidar.export.datasets import values
 
@@ -149,3 +149,52 @@ def test_a_store_that_lost_something_is_refused_and_not_read_as_absence(tmp_path
     shutil.rmtree(lost) if lost.is_dir() else lost.unlink()
     with pytest.raises(RecordingError, match=r"lacks \d of \d chunks; export it again"):
         export.open(store)
+
+
+def test_damage_in_a_store_is_one_line_or_changes_nothing(tmp_path):
+    """One bit of each file of a store: chunks have CRC-32C, metadata a CRC-32 in the consolidated copy that is read."""
+    pytest.importorskip("zarr", reason=NEEDED)
+    store = export.save(tmp_path / "a.zarr", make_frames(2, shape=(6, 5)))
+    with export.open(store) as recording:
+        names = list(recording._datasets)
+        before = {name: recording.dataset(name)[:].tobytes() for name in names}
+        sight = recording.line_of_sight.tobytes()
+        source = recording.source
+    rng = np.random.default_rng(17)
+    told: list[tuple[str, str]] = []
+    files = [file for file in sorted(store.rglob("*")) if file.is_file()]
+    for file in files + [store / "zarr.json"] * 20:
+        whole = file.read_bytes()
+        damaged = bytearray(whole)
+        damaged[int(rng.integers(len(damaged)))] ^= 1 << int(rng.integers(8))
+        file.write_bytes(damaged)
+        try:
+            with export.open(store) as recording:
+                assert recording.source == source
+                assert recording.line_of_sight.tobytes() == sight, file
+                for name in names:
+                    assert recording.dataset(name)[:].tobytes() == before[name], file
+        except RecordingError as error:
+            told.append((str(file.relative_to(store)), str(error)))
+        file.write_bytes(whole)
+    assert not any("\n" in line for _, line in told)
+    for name in names:
+        chunks = [line for file, line in told if file.startswith(f"{name}/c")]
+        assert chunks, name
+        assert all(f"{name}: is damaged" in line for line in chunks), chunks
+    assert any("differ from their checksum metadata_crc32" in line for _, line in told)
+
+
+def test_a_store_that_another_program_removed_is_not_published(tmp_path):
+    """Zarr makes folders that are missing, so that its writer alone would not notice."""
+    pytest.importorskip("zarr", reason=NEEDED)
+    place = tmp_path / "a.zarr"
+
+    def flying():
+        yield make_frame(0)
+        shutil.rmtree(tmp_path / "a.zarr.part")
+        yield make_frame(1)
+
+    with pytest.raises(RunError, match=r"a\.zarr: (is not written, for|could not be written)"):
+        export.save(place, flying())
+    assert not place.exists()

@@ -3,6 +3,7 @@
 import errno
 import json
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.arithmetic import using
-from rso_lidar.errors import ScenarioError
+from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.link import light
 from rso_lidar.study.ranking import best_first, chosen, heads, summary, unbeaten
@@ -340,3 +341,13 @@ def test_a_mesh_that_an_axis_names_is_part_of_what_a_study_is(tmp_path):
         (tmp_path / "box.off").write_text(box.format(side))
         names.append(identity(*plan_of(Study.load(study))))
     assert names[0] == names[2] != names[1]
+
+
+@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="the system opens no file without following links")
+def test_rows_are_not_kept_through_a_link(tmp_path):
+    victim, kept = tmp_path / "victim", tmp_path / "out.csv.tmp-0"
+    victim.write_text("precious\n")
+    kept.symlink_to(victim)
+    with pytest.raises(RunError, match="it is a symbolic link.; remove it and run again"), Rows(kept, 1).opened():
+        raise AssertionError("opened")
+    assert victim.read_text() == "precious\n"
