@@ -1,4 +1,4 @@
-"""Where neither the package's folder nor the home can be written, machine code is kept in a spare folder of the user's own."""
+"""Where neither the package nor the home can be written, machine code is kept in a spare folder of the user's own."""
 
 import os
 import subprocess
