@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar import arithmetic
+from rso_lidar import arithmetic, optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import truth
-from rso_lidar.simulate import flash
+from rso_lidar.simulate import DETECTION, flash
 
 
 @pytest.fixture(scope="module")
@@ -393,3 +393,63 @@ def test_no_two_stages_or_frames_draw_from_one_stream(text, monkeypatch):
         jitter = (frame.truth.pointing.actual_rad - frame.truth.pointing.measured_rad) / np.deg2rad(0.001)
         drawn = [rng(scenario, frame.index, stage).standard_normal(4) for stage in sorted(stages)]
         assert sum(np.allclose(jitter, four[:2] - four[2:], atol=1e-6) for four in drawn) == 1
+
+
+ALL_AT_ONCE = (
+    'world={axes="local", sun_direction=[-1, 0.4, 0.7]}',
+    "target.0.motion.position_m=[60, 0, 0]",
+    "target.0.scale=1.5",
+    'target.0.material={type="retro_reflector", diameter_mm=12.7, reflectance=0.8, fill_fraction=0.02, diffuse=0.2}',
+    "lidar.laser.offset_m=[0.004, 0.006, -0.002]",
+    "lidar.laser.energy_jitter_fraction=0.2",
+    "lidar.laser.timing_jitter_ns=2",
+    "lidar.receiver.filter_width_nm=2",
+    "lidar.detector.max_returns=3",
+    "lidar.schedule={time_s=[0, 1.8], focal_length_mm=[70, 110], energy_mj=[50, 5]}",
+)
+
+
+def test_each_stage_is_handed_what_the_instrument_in_force_says(text):
+    """Laser aside, jittered pulse, cube corners, sunlight, zoom and several returns: the stages by hand give the frame."""
+    bench = text.replace("fov_deg  = 2.5", "fov_deg  = 4")
+    scenario = rl.Scenario.loads(bench, settings=ALL_AT_ONCE)
+    k = 7
+    frame = next(rl.simulate(scenario, frames=[k], keep=("hits", "photons")))
+    lidar = scenario.instrument.at(frame.time_s)
+    rng = scenario.rng(k, DETECTION)
+    energy, late = rng.standard_normal(2)
+    nominal = lidar.laser
+    laser = nominal.replace(energy_mj=nominal.energy_mj * (1.0 + 0.2 * energy))
+    assert nominal.energy_mj == pytest.approx(50.0 - 45.0 * 1.4 / 1.8)
+    assert lidar.receiver.focal_length_m == pytest.approx(0.070 + 0.040 * 1.4 / 1.8)
+    assert lidar.receiver.focal_length_m != pytest.approx(scenario.instrument.at(0.0).receiver.focal_length_m, rel=0.05)
+    truth, surfaces = frame.truth, scenario.surfaces
+    rays = optics.pixel_rays(lidar.receiver, laser, scene.extent(surfaces, truth))
+    hits = scene.cast(
+        rays,
+        surfaces,
+        truth,
+        1,
+        laser_from_m=np.array([0.004, 0.006, -0.002]),
+        sun=True,
+        aperture_m=lidar.receiver.aperture_m,
+    )
+    photons = optics.collect(hits, laser, lidar.receiver, late * 2e-9)
+    reading, _ = lidar.detector.detect(photons, rng)
+    for name in ("cos_incidence", "brdf_per_sr", "sunlight_per_sr"):
+        np.testing.assert_array_equal(getattr(frame.kept["hits"], name), getattr(hits, name))
+    assert frame.kept["photons"].late_s == late * 2e-9
+    np.testing.assert_array_equal(frame.kept["photons"].photons, photons.photons)
+    np.testing.assert_array_equal(frame.kept["photons"].background_photons_per_s, photons.background_photons_per_s)
+    for name in ("range_m", "intensity_counts", "saturated", "return_range_m", "return_intensity_counts"):
+        np.testing.assert_array_equal(getattr(frame.observation.reading, name), getattr(reading, name))
+    assert frame.labels.return_range_m.shape == (*frame.range_m.shape, 3)
+    assert frame.observation.settings == lidar.settings
+    # And each of these matters here: without it the light is another.
+    other = scene.cast(rays, surfaces, truth, 1, sun=True, aperture_m=lidar.receiver.aperture_m)
+    assert not np.allclose(other.brdf_per_sr, hits.brdf_per_sr, rtol=1e-3)
+    point = scene.cast(rays, surfaces, truth, 1, laser_from_m=laser.offset, sun=True, aperture_m=0.0)
+    assert not np.allclose(point.brdf_per_sr, hits.brdf_per_sr, rtol=1e-3)
+    assert hits.sunlight_per_sr.max() > 0.0
+    measured, actual = frame.observation.pan_tilt_rad, truth.pointing.actual_rad
+    assert np.array_equal(measured, truth.pointing.measured_rad) and not np.array_equal(measured, actual)

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder, advance
+from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive, advance
 from rso_lidar.motion.ptu import TICK_S
 from rso_lidar.units import DEG
 
@@ -155,3 +155,27 @@ def test_many_ticks_compiled_are_the_same_bits_as_in_python(response):
             answers[path] = advance(limited, 1e-3, axes, held)
     assert answers["numba"] == answers["numpy"]
     assert answers["numba"] != axes
+
+
+def hastening(t, x, u):
+    """Return a drive whose pan speeds up as 6 t² + 2 u, whose tilt does as its own further state, which grows as 3 t²."""
+    return np.array([x[2], x[3], 6.0 * t * t + 2.0 * u[0], x[4], 3.0 * t * t])
+
+
+def test_a_users_drive_is_a_function_of_time_integrated_by_runge_and_kuttas_fourth_order():
+    """Where the slope is of time alone it is Simpson's rule, exact for cubics: rates from 0.7 s on to rounding."""
+    drive = StateSpaceDrive(dynamics=hastening, further_state=(0.25,))
+    begin, n, dt = 0.7, 150, 2e-3
+    held = np.tile([0.3, 9.0], (n, 1))
+    (pan, pan_rate), (tilt, tilt_rate) = (0.1, -0.2), (0.4, 0.05)
+    made = drive.steps(begin, dt, ((pan, pan_rate), (tilt, tilt_rate)), (0.25,), held)
+    ((pan_end, pan_rate_end), (tilt_end, tilt_rate_end)), (own,) = made
+    t, since = begin + n * dt, n * dt
+    assert pan_rate_end == pytest.approx(pan_rate + 2.0 * (t**3 - begin**3) + 0.6 * since, abs=1e-13)
+    assert own == pytest.approx(0.25 + t**3 - begin**3, abs=1e-13)
+    angle = pan + (pan_rate - 2.0 * begin**3) * since + 0.5 * (t**4 - begin**4) + 0.3 * since**2
+    assert pan_end == pytest.approx(angle, abs=1e-12)
+    rate = tilt_rate + (0.25 - begin**3) * since + 0.25 * (t**4 - begin**4)
+    assert tilt_rate_end == pytest.approx(rate, abs=1e-12)
+    whole = 0.5 * (0.25 - begin**3) * since**2 + 0.05 * (t**5 - begin**5) - 0.25 * begin**4 * since
+    assert tilt_end == pytest.approx(tilt + tilt_rate * since + whole, abs=1e-12)

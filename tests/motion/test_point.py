@@ -122,7 +122,7 @@ def test_the_curve_goes_smoothly_through_a_turn():
 def test_the_curve_is_smooth_where_blocks_meet():
     joint = DemandCurve.BLOCK * DemandCurve.KNOT_S
     h = 1e-4
-    curve = DemandCurve(lambda time: flyby(time + 30.0), 60.0)  # passes 4.4 s after the joint
+    curve = DemandCurve(lambda time: flyby(time - joint + 25.6), 2.0 * joint)  # passes 4.4 s after the joint
     a, b, c, d, e = curve(joint + h * np.arange(-2, 3))[:, 0]
     assert ((e - d) - (b - a)) / h == pytest.approx(2.0 * h * (e - 2 * c + a) / (4 * h * h), rel=1.0, abs=1e-7)
     assert ((d - c) - (c - b)) / h == pytest.approx(0.0, abs=1e-5)  # no kink: slope times curvature is 1e-3 * 1e-4
