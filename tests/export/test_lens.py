@@ -147,7 +147,7 @@ def test_a_table_whose_frame_was_lost_is_left_behind(tmp_path, monkeypatch):
             recorder._file.flush()
             recorder._lenses.number(line_of_sight((12, 10), 9.0))
             recorder._file.flush()
-            recorder._superblock = export.recorder._superblock(recorder._file)
+            recorder._superblock = export.recorder.read_superblock(recorder._file)
             recorder.write(make_frame(1, zoom=2.0))
     with export.open(recorder.temporary) as recording:
         assert recording.dataset("time").shape == (1,)

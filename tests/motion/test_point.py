@@ -128,6 +128,22 @@ def test_the_curve_is_smooth_where_blocks_meet():
     assert ((d - c) - (c - b)) / h == pytest.approx(0.0, abs=1e-5)  # no kink: slope times curvature is 1e-3 * 1e-4
 
 
+def test_the_slope_is_one_on_both_sides_of_a_joint():
+    """Of 0.4 sin 3t, whose third derivative f3 is 10.8 there: a slope by one side errs by h^2 f3 / 3, 9e-3 rad/s.
+
+    A straight chord over 0.1 ms errs by nothing here; central differences on both sides are one number, h^2 f3 / 6 off.
+    """
+    joint, h = DemandCurve.BLOCK * DemandCurve.KNOT_S, 1e-4
+
+    def nodding(time):
+        angle = 0.4 * np.sin(3.0 * (time - joint))
+        return np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+
+    before, here, after = DemandCurve(nodding, 2.0 * joint)(joint + h * np.array([-1.0, 0.0, 1.0]))[:, 0]
+    assert (here - before) / h == pytest.approx((after - here) / h, abs=1e-3)
+    assert (after - before) / (2.0 * h) == pytest.approx(1.2, abs=1.1 * 0.05**2 * 10.8 / 6.0)
+
+
 def test_the_curve_has_the_same_bits_however_it_is_asked():
     def spinning(time):
         return np.stack([np.cos(0.5 * time), np.sin(0.5 * time), 0.3 * np.cos(time)], axis=-1)

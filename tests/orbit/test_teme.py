@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.orbit.catalog import parse_lines
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import REASONS, failed, teme, teme_states
+from rso_lidar.orbit.teme import REASONS, failed, gcrs_from_teme, teme, teme_states
 from rso_lidar.orbit.tle_text import checksum
 
 UTC = datetime.UTC
@@ -57,3 +57,13 @@ def test_a_state_underground_or_beyond_the_moon_is_none():
     position_m = np.array([[7e6, 0, 0], [6e6, 0, 0], [2e9, 0, 0], [np.nan, 0, 0], [7e6, 0, 0]])
     velocity_m_s = np.ones((5, 3))
     assert failed(position_m, velocity_m_s, np.array([0, 0, 0, 0, 6])).tolist() == [False, True, True, True, True]
+
+
+def test_the_turn_of_teme_is_skyfields_between_the_hours():
+    """At odd minutes of a month: 1e-12 rad, a hundredth of a millimetre in geosynchronous orbit, and in that direction."""
+    from skyfield.sgp4lib import TEME
+
+    epochs = Epochs(datetime.datetime(2024, 9, 17, 12, 7, 13, tzinfo=datetime.UTC), np.linspace(0.0, 2.6e6, 23))
+    theirs = TEME.rotation_at(epochs.skyfield_time())  # (3, 3, time), teme_from_gcrs
+    np.testing.assert_allclose(gcrs_from_teme(epochs), theirs.transpose(2, 1, 0), atol=1e-12)
+    assert np.abs(theirs[:, :, 0] - theirs[:, :, 0].T).max() > 1e-4  # its inverse is another
