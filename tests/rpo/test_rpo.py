@@ -323,3 +323,22 @@ def test_lambert_takes_as_many_revolutions_as_cost_least():
         except ScenarioError:  # through the Earth, or no such transfer
             continue
     assert chosen == min(each) < 5.0
+
+
+@pytest.mark.parametrize(("phase_deg", "ahead_deg"), [(25.0, 40.0), (200.0, -70.0)])
+def test_ellipses_about_a_body_are_lovell_and_spencers(phase_deg, ahead_deg):
+    """x = h + b cos u, y = c + d u' - 2 b sin u, z = q sin(u + a), u = n t + phase; d along the track each revolution."""
+    n = 1.1e-3
+    time = np.linspace(0.0, 1.7 * math.tau / n, 37)
+    u, ahead = n * time + math.radians(phase_deg), math.radians(ahead_deg)
+    shape = {**C, "radial_m": 120.0, "cross_track_m": 70.0, "phase_deg": phase_deg, "phase_difference_deg": ahead_deg}
+    still = rpo.Circumnavigation(**shape, center_along_track_m=-35.0).flown(n)
+    walking = rpo.SafetyEllipse(**shape, center_along_track_m=500.0, drift_m=-90.0).flown(n)
+    for plan, centre_m, drift_m in ((still, -35.0, 0.0), (walking, 500.0, -90.0)):
+        height_m = -drift_m / (3.0 * math.pi)
+        along = centre_m + drift_m * n * time / math.tau - 240.0 * np.sin(u)
+        expected = np.stack([height_m + 120.0 * np.cos(u), along, 70.0 * np.sin(u + ahead)], axis=-1)
+        position, velocity = plan.relative(time)
+        np.testing.assert_allclose(position, expected, atol=1e-8)
+        rates = [-120.0 * np.sin(u), drift_m / math.tau - 240.0 * np.cos(u), 70.0 * np.cos(u + ahead)]
+        np.testing.assert_allclose(velocity, n * np.stack(rates, axis=-1), atol=1e-11)
