@@ -36,8 +36,8 @@ class FieldError(ScenarioError):
         self.problems = tuple(problems)
 
 
-class RecordError(RsoLidarError, TypeError):
-    """An array that does not fit the statement of a record's field."""
+class RecordError(RsoLidarError, TypeError, ValueError):
+    """An array that does not fit the statement of a record's field: its type (a TypeError) or its shape (a ValueError)."""
 
 
 class MeshError(RsoLidarError, ValueError):

@@ -235,7 +235,7 @@ def _what(problem: Any, owner: type[BaseModel] | None) -> str:
         tables = " ([[...]] for a list of tables)" if isinstance(value, dict) else ""
         return f"needs a list{tables}, not {_show(value)}"
     if kind == "value_error":
-        return " ".join(str(context["error"]).split())
+        return " ".join(str(context["error"]).splitlines())
     message = problem["msg"].removeprefix("Input ")
     return f"{message}, not {_show(value)}"
 

@@ -18,6 +18,7 @@ from rso_lidar.export.czml import thinned, write_czml
 from rso_lidar.export.formats import format_for, writer_for
 from rso_lidar.export.recording import Recording
 from rso_lidar.export.stored import Frames
+from rso_lidar.files import path_of
 from rso_lidar.motion.aem import write_aem
 from rso_lidar.orbit.oem import write_oem
 from rso_lidar.pose import ROOT
@@ -59,7 +60,8 @@ def save(
     RecordingError
         For an unknown suffix, a path that may not be written, and frames that the format cannot hold.
     """
-    wanted = format_for(format or Path(path))
+    path = path_of(path, RecordingError)
+    wanted = format_for(format or path)
     if wanted.writer and wanted.name != "csv":
         return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
     place = free(path, overwrite=overwrite)
