@@ -5,8 +5,10 @@ allows, into a virtual environment in a temporary folder. It needs the package i
 """
 
 import argparse
+import contextlib
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -52,6 +54,18 @@ def call(*command: object) -> str:
     return done.stdout
 
 
+def reach_index(*pip: object) -> None:
+    """Download pip itself, a wheel for every platform that no index lacks: without it nothing below can be installed."""
+    try:
+        call(*pip, "download", "-qq", "--no-deps", "--dest", "index", "pip")
+    except SystemExit as told:
+        *_, why = str(told).strip().splitlines()
+        raise SystemExit(
+            f"the package index: cannot be reached ({why.removeprefix('ERROR: ')}): connect, or name one that answers in "
+            "PIP_INDEX_URL"
+        ) from None
+
+
 def main() -> None:
     """Install the lower bounds, and use the package with them."""
     parser = argparse.ArgumentParser(description="Install the declared lower bounds and fly the example with them.")
@@ -62,18 +76,24 @@ def main() -> None:
         line for name, lines in project["optional-dependencies"].items() if name not in left_out for line in lines
     ]
     pins = lower_bounds([*project["dependencies"], *extras])
-    with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the folder is removed
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         Path("bounds.txt").write_text("\n".join(pins) + "\n", encoding="utf-8")
         venv.create("venv", with_pip=True)
         python = Path(folder, "venv", "Scripts" if sys.platform == "win32" else "bin", "python")
         pip = [python, "-m", "pip", "--disable-pip-version-check"]
+        reach_index(*pip)
         call(*pip, "install", "-qq", "--upgrade", "pip")
         # As requirements, so that pip stops here where two bounds contradict each other; none is built from its source.
         call(*pip, "install", "-qq", "--only-binary", ":all:", "-r", "bounds.txt")
         call(*pip, "install", "-qq", "--no-deps", "--build-constraint", ROOT / "constraints.txt", ROOT)
         call(*pip, "check")
         print("installed:", ", ".join(pins), flush=True)
+        os.environ |= {
+            "XDG_CACHE_HOME": folder,
+            "MPLCONFIGDIR": folder,
+            "NUMBA_CACHE_DIR": folder,
+        }  # nothing stays behind
         fly = [python, "-m", "rso_lidar"]
         call(*fly, "check", EXAMPLE)
         call(*fly, "run", EXAMPLE, "-o", "run.h5", "--frames", "0:3")

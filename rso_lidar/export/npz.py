@@ -63,8 +63,8 @@ def write_npz(
     arrays["line_of_sight"] = np.stack(tables) if len(sights) > 1 else tables[0]
     arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(sights) > 1), ensure_ascii=False))
     with beside(place) as draft, draft.open("wb") as stream:
-        squeeze: Callable[..., None] = np.savez_compressed
-        squeeze(stream, allow_pickle=False, **arrays)
+        write: Callable[..., None] = np.savez_compressed
+        write(stream, **arrays)  # NumPy 2.1 takes a keyword `allow_pickle` for one more array
         stream.flush()
         _check_written(place, draft, arrays)
     return place

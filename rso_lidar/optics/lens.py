@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.arithmetic import compiled, first_greatest, first_greatest_of_each, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.psf import FieldDependentPsf, pixel_shares, reach_of
 from rso_lidar.optics.receiver import Receiver
@@ -186,7 +186,9 @@ def _spread(
     core, far = _core_and_far(shares)
     reach = core.shape[-1] // 2
     near = core.reshape(-1, *core.shape[2:])[place[order]]  # (return, row offset, col offset)
-    hit = light.hit[order[_first_greatest(photons, starts)]]  # the brightest of a group stands for it in the labels
+    hit = light.hit[
+        order[first_greatest_of_each(photons, starts)]
+    ]  # the brightest of a group stands for it in the labels
     spread_s = _together(delay_s, light.depth_spread_s[order], photons, starts)
     home = np.zeros(len(starts))
     made = []
@@ -250,7 +252,7 @@ def _far_light(sources: Light, kernel: np.ndarray, receiver: Receiver, slab_s: f
         photons = fallen[pixel] * (float(fallen.sum()) / float(fallen[pixel].sum()))
         delay_s = float((sources.photons[of] * sources.delay_s[of]).sum()) / total
         same = np.ones(len(pixel))
-        brightest = of[int(sources.photons[of].argmax())]
+        brightest = of[first_greatest(sources.photons[of])]
         coherence_cells = np.full(len(pixel), 1e3)  # light from many pixels: its speckle averages out
         cast.append(
             Light(
@@ -275,15 +277,6 @@ def _together(delay_s: np.ndarray, spread_s: np.ndarray, photons: np.ndarray, st
     square = np.add.reduceat(weight * (apart_s**2 + spread_s**2 / 12.0), starts) / total
     spread: np.ndarray = np.sqrt(np.maximum(12.0 * (square - mean_s**2), 0.0))
     return spread
-
-
-def _first_greatest(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Return the index of the first greatest value in each group."""
-    greatest = np.repeat(np.maximum.reduceat(values, starts), np.diff(starts, append=len(values)))
-    where = np.flatnonzero(values == greatest)
-    group = np.cumsum(_marks(starts, len(values)))[where]
-    first: np.ndarray = where[np.flatnonzero(np.diff(group, prepend=0))]
-    return first
 
 
 def _core_and_far(shares: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
+from rso_lidar.arithmetic import EQUAL, loop
 
 RUN = 16  # so many are sorted by insertion
 
@@ -119,7 +119,7 @@ def spread(
         share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
         sent, sent_s, sent_cells = near[0][g], near[1][g], near[2][g]
         # Moments of delay about the first: by light for the width, by rays where all are dark for the mean.
-        light, light_s, total, early, square, dark_s, gone, best = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, first
+        light, light_s, total, early, square, dark_s, gone, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(starts[g], starts[g + 1]):
             r = order[k]
             n, apart = photons[r], delay_s[r] - delay_s[first]
@@ -139,8 +139,11 @@ def spread(
             light += n
             light_s += n * apart
             dark_s += apart
-            if n > photons[best]:
-                best = r
+            most = max(most, n)
+        k = starts[g]
+        while photons[order[k]] < most * (1.0 - EQUAL):
+            k += 1
+        best = order[k]
         j = 0
         for down in range(row - reach, row + reach + 1):
             for across in range(col - reach, col + reach + 1):

@@ -5,16 +5,17 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.arithmetic import EQUAL, compiled, first_greatest_of_each, packed
 from rso_lidar.records import Hits, Labels, Photons
 
 
 def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     """Return the labels of one flash.
 
-    Of several clusters in a pixel the one that returns most photons speaks; in it the part of a target that returns most,
-    and of that the brightest return. With `max_returns` over 1 the first clusters of each pixel are listed as well. Range is
-    half the light's way out and back.
+    The labels describe the cluster of a pixel that returns most photons; in it the part of a target that returns most, and
+    of that the brightest return. Of clusters equal to rounding the nearest counts, of parts and returns the first by
+    number. With `max_returns` over 1 the first clusters of each pixel are listed as well. Range is half the light's way
+    out and back.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sky: dict[str, Any] = {
@@ -74,7 +75,7 @@ def _spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.nd
 
     first = np.flatnonzero(np.diff(photons.cluster_pixel, prepend=-1))  # nearest cluster of each pixel that has any
     pixel = photons.cluster_pixel[first]
-    best = _first_greatest(bright, first)
+    best = first_greatest_of_each(bright, first)
     labels["first_range_m"][pixel] = mean_range[first]
     labels["range_m"][pixel] = mean_range[best]
     labels["cluster_count"][pixel] = np.minimum(np.diff(first, append=n_clusters), 255)
@@ -83,8 +84,10 @@ def _spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.nd
     of_best[best] = True
     speak = np.flatnonzero(of_best[photons.cluster])
     speak = speak[_of_brightest_part(hits, share, photons, speak)]
+    # By pixel and hit: a lens orders returns by delay, where rounding decides between equal ones.
+    speak = speak[np.lexsort((photons.hit[speak], photons.pixel[speak]))]
     starts = np.flatnonzero(np.diff(photons.pixel[speak], prepend=-1))
-    chosen = speak[_first_greatest(share[speak], starts)]
+    chosen = speak[first_greatest_of_each(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
         labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
     return mean_range, bright
@@ -101,16 +104,7 @@ def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: n
     kind = np.searchsorted(kinds, number)
     group = np.cumsum(np.diff(pixel[speak], prepend=-1) != 0) - 1
     light = np.bincount(group * len(kinds) + kind, share[speak], (group[-1] + 1) * len(kinds))
-    brightest = light.reshape(-1, len(kinds)).argmax(axis=1)
+    each = light.reshape(-1, len(kinds))
+    brightest = np.argmax(each >= each.max(axis=1, keepdims=True) * (1.0 - EQUAL), axis=1)
     mine: np.ndarray = kind == brightest[group]
     return mine
-
-
-def _first_greatest(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Return the index of the first greatest value in each group; group g begins at ``starts[g]``."""
-    sizes = np.diff(starts, append=len(values))
-    greatest = np.repeat(np.maximum.reduceat(values, starts), sizes)
-    where = np.flatnonzero(values == greatest)
-    group = np.repeat(np.arange(len(starts)), sizes)[where]
-    chosen: np.ndarray = where[np.flatnonzero(np.diff(group, prepend=-1))]
-    return chosen

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
+from rso_lidar.arithmetic import EQUAL, loop
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 
 
@@ -58,9 +58,9 @@ def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tup
     pixel, photons, delay_s, hit, cluster = returns
     weight, target, part, facet, cos_incidence = struck
     bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
-    # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and their brightest return.
+    # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and the most in a return.
     kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
-    kind_light, kind_most, kind_hit = np.empty(len(pixel)), np.empty(len(pixel)), np.empty(len(pixel), np.int32)
+    kind_light, kind_most = np.empty(len(pixel)), np.empty(len(pixel))
     start, first = 0, 0
     while start < len(pixel):
         at, total, last, stop = pixel[start], 0.0, first, start
@@ -69,10 +69,12 @@ def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tup
             total += photons[stop]
             last = max(last, cluster[stop])
             stop += 1
-        best = first
+        most = 0.0
         for c in range(first, last + 1):
-            if bright[c] > bright[best]:
-                best = c
+            most = max(most, bright[c])
+        best = first
+        while bright[best] < most * (1.0 - EQUAL):
+            best += 1
         kinds = 0
         for k in range(start, stop):
             c, h = cluster[k], hit[k]
@@ -89,19 +91,29 @@ def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tup
                 kind_target[kind], kind_part[kind], kind_light[kind], kind_most[kind] = target[h], part[h], 0.0, -1.0
                 kinds += 1
             kind_light[kind] += light
-            if light > kind_most[kind]:
-                kind_most[kind], kind_hit[kind] = light, h
+            kind_most[kind] = max(kind_most[kind], light)
         for c in range(first, last + 1):
             mean_range_m[c] /= share[c]
-        speaks = 0
-        for kind in range(1, kinds):
-            more = kind_light[kind] - kind_light[speaks]
-            earlier = kind_target[kind] - kind_target[speaks]
-            if more == 0.0 and earlier == 0:
+        most = 0.0
+        for kind in range(kinds):
+            most = max(most, kind_light[kind])
+        speaks = -1
+        for kind in range(kinds):
+            if kind_light[kind] < most * (1.0 - EQUAL):
+                continue
+            earlier = 0 if speaks < 0 else kind_target[kind] - kind_target[speaks]
+            if speaks >= 0 and earlier == 0:
                 earlier = kind_part[kind] - kind_part[speaks]
-            if more > 0.0 or (more == 0.0 and earlier < 0):
+            if speaks < 0 or earlier < 0:
                 speaks = kind
-        chosen = kind_hit[speaks]
+        enough, chosen = kind_most[speaks] * (1.0 - EQUAL), -1
+        for k in range(start, stop):
+            h = hit[k]
+            if cluster[k] != best or target[h] != kind_target[speaks] or part[h] != kind_part[speaks]:
+                continue
+            light = photons[k] if bright[best] > 0.0 else weight[h]
+            if light >= enough and (chosen < 0 or h < chosen):
+                chosen = h
         said.photons[at] = total
         said.range_m[at], said.first_range_m[at] = mean_range_m[best], mean_range_m[first]
         said.cluster_count[at] = min(last + 1 - first, 255)
