@@ -14,7 +14,7 @@ from typing import IO, Any
 from rso_lidar.errors import RecordingError, RunError, did_you_mean
 from rso_lidar.interruption import removing, uninterrupted
 
-_LOOK_S = 0.1  # is_locked holds a lock for microseconds: whoever wants it meanwhile waits that long
+_LOOK_S = 0.1  # is_locked holds a lock for microseconds; another process waits up to this long for it
 _POLL_S = 0.02  # between two attempts to take a lock
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _drafts: dict[Path, os.stat_result] = {}  # temporary files of this process, as they were made
@@ -135,7 +135,7 @@ def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
 def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
     """Check that a file may be written at a path, and return the path with a leading ``~`` expanded.
 
-    Every command and function that writes a file asks here before it begins, so that all refuse alike.
+    Every command and function that writes a file calls this before it begins, so that all refuse in the same way.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
 
 
 def is_locked(path: Path) -> bool | None:
-    """Return whether a running process holds a lock file; None where the system cannot tell."""
+    """Return whether a running process holds a lock file; None where that cannot be found out."""
     from filelock import lock_descriptor
 
     try:

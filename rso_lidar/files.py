@@ -1,4 +1,4 @@
-"""Files that are read: regular ones, and no larger than is stated, so that no device, pipe or slip is read without end."""
+"""Bounded reading of regular files: no pipe, device or huge file is read without end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def path_of(given: Any, error: type[RsoLidarError]) -> Path:
 
 
 def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> os.stat_result:
-    """Return the status of a file once it is sure that it is a regular one of at most so many bytes.
+    """Check that a file is regular and has at most so many bytes, and return its status.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def _end(number: int) -> None:
     if not _ending.acquire(blocking=False):
         return  # the command is done and is leaving
     _critical.acquire(timeout=_CRITICAL_S)
-    for remove in _removals.copy():  # workers are the last: what ends with them is not told
+    for remove in _removals.copy():  # in order, so that workers end last and cannot report errors
         with suppress(Exception):
             remove()
     with suppress(Exception):

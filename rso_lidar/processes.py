@@ -59,7 +59,7 @@ class Processes:
     ) -> None:
         with self._ending:
             if kind is not None:
-                self.abandon()  # nobody waits for what they are at
+                self.abandon()  # their results are no longer needed
             self._pool.shutdown(wait=True, cancel_futures=True)
 
     def abandon(self) -> None:

@@ -1,4 +1,4 @@
-"""TOML texts, parsed once it is sure that they are of a size and depth that a person or a recording would write."""
+"""TOML texts, parsed after a check of their size and depth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST_BYTES = 8 * 2**20
 MOST_KEYS = 100_000
 DEEPEST = 32  # tables in tables, or steps of a dotted key
 
-# What stands in quotes or behind # counts for nothing. A quoted step of a key stays a step.
+# Quoted text and comments are ignored. A quoted step of a key still counts as a step.
 _QUOTED = re.compile(
     r'"""(?:\\.|[^\\])*?"""|' + r"'''.*?'''" + r'|"(?:\\.|[^"\\\n])*"' + r"|'[^'\n]*'" + r"|(#[^\n]*)", re.DOTALL
 )
@@ -21,7 +21,7 @@ _BRACKET = re.compile(r"[\[\]{}]")
 
 
 def parse_toml(text: str, where: str, error: type[RsoLidarError]) -> dict[str, Any]:
-    """Return the tree of a TOML text; the parser alone takes gigabytes for some texts of a few hundred kilobytes.
+    """Parse a TOML text after a check of its size and depth: tomllib takes gigabytes for some texts of a few 100 kB.
 
     Parameters
     ----------

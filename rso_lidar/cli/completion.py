@@ -1,4 +1,4 @@
-"""Names that a shell completes: cheap to find, and empty where they cannot be found."""
+"""Names for completion in a shell: quick to find, and empty where they cannot be found."""
 
 from collections.abc import Iterable
 from typing import get_args
@@ -40,7 +40,7 @@ def own_model_names(incomplete: str) -> list[str]:
     """Return the models of the user's library."""
     try:
         return _begins(sorted(own_models()), incomplete)
-    except (RsoLidarError, OSError):  # a damaged library is for commands to tell
+    except (RsoLidarError, OSError):  # commands report a damaged library
         return []
 
 

@@ -26,8 +26,8 @@ from rso_lidar.study.encounters import MAX_SLEW_DEG_S, counted
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
 _GAP = 2  # spaces between columns of a terminal
-_NAMING = 4  # columns that say which encounter it is, and how near
-# Columns by what they tell of an encounter, for terminals that are too narrow for all.
+_NAMING = 4  # columns that identify an encounter and its range
+# Columns in order of importance, for terminals that are too narrow for all of them.
 _TELLING = (
     *("#", "object", "closest approach, UTC", "range, km", "usable, s", "breaks", "speed, m/s", "light", "norad"),
     *("lidar, s", "phase, deg", "slew, deg/s", "clear, s", "inside, s", "Moon, deg", "limb, deg", "age, d"),
@@ -146,7 +146,7 @@ def _show(table: Encounters) -> None:
         echo(table.table())
         return
     heads, rows = table.cells()
-    fit = fitting(heads, rows, console.width)
+    fit = choose_columns(heads, rows, console.width)
     shown = Table(box=None, header_style="bold", padding=(0, _GAP, 0, 0), pad_edge=False)
     for k in fit:
         left = heads[k] in ("object", "closest approach, UTC", "breaks")
@@ -162,7 +162,7 @@ def _show(table: Encounters) -> None:
         console.print(line)
 
 
-def fitting(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int]:
+def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int]:
     """Choose the columns that fit a terminal, the most telling ones first.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What commands print: text as it stands, without markup, emoji or control characters, for users and files name things."""
+"""Output of commands: literal text without markup, emoji or control characters, since names come from users and files."""
 
 import re
 from collections.abc import Iterable
@@ -10,8 +10,8 @@ from rich.segment import Segment
 
 _NO_END = 1000  # columns into a file or a pipe
 
-# What moves the cursor, changes colours or the title of the window, or turns the order of letters about: C0 but for tab
-# and newline, C1, the bidirectional marks of Unicode, its separators of lines, and what stands for bytes that are no UTF-8.
+# Characters that move the cursor, change colours or the window's title, or reverse the order of letters: C0 but for tab and
+# newline, C1, Unicode's bidirectional marks and line separators, and surrogates, which represent bytes that are no UTF-8.
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
@@ -35,7 +35,7 @@ def echo(text: object = "", *, err: bool = False) -> None:
 
 
 class _Literal(Console):
-    """A console whose texts, wherever in a table they stand, are printable; its own colours stay."""
+    """A console that escapes control characters in all texts, those in tables too, and keeps its own colours."""
 
     def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
@@ -44,7 +44,7 @@ class _Literal(Console):
 
 
 def literal_console(least_width: int = 0) -> Console:
-    """Return a console that prints text as it stands.
+    """Return a console that prints text literally.
 
     Parameters
     ----------

@@ -202,7 +202,7 @@ def latched(
     base_per_s : (row) primaries that no pulse makes [1/s].
     arming : (row) which rows begin as the pixel is armed.
     step_s : length of a step [s].
-    rng : generator of what the steps leave open.
+    rng : random generator of the noise between the steps.
     """
     rows, amplitude, bridge, amplifier = made.rows, made.amplitude, gsfl.bridge(step_s), gsfl.amplifier
     latch = first_or_near(
@@ -221,8 +221,8 @@ def latched(
     )
     crossing = np.full(len(latch), float(NEVER))
     above = np.flatnonzero(latch >= 0)
-    # What is above when its watch begins has crossed before, as far back as the row holds the samples of its trace; in a row
-    # that goes on, or that begins as the pixel is armed, it has not been above before.
+    # A row that is above the threshold when its watch begins crossed before that, and is searched as far back as it holds
+    # the samples of its trace. A row that continues another, or begins as the pixel is armed, was not above before.
     back = ~arming & (np.diff(rows.pixel, prepend=-1) != 0)
     stored_before = gsfl.readout.pretrigger_samples * round(gsfl.readout.sample_s / step_s)
     earliest = np.where(back, np.minimum(stored_before, rows.first), rows.first)

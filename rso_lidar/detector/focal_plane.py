@@ -119,7 +119,9 @@ class Droop(Part):
         for _ in range(_MOST_ROUNDS):
             gain = 1.0 / (1.0 + slope * sag_v)
             missed_v = steady_v + lfilter([0.0, 1.0], [1.0, -keep], drawn_v * gain) - sag_v
-            sag_v += missed_v / (1.0 + slope * sag_v * gain)  # Newton's step, as if all current came at once
+            sag_v += missed_v / (
+                1.0 + slope * sag_v * gain
+            )  # Newton's step for the case that all current flows at once
             if slope * np.abs(missed_v).max(initial=0.0) < _GAIN_WITHIN:
                 break
         found: np.ndarray = 1.0 / (1.0 + slope * sag_v)
@@ -158,7 +160,7 @@ class Crosstalk(Part):
         return share
 
     def shift_m(self, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the error of range [m] of pixels (pixel) with which such a share of the array latches."""
+        """Draw the range error [m] of pixels (pixel), given the share of the array that latches with each."""
         shift: np.ndarray = self.offset_m * (share - self.calibrated_fraction)
         shift += self.noise_m * share * rng.standard_normal(np.shape(share))
         return shift

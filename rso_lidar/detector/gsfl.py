@@ -214,21 +214,20 @@ class Gsfl(Part):
         return self.gate.to_m if self.gate else self.armed_to_m
 
     def plan(self, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
-        """Return how the axis of time is laid out.
+        """Return the layout of the time axis.
 
         Parameters
         ----------
         pulse_fwhm_s : length of the pulse [s].
-        earliest_s : how long before its delay a return can latch [s], if that is longer than of moderate light.
+        earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
         """
         sample_s, pole_s = self.readout.sample_s, self.amplifier.pole_s
         # With 6.5 steps to a pulse, detection moves by less than 0.1 % from there to three times as many.
         per_sample = max(self.steps_per_sample, math.ceil(6.5 * sample_s / pulse_fwhm_s))
         step_s = sample_s / per_sample
         # Together with `room`, 1.5 FWHM from the last return around to the first sample: 0.2 % of a Gaussian's peak is left.
-        rise = math.ceil(
-            1.3 * pulse_fwhm_s / step_s
-        )  # 110 times the threshold latches so early; more, before the watch
+        # 110 times the threshold latches so early. Brighter light latches before the watched steps.
+        rise = math.ceil(1.3 * pulse_fwhm_s / step_s)
         memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s, earliest_s - rise * step_s)
         return Plan(
             step_s=step_s,
@@ -279,7 +278,7 @@ class Gsfl(Part):
         return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
 
     def alone(self, gain: float = 1.0) -> Self:
-        """Return this detector as it is for a pixel by itself, with the APD's gain at that share of what it is at rest."""
+        """Return this detector without what couples its pixels, with `gain` times the APD's gain at rest."""
         apart: dict[str, Any] = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
@@ -290,7 +289,7 @@ class Gsfl(Part):
         return array_load(self, photons)
 
     def crosstalk_m(self, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the error of range [m] of pixels (pixel) with which such a share of the array latches."""
+        """Draw the range error [m] of pixels (pixel), given the share of the array that latches with each."""
         if self.crosstalk is None or self.gate is not None:
             return np.zeros(np.shape(together_fraction))
         return self.crosstalk.shift_m(together_fraction, rng)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
     from rso_lidar.records import Photons
 
-_SEED = 128  # of the noise that decides when the pixels of the flash latch
+_SEED = 128  # random seed of the noise that decides when the pixels of the flash latch
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,8 @@ class ArrayLoad:
 def array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     """Work out what the pixels of one flash do to each other.
 
-    Pixels latch as in one simulated flash; one that does not counts as if it latched as long after its light as the others
-    do after theirs.
+    Pixels latch as in one simulated flash. A pixel that does not latch there is taken to latch at the median delay of the
+    others after its own light.
 
     Parameters
     ----------

@@ -14,11 +14,11 @@ from rso_lidar.records import Photons
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
 
-_EACH = 64  # trials of a separation: a probability is known to 0.06
+_EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return
 OVER = 5.0  # times the threshold, the light of each return
 _FARTHEST_M = 20.0  # at least so far away, so that both are in the armed window
-_SEED = 9
+_SEED = 9  # random seed of the trials
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Separations:
     probability: np.ndarray
 
     def held_m(self, probability: float = 0.5) -> tuple[float, float] | None:
-        """Return the least and the greatest separation [m] at which both are found so often, None where none is.
+        """Return the least and the greatest separation [m] at which both are listed with this probability; None without any.
 
-        They are the ends, interpolated, of the run of separations about the one that is found most often.
+        They are the interpolated ends of the interval around the separation with the greatest probability.
         """
         likely = self.probability >= probability
         if not likely.any():
@@ -44,7 +44,7 @@ class Separations:
         return self._between(first - 1, first, probability), self._between(last + 1, last, probability)
 
     def _between(self, out: int, inside: int, probability: float) -> float:
-        """Return where the straight line from a separation that is not held to one that is passes the probability [m]."""
+        """Interpolate the separation [m] at which the probability is passed, from one below it to one above it."""
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
         low, high = self.probability[out], self.probability[inside]

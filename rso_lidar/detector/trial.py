@@ -20,7 +20,7 @@ _NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What the pixels of a trial get from the flashes that they stand for, and not from each other.
+    """Effects on the pixels of a trial of the flashes that they are taken from.
 
     `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of
     the array that latches with a pixel, see `load.array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those
@@ -102,16 +102,16 @@ def trial(
 ) -> Trial:
     """Simulate what a detector makes of a return in each pixel, such as `plate` makes.
 
-    Each pixel stands for one pixel of a flash of its own. So the pixels of a trial, however many, draw no common current,
-    do not latch together and share no jitter: `around` says what their flashes do to them.
+    Each pixel represents one pixel of a flash of its own. So the pixels of a trial draw no common current, do not latch
+    together and share no jitter; `around` holds what their own flashes do to them.
 
     Parameters
     ----------
     detector : the detector.
     photons : light on a row of pixels.
     rng : generator of the noise.
-    true_m : (pixel) ranges [m] that the reports are held to (None: of the one return in each pixel).
-    around : what their flashes do to the pixels.
+    true_m : (pixel) true ranges [m] for the range errors (None: of the one return in each pixel).
+    around : effects of their own flashes on the pixels.
     """
     if true_m is None:
         true_m = photons.delay_s * units.RANGE_PER_DELAY_M_S

@@ -87,7 +87,7 @@ class Bridge:
         mean : (row, step) the amplitude without noise [electrons].
         row, step : where to draw.
         sigma : rms of the noise there [electrons].
-        rng : generator of what the steps leave open.
+        rng : random generator of the noise between the steps.
         """
         around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
         near = around[:, 1:5]
@@ -194,7 +194,7 @@ def crossed_between(
     bridge: Bridge,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return where (row) [steps] rows that stay below at every step yet cross between two, or -1.
+    """Return where (row) [steps] rows that are below the threshold at every step cross it between two steps, or -1.
 
     `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
     """
@@ -227,7 +227,7 @@ def crossing_places(
     amplitude : (row, step) [electrons].
     row : (trace) the rows to look at.
     threshold : (trace) [electrons].
-    latch : (trace) a step at which the row is above. The crossing lies before it, where the watch found it above at once.
+    latch : (trace) a step at which the row is above; the crossing lies before it.
     earliest : (trace) the first step to look at. A row that is above from there on crosses there.
     """
     step = latch.copy()
@@ -237,13 +237,10 @@ def crossing_places(
         step[back] -= 1
         back = back[step[back] > earliest[back]]
     around = np.clip(step[:, None] + np.arange(-2, 2), 0, amplitude.shape[1] - 1)
-    scale, half = (
-        (np.float32(8.0) / threshold).astype(np.float32),
-        np.float32(0.5),
-    )  # in single precision: twice as fast
+    scale, half = (np.float32(8.0) / threshold).astype(np.float32), np.float32(0.5)  # single precision: twice as fast
     two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around].T * scale)
     level = np.float32(math.asinh(8.0))
-    # Newton's divided differences about the step before; their root by steps of Newton's from the straight line.
+    # Divided differences about the step before the crossing. Newton's method finds the root, from the straight line on.
     slope, bend = after - before, half * (after - before - before + two_before)
     twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
     place = np.divide(level - before, slope, out=np.ones_like(slope), where=slope > 0.0)

@@ -39,9 +39,7 @@ FORMATS = {
     made.name: made
     for made in (
         Format("hdf5", (".h5", ".hdf5"), "hdf5:write_hdf5", False, "nothing"),
-        Format(
-            "netcdf", (".nc",), "hdf5:write_hdf5", False, "nothing"
-        ),  # the layout of HDF5 recordings is netCDF-4 and CF
+        Format("netcdf", (".nc",), "hdf5:write_hdf5", False, "nothing"),  # HDF5 recordings are netCDF-4 with CF
         Format("zarr", (".zarr",), "zarr_store:write_zarr", True, "nothing", "zarr"),
         Format(
             "npz", (".npz",), "npz:write_npz", False, "reading frame by frame: arrays are read as a whole, 2 GB at most"

@@ -1,4 +1,4 @@
-"""HDF5 files opened for reading, with one line that says why where they cannot be; and what HDF5 tells of a write."""
+"""HDF5 files opened for reading, with a one-line error where that fails, and the reasons of failed writes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TEMPORARY = re.compile(r"\.tmp-[0-9a-zA-Z]+(\.starting)?$")
 
 SUPERBLOCK_BYTES = 48
 # HDF5 reads metadata again where its checksum is wrong, as it is while a writer replaces it. It waits 1 ns, then twice as
-# long each time: 34 ms in all with 25 attempts. By default it makes 100 attempts, which would take for ever.
+# long each time: 34 ms in all with 25 attempts. The default of 100 attempts would never end.
 _READ_ATTEMPTS = 25
 
 

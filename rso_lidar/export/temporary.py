@@ -1,4 +1,4 @@
-"""The temporary file of a recording while it is written: what other programs did to it, and where its frames are kept."""
+"""The temporary file of a recording: checks for interference by other programs, and a copy of its frames where needed."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class TemporaryFile:
         return None
 
     def close(self) -> None:
-        """Let go of the file; what has no name is lost then."""
+        """Close the file; content without a name is lost then."""
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
@@ -85,7 +85,7 @@ class TemporaryFile:
         return False
 
     def _names(self) -> Iterator[Path]:
-        """Yield the present name of the open file, where the system tells (Linux, macOS)."""
+        """Yield the present name of the open file, where the system provides it (Linux, macOS)."""
         with suppress(OSError):
             if sys.platform == "darwin":  # pragma: no cover - macOS
                 import fcntl

@@ -246,10 +246,10 @@ def _module(place: str) -> Any:
 
 
 class _SourceLoader(importlib.machinery.SourceFileLoader):
-    """A loader that leaves no compiled file beside a user's file, or in an installed example."""
+    """A loader that writes no compiled file beside a user's file or an installed example."""
 
     def path_stats(self, path: Any) -> Any:
-        """Refuse to look for a compiled file: it is told from the source by whole seconds, too coarse while one edits."""
+        """Refuse to look for a compiled file: its time stamp has whole seconds, too coarse while a user edits the source."""
         raise OSError
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:

@@ -23,7 +23,7 @@ SINGULAR_RAD = 1e-6
 
 
 def _attitude_state(text: str) -> str:
-    """Return a name of numbers that tell an attitude, checked."""
+    """Check the name of an attitude representation and return it."""
     found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
     if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
         raise ValueError(
@@ -41,8 +41,8 @@ class StateSpace(StateSpaceModel):
 
     They are in `axes`: "inertial" (GCRS; f brings its own gravity), "local" (a root without an Earth) or "rtn", the
     rotating rtn axes of the body `relative_to`, the velocity as those axes see it. With `layout` "rigid_body" the state
-    goes on with the attitude axes_from_body, as `attitude_state` says, and the body rate [rad/s] in body axes, and so turns
-    the body too. Further entries are the user's own.
+    continues with the attitude axes_from_body, in the representation `attitude_state`, and the body rate [rad/s] in body
+    axes. Further entries are the user's own.
 
     `attitude_state` is "quaternion_xyzw", normalised when read, or three intrinsic Euler angles with order and unit, such
     as "euler_zyx_rad" (as `euler_zyx_deg` elsewhere: about z, the new y, the new x). Three different axes are singular at a
@@ -94,7 +94,7 @@ class StateSpace(StateSpaceModel):
 
 
 class StateSpaceAttitude(StateSpaceModel):
-    """Attitude by a user's own dynamics: the state begins with inertial_from_body, as `attitude_state` says.
+    """Attitude by a user's own dynamics: the state begins with inertial_from_body in the representation `attitude_state`.
 
     The body rate [rad/s] in body axes follows; further entries are the user's own. `attitude_state` is "quaternion_xyzw",
     normalised when read, or Euler angles such as "euler_zyx_rad", as for the motion `state_space`.
@@ -119,7 +119,7 @@ class StateSpaceAttitude(StateSpaceModel):
 
 
 def _width(attitude_state: str) -> int:
-    """Return how many numbers tell the attitude."""
+    """Return how many numbers represent the attitude."""
     return 4 if attitude_state == QUATERNION else 3
 
 
@@ -164,7 +164,7 @@ def _from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
 
 
 def _possible(state: tuple[float, ...], attitude_state: str) -> None:
-    """Refuse the start of a state that is no attitude."""
+    """Refuse an initial state whose first numbers are no valid attitude."""
     numbers = state[: _width(attitude_state)]
     if attitude_state == QUATERNION:
         norm = float(np.linalg.norm(numbers))

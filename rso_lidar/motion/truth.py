@@ -114,8 +114,8 @@ class _Sky:
     def relative_turning(self) -> dict[str, np.ndarray]:
         """Return the angular velocity (time, 3) [rad/s] of the rtn axes of relative motions in those of their chiefs.
 
-        It is the derivative of the rotation between them, in the body's own axes. Left out is what moves about a body under
-        commands, which has no state after an epoch.
+        It is the derivative of the rotation between them, in the body's own axes. A body that moves about another under
+        commands is left out: its chief has no state after an epoch.
         """
         names = [body.name for body in self.bodies if self._differenced(body)] if self.rates else []
         if not names:
@@ -140,7 +140,9 @@ class _Sky:
             try:
                 here = rows(self.epochs.time_s)
                 change = derivative(rows, self.epochs.time_s, here, np.concatenate(breaks))
-            except RsoLidarError:  # beside an epoch something cannot be flown; at the epochs it is said elsewhere
+            except (
+                RsoLidarError
+            ):  # a body has no state beside an epoch; the error at an epoch itself is raised elsewhere
                 return {}
         back, slope = here.reshape(-1, len(names), 3, 3), change.reshape(-1, len(names), 3, 3)
         spin = np.einsum("tnki,tnkj->ntij", back, slope)
@@ -148,7 +150,7 @@ class _Sky:
         return dict(zip(names, rates, strict=True))
 
     def _differenced(self, body: Body) -> bool:
-        """Return whether a body moves about another by a relative motion, and nothing in that chain is under commands."""
+        """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under commands."""
         if not isinstance(body.motion, RelativeMotion):
             return False
         while (relative_to := getattr(body.motion, "relative_to", None)) is not None:
@@ -158,7 +160,7 @@ class _Sky:
         return True
 
     def turns(self, body: Body) -> bool:
-        """Return whether the turn of a body's orbital plane is asked for: with all rates, or by what moves about it."""
+        """Return whether the turn of a body's orbital plane is needed: for the rates, or for a body relative to it."""
         return self.rates or any(getattr(other.motion, "relative_to", None) == body.name for other in self.bodies)
 
     def sunlit(self, state: BodyState) -> np.ndarray:
@@ -285,8 +287,8 @@ def _about(
     own, own_turning = rtn_matrix(position, velocity)
     chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
     carried = turned(np.swapaxes(chief_from_own, -1, -2), turning)
-    # What moves about this body needs no more than that its plane turns as its chief's does: in free flight within some
-    # 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
+    # For a body relative to this one, it is enough that this orbital plane turns as the chief's does: in free flight the two
+    # differ by some 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
     own_turning[..., 0] = carried[..., 0]
     sky.states[body.name], sky.turning[body.name] = BodyState(position, velocity), own_turning
     if moving[1] is not None:
@@ -298,7 +300,7 @@ def _about(
         carried = turned(np.swapaxes(chief_from_own, -1, -2), around)
     relative = own_turning - carried
     found = sky.relative_turning.get(body.name, relative)
-    # what differs by the rounding of matrices over the step of a difference only, or is not known, is not taken
+    # A difference quotient that is unknown, or that differs only by the rounding of matrices over its step, is not used.
     link = Link((rho, chief_from_own), moving[0], np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
     return tree.with_node(body.origin, sky.by_name[chief].origin, link)
 

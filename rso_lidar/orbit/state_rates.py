@@ -1,7 +1,7 @@
-"""Derivatives of a trajectory's position and velocity: what the turning of orbit-fixed axes needs.
+"""Derivatives of a trajectory's position and velocity, from which the angular velocity of orbit-fixed axes follows.
 
-The velocity that a propagator gives need not be the derivative of its position: SGP4's differs by up to 2 m/s, the one of
-`j2` by some mm/s. Two bodies have exact derivatives (`Kepler`, `State`); all others are differenced.
+A propagator's velocity need not be the derivative of its position: SGP4's differs by up to 2 m/s, that of `j2` by some
+mm/s. Two-body motion has exact derivatives (`Kepler`, `State`); all others are differenced.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import dot
 from rso_lidar.records import BodyState
 
-# At 2 s what is cut off is below 1e-9 m/s and 3e-6 of an acceleration in low orbit; SGP4's rounding of time (1e-9 s after
-# a month) is some 2 um/s.
+# At 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. SGP4's rounding of time (1e-9 s
+# after a month) adds some 2 um/s.
 STEP_S = 2.0
 
 
 def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of position (time, 3) [m/s] and of velocity (time, 3) [m/s2] in GCRS axes.
 
-    They are central differences over `STEP_S`, which stay between two of the trajectory's `breaks_s(epochs)`: the instants
-    [s since the start] at which its state jumps or has a corner, and beyond which it may have none. At a break they are
-    those after it. Where the trajectory has no state beside an epoch, the velocity and the pull of two bodies stand in.
+    They are central differences over `STEP_S`. No difference reaches across one of the trajectory's `breaks_s(epochs)`: the
+    instants [s since the start] at which its state jumps or has a corner, and beyond which it may have no state. At a
+    break they are the derivatives after it. Where there is no state beside an epoch, the two-body derivatives are used.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
 
 
 def two_body_rates(state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocity [m/s] and the Earth's pull as a point [m/s2] (…, 3): the derivatives of a two-body state."""
+    """Return velocity [m/s] and point-mass gravity of the Earth [m/s2] (…, 3): the derivatives of a two-body state."""
     r = state.position_m
     distance = np.sqrt(dot(r, r))[..., None]
     return np.array(state.velocity_m_s), -units.EARTH_GM_M3_S2 * r / distance**3
@@ -95,12 +95,11 @@ def _step_s(time_s: np.ndarray, breaks_s: np.ndarray) -> tuple[np.ndarray, np.nd
 def _differences(
     rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows in the middle, first and second difference quotients there, the time since, and where there are none."""
+    """Return rows at the centres, first and second difference quotients, the time since the centres, and a mask of none."""
     center_s, step_s = _step_s(time_s, breaks_s)
     moved = center_s != time_s
     count = len(time_s)
     wanted = [center_s - step_s[:, 0], center_s + step_s[:, 0], center_s[moved]]
-    bad = np.zeros(count, dtype=bool)
     around = np.zeros((2 * count + int(moved.sum()), here.shape[1]))
     asked = np.concatenate(wanted)
     good = np.ones(len(asked), dtype=bool)

@@ -41,7 +41,7 @@ REASONS = {
 }
 _ASTRAY = "it has decayed or gone astray"
 _OUT_OF_DATE = (
-    f"it is more than {MOST_YEARS:g} years from the epoch of the elements, where they tell nothing of the orbit"
+    f"it is more than {MOST_YEARS:g} years from the epoch of the elements, where they no longer describe the orbit"
 )
 
 
@@ -83,7 +83,7 @@ def failed(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) 
 
 
 def reason(error: int) -> str:
-    """Return in words why there is no state, from an error code; 0 stands for a state that is nowhere possible."""
+    """Return in words why there is no state, from an error code; 0 stands for a state that is physically impossible."""
     return _OUT_OF_DATE if error == TOO_OLD else REASONS.get(error, _ASTRAY)
 
 

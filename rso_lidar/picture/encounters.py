@@ -44,7 +44,7 @@ def encounter_figure(
     time_utc : (row) numpy datetime64.
     sunlit : (row) whether the object is in sunlight then: a disc; in the Earth's shadow a square with a dark rim.
     reach_m : how far the lidar sees a facing plate of a square metre [m], drawn as a line.
-    window_utc : from when to when was looked, all of which is drawn (None: from the first row to the last).
+    window_utc : start and end of the search, which the time axis spans (None: from the first row to the last).
 
     What is nearer than a metre, as docked craft that share elements, is counted and not drawn.
     """
@@ -131,7 +131,7 @@ def encounter_figure(
         bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
         bar.outline.set_visible(False)
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
-    named: dict[str, int] = {}  # an object that comes back bears its name once, where it is nearest
+    named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
     for k in np.argsort(range_km, kind="stable").tolist():
         named.setdefault(labels[k], k)
     _name(figure, axes, points, [(k, label) for label, k in named.items()][: _NAMED * 2], busy)

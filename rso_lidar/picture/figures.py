@@ -62,7 +62,7 @@ def in_thousands(*several: Axis) -> None:
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Put ticks on a log axis from `low` to `high`, of which at least three carry numbers, however short it is."""
+    """Put ticks on a log axis from `low` to `high`, at least three of them with numbers, however short the axis is."""
     from matplotlib.ticker import (
         FixedLocator,
         LogFormatterMathtext,

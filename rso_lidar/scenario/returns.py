@@ -1,4 +1,4 @@
-"""What one flash gets back from one target: its pixels and their light, cast from rays, without a detector."""
+"""Returns of one flash from one target: its pixels and their light, cast with rays, before the detector."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.preview import Preview
     from rso_lidar.scenario.scenario import Scenario
 
-_MOST_RAYS = 4_000_000  # in all casts of one statement together, so that a large, near target is described in seconds
+_MOST_RAYS = 4_000_000  # of all casts of one statement together: a large, near target then takes seconds
 _MOST_ATTITUDES = 48
 _SAME_ATTITUDE_RAD = 2e-3  # 0.1 deg: below this, a turn changes the light by less than the sampling does
 _SAME_RANGE = 0.05  # share of the range within which a frame shows an attitude of the instant that is asked for
@@ -241,12 +241,12 @@ def copy_pixels(
 
 
 def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int) -> Surroundings:
-    """Work out what the flashes do to `copy_pixels`: current of the whole array, pixels that latch together, laser jitter.
+    """Estimate the effects of the flashes on the pixels of `copy_pixels`: array current, common latches, laser jitter.
 
     Parameters
     ----------
     lidar : the instrument that is in force.
-    casts : flashes, each for as many copies as the others; of many, what their arrays do is worked out for a few.
+    casts : flashes, each for as many copies as the others; the effects are computed for at most `_MOST_LOADS` of them.
     pixels : one pixel of each flash, None for a pixel without light.
     n : number of copies in all.
     """

@@ -1,4 +1,4 @@
-"""Which depths between two returns of a pixel the detector lists both of, and which parts are not as deep, or deeper."""
+"""Separations at which the detector lists two returns of a pixel, and parts of targets whose depth is outside them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from rso_lidar.scenario.preview import Preview
     from rso_lidar.scenario.scenario import Scenario
 
-_OFTEN = 0.9  # of the time both are listed: then a separation is held
+_OFTEN = 0.9  # probability that both are listed, from which a separation counts
 _BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch
 _MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 32, 60_000, 3
 
 
 def separation_lines(scenario: Scenario) -> list[str]:
-    """Return the separations at which the detector lists both of two returns, in words; nothing where it lists one."""
+    """Return in words the separations at which the detector lists two returns of a pixel; empty where it lists only one."""
     detector = scenario.lidar.detector
     if not isinstance(detector, Gsfl) or detector.max_returns == 1:
         return []
@@ -35,7 +35,7 @@ def separation_lines(scenario: Scenario) -> list[str]:
 
 
 def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
-    """Return a warning where returns of a pixel are lost by what it stores, with the parts of the targets that this is of.
+    """Return a warning where the stored samples of a pixel lose returns, with the parts of the targets that are affected.
 
     A pixel that triggers itself stores little behind its latch, so it always has one where more than the first return is
     asked for. Under a gate there is one where a part is deeper than the gate lists two returns of.
@@ -63,7 +63,7 @@ def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
 
 
 def _outside(scenario: Scenario, seen: Preview, number: int, held: tuple[float, float]) -> tuple[str, bool]:
-    """Return in words which parts of a target are not as deep as the separations held, or deeper, and whether any is."""
+    """Return in words the parts of a target whose depth is outside the separations, and whether any part is too deep."""
     target = scenario.target[number]
     if target.terrain is not None:
         return "", False

@@ -1,4 +1,4 @@
-"""What a target covers of the sky, attitude by attitude: its silhouette, and the square that fits inside."""
+"""Silhouettes of a target, attitude by attitude: area, and the largest square inside."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def silhouettes(scenario: Scenario, seen: Preview, number: int) -> tuple[np.ndar
     Returns
     -------
     area_m2 : (attitude) area of the silhouette [m²].
-    square_m : (attitude) side of the greatest square that the silhouette contains, upright in the image [m].
+    square_m : (attitude) side of the largest square inside the silhouette, its sides along rows and columns [m].
     """
     from scipy.ndimage import distance_transform_cdt
 

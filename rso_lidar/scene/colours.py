@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import MeshError
 from rso_lidar.scene.gltf import check_gltf
-from rso_lidar.scene.mesh import Mesh, trimesh_silenced
+from rso_lidar.scene.mesh import Mesh, silence_trimesh
 
 SUFFIXES = (".glb", ".ply")
 
@@ -32,7 +32,7 @@ def facet_colours(mesh: Mesh) -> np.ndarray:
     try:
         if suffix == ".glb":
             check_gltf(path, path.read_bytes())
-        with trimesh_silenced(), warnings.catch_warnings():
+        with silence_trimesh(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scene = trimesh.load_scene(path, process=False)
             order = {name: number for number, name in enumerate(scene.geometry)}

@@ -151,18 +151,18 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
 
     broken = f"{path.name}: cannot be read as {suffix[1:].upper()}: it is cut short or damaged; export it again"
     try:
-        with trimesh_silenced() as problems, warnings.catch_warnings():
+        with silence_trimesh() as problems, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
-            # NumPy may end at what is no number, and keep what came before.
+            # NumPy may stop at text that is no number and keep what it has read.
             warnings.filterwarnings("error", message="string or file could not be read")
             scene = trimesh.load_scene(path, process=False, skip_materials=True)  # pictures beside it are not opened
             _check_count(path, blob, scene)
             pieces = _placed(scene, single=suffix in (".stl", ".off", ".ply"))
     except (MeshError, MemoryError):
         raise
-    except Exception:  # trimesh lets through whatever Python raises, whose words say nothing of the file
+    except Exception:  # trimesh passes on any Python exception, whose message says nothing about the file
         raise MeshError(broken) from None
-    if problems:  # trimesh went on without what it could not read
+    if problems:  # trimesh skipped what it could not read
         raise MeshError(broken)
     if any(vertices.shape[1:] != (3,) or facets.shape[1:] != (3,) for _, vertices, facets in pieces):
         raise MeshError(f"{path.name}: has positions that are not three numbers each; export it again")
@@ -170,8 +170,8 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
 
 
 @contextmanager
-def trimesh_silenced() -> Iterator[list[str]]:
-    """Return, as a context, what trimesh logs inside as warnings or errors, in place of its lines on the terminal."""
+def silence_trimesh() -> Iterator[list[str]]:
+    """Collect what trimesh logs as warnings or errors inside the context, and keep it off the terminal."""
     problems: list[str] = []
 
     class Kept(logging.Handler):
@@ -189,7 +189,7 @@ def trimesh_silenced() -> Iterator[list[str]]:
 
 
 def _check_stl(path: Path, blob: bytes) -> None:
-    """Refuse an ASCII STL that breaks off: trimesh reads the facets before, and is silent."""
+    """Refuse a truncated ASCII STL: trimesh reads the facets before the end and does not complain."""
     is_binary = len(blob) >= 84 and 84 + 50 * int.from_bytes(blob[80:84], "little") <= len(blob)
     if not is_binary and blob.lstrip()[:5].lower() == b"solid" and b"endsolid" not in blob[-1000:].lower():
         raise MeshError(f"{path.name}: has no 'endsolid' at its end, so it is cut short; export it again")

@@ -20,7 +20,7 @@ class RetroReflector(Scatterer):
     Millimeter Accuracy Satellite Laser Ranging, 1993), its first dark ring at 1.22 λ/D. Off the normal the peak falls by
     the square of the area that is active (Degnan's η), in reciprocal form η(θᵢ) η(θₒ); the broader pattern that goes with
     that is not modelled, so such cubes return less than they could. A lens gets the mean over its disc, in the near field
-    too (`gathered`).
+    too.
 
     `diameter_mm` is D, `reflectance` ρ of all three faces together, `fill_fraction` the share of the surface that is cube,
     `refractive_index` that of the glass (1 for a hollow cube), `diffuse` the reflectance of what lies between. The pattern

@@ -114,7 +114,7 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
         name = scenario.target[0].name
-        if not areas_m2.size:  # the lidar is at its origin all the time
+        if not areas_m2.size:  # the lidar is at the target's origin all the time
             return BudgetTarget(f"target: {name}", sides, max(sides) ** 2, None)
         area_m2, square_m = float(areas_m2.mean()), float(np.median(squares_m))
         return BudgetTarget(f"target: {name}, {area_m2:.3g} m² in silhouette", sides, area_m2, square_m)

@@ -1,4 +1,4 @@
-"""Frames written as any format that there is: those of `export`, and those that need time scales and the Earth."""
+"""Frames written in any format: those of `export`, and those that need time scales and the Earth."""
 
 from __future__ import annotations
 

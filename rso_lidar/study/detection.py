@@ -38,7 +38,7 @@ _LEAST = 0.6  # of the pulse's peak: where it is lower, it is not what triggers
 _REACH_FWHM = 1.5  # samples to each side of the peak that the matched filter takes
 _PHASES = 8  # of the clock, over which precision is averaged
 _FASTEST = 200.0  # of an amplifier's pole in a pulse's length
-_STRETCHES = 32  # depths worked out in a pulse's length, and for each factor of two beyond; straight between them
+_STRETCHES = 32  # depths computed within a pulse's length and for each factor of two beyond; linear between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,13 +109,13 @@ def false_alarms_before(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.n
 
 
 def _depth_number(depth: np.ndarray) -> np.ndarray:
-    """Return where depths (return) [pulse lengths] stand among those that are worked out: even, then in equal ratios."""
+    """Return the fractional index of depths (return) [pulse lengths] among the computed: equal steps, then equal ratios."""
     number: np.ndarray = _STRETCHES * np.where(depth < 1.0, depth, 1.0 + np.log2(np.maximum(depth, 1.0)))
     return number
 
 
 def _depth_of(number: float) -> float:
-    """Return the depth [pulse lengths] of that number."""
+    """Return the depth [pulse lengths] at an index."""
     return float(number / _STRETCHES if number <= _STRETCHES else 2.0 ** (number / _STRETCHES - 1.0))
 
 

@@ -1,4 +1,4 @@
-"""Docked craft: objects whose element sets cannot tell them from the follower over the whole span of a screening."""
+"""Docked craft: objects that element sets do not separate from the follower over the whole span of a screening."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.study.sighting import TOGETHER_M, Encounter
 
 # One standard deviation of a set at its epoch, radial and across the track [m]: Flohrer, Krag & Klinkrad, Assessment and
-# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). Two sets of one object at successive epochs agree
-# so: in 340 pairs of ISS and CSS of 2026, 90 % stay within 85 m, radial and across, over a revolution.
+# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). Two sets of one object at successive epochs
+# agree: in 340 pairs of ISS and CSS of 2026, 90 % stay within 85 m, radial and across, over a revolution.
 _RADIAL_M = {"leo": 102.0, "meo": 71.0, "geo": 359.0, "heo": 2252.0, "other": 102.0}
 _ACROSS_M = {"leo": 126.0, "meo": 95.0, "geo": 83.0, "heo": 1421.0, "other": 126.0}
 # Along the track an error grows with age: 1 km at the epoch, up to 3 km a day (docs/orbits.md).
 _ALONG_M, _ALONG_M_DAY = 1e3, 3e3
 _STEP_S = 120.0
-_NEAR_M = 20e3  # no closest approach beyond this is taken for an error of fresh sets
+_NEAR_M = 20e3  # a closest approach beyond this is never attributed to errors of the sets
 
 
-def folded(screened: Screened, rows: Sequence[Encounter]) -> list[Encounter]:
-    """Return encounters with those of each docked object folded into one, which says why; these stand last.
+def fold_docked(screened: Screened, rows: Sequence[Encounter]) -> list[Encounter]:
+    """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
     An object counts as docked where the difference to the follower, in the follower's rtn axes, stays within the errors of
     both sets at every instant of the span: along the track within 1 km and 3 km a day of each, radial and across within one

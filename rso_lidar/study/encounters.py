@@ -20,7 +20,7 @@ from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.teme import STALE_DAYS
-from rso_lidar.study.docked import folded
+from rso_lidar.study.docked import fold_docked
 from rso_lidar.study.sighting import SMALL_M2, Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ def encounters(
 
     An encounter is one stay within `within_m` [m]; all objects are flown by SGP4, whose element sets are good to about a
     kilometre. Of several sets of one object, and of the follower, the nearest in epoch is flown at each instant. Objects
-    that their sets cannot tell from the follower over the whole span are docked, or one object: each has one row, the last.
+    that element sets do not separate from the follower over the whole span count as docked: each has one row, the last.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def encounters(
             stacklevel=2,
         )
     reach = reach_m(lidar)
-    rows = folded(found, sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
+    rows = fold_docked(found, sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
         rows=tuple(rows[:limit]),

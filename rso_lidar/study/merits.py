@@ -107,7 +107,7 @@ class Run:
 class Merit:
     """One figure of merit: `needs` says what has to be done for it, and `better` which way is.
 
-    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better. With `of_detected` it speaks of the
+    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better. With `of_detected` it describes the
     pixels that report the target, and ranks a point only where enough of them do.
     """
 
@@ -217,7 +217,7 @@ DETECTION = "detection_fraction"
 
 
 def judged_by(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the figures of merit that a run is judged by: those asked for, and the detection that some of them hang on."""
+    """Return the figures of merit of a run: those asked for, and the detection fraction where one of them depends on it."""
     held = any(MERITS[name].of_detected for name in names) and DETECTION not in names
     return (*names, DETECTION) if held else tuple(names)
 

@@ -1,4 +1,4 @@
-"""The pieces of a page of HTML that needs no network and no script: its style, tables, and pictures inside the file."""
+"""Parts of an HTML page that needs no network and no script: style, tables, and embedded pictures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ summary { cursor: pointer; color: #70747c; }
 
 
 def table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
-    """Write an HTML table; heads say whether a column is of numbers. Cells are HTML already."""
+    """Write an HTML table from cells that are HTML already; each head states whether its column holds numbers."""
     kinds = [' class="n"' if number else "" for _, number in heads]
     top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
     lines = (
@@ -43,7 +43,7 @@ def table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> s
 
 
 def image(figure: Any, text: str, caption: str = "") -> str:
-    """Write a figure as a picture inside the page, with a text in its place and a caption that is HTML already."""
+    """Embed a figure as a picture, with an alternative text and a caption that is HTML already."""
     with io.BytesIO() as held:
         figure.savefig(held, format="png", dpi=_DOTS)
         coded = base64.b64encode(held.getvalue()).decode()

@@ -1,4 +1,4 @@
-"""How precise the ranges of a recording are: its own returns tried again on the detector that took them."""
+"""Range noise of a recording: its own returns, simulated again with the detector that took them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _FLOOR_M, _UNKNOWN_M = 1e-3, 0.05
 def recorded_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     """Estimate the standard deviation of one range [m] in a recording.
 
-    Some of its frames are turned back into light: a return for each range, with the photons that the detector answers with
-    such an intensity. A trial of these returns has the recording's mix of intensities, the current that its flashes drew,
-    and as many pixels that latch together.
+    Some of its frames are converted back into light: a return for each range, with the photons that give its intensity. A
+    trial of these returns has the recording's distribution of intensities, the current that its flashes drew, and the
+    number of its pixels that latched together.
 
     Parameters
     ----------
@@ -80,10 +80,12 @@ def _answers(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarr
 
 
 def _light(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
-    """Return the light that would be answered with a reading: one return for each range."""
+    """Return the light that gives a reading: one return for each range."""
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)
-    first = np.flatnonzero(np.diff(answers, prepend=0.0) > 0.0)  # one level for each answer: the dimmest that clips
+    first = np.flatnonzero(
+        np.diff(answers, prepend=0.0) > 0.0
+    )  # one level for each intensity; of those that clip, the dimmest
     photons = np.exp(np.interp(counts, answers[first], np.log(_LEVELS[first])))
     step_s, power = lidar.laser.pulse
     return Photons(

@@ -37,7 +37,7 @@ def unbeaten(trade: TradeTable) -> np.ndarray:
 
 
 def held_back(trade: TradeTable) -> str:
-    """Return in one line how many points are not ranked for want of detection, and by what limit; nothing where none is."""
+    """Return in one line how many points are not ranked because too little is detected, and the limit; empty without any."""
     if not trade.is_held:
         return ""
     mean = trade.of_points(DETECTION)[0]

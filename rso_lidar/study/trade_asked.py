@@ -251,7 +251,7 @@ class Study(Part):
 
     @property
     def judged_by(self) -> tuple[str, ...]:
-        """Return the figures of merit of a row: those asked for, and the detection fraction where some hang on it."""
+        """Return the figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
         return judged_by(self.merits)
 
     @property

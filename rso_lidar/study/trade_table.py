@@ -16,7 +16,7 @@ from rso_lidar.study.trade_plan import Plan
 class TradeTable:
     """A trade study and its answers: `table` holds columns (row) by name: row, seed, fields, figures of merit, error.
 
-    Where a figure of merit hangs on detection, also ``detection_fraction``, ``detected`` (1 where the point's mean over
+    Where a figure of merit depends on detection, also ``detection_fraction``, ``detected`` (1 where the point's mean over
     seeds is at least ``min_detection_fraction``), and that limit.
     """
 
@@ -27,12 +27,12 @@ class TradeTable:
 
     @property
     def is_held(self) -> bool:
-        """Return whether some figure of merit asked for hangs on detection, so that points are held to the least of it."""
+        """Return whether a figure of merit depends on detection: points then need a least detection fraction."""
         return any(MERITS[name].of_detected for name in self.study.merits)
 
     @property
     def detected(self) -> np.ndarray:
-        """Return a mask (point) of those whose detection fraction, mean over seeds, is at least what the study asks for."""
+        """Return a mask (point) of those whose detection fraction, mean over seeds, reaches the study's minimum."""
         mean = self.of_points(DETECTION)[0]
         enough: np.ndarray = np.isfinite(mean) & (mean >= self.study.min_detection_fraction)
         return enough
