@@ -256,7 +256,12 @@ def test_a_temporary_file_cut_anywhere_is_refused(tmp_path):
             assert_same(recording[19], make_frame(19, shape=(6, 5)))
         for cut in range(len(whole) - 1, 0, -len(whole) // 40):
             (tmp_path / "cut.h5.tmp-00").write_bytes(whole[:cut])
-            assert "is cut short" in one_line(tmp_path / "cut.h5.tmp-00"), cut
+            # While a run writes, the superblock lags by the last chunk: a cut there is found by the chunk's checksum.
+            with (
+                pytest.raises(RecordingError, match="is cut short|is damaged"),
+                export.open(tmp_path / "cut.h5.tmp-00") as found,
+            ):
+                assert_same(found[19], make_frame(19, shape=(6, 5)))
 
 
 def test_flipped_bytes_give_frames_or_one_line(tmp_path):

@@ -218,7 +218,7 @@ def test_what_is_not_counted_is_said():
         ({"materials": ["goldfoil"]}, "no 'goldfoil'; did you mean"),
         ({"materials": [1.5]}, "1.5: is no reflectance"),
         ({"materials": []}, "materials: none given"),
-        ({"materials": ["none.csv"]}, "none.csv: cannot be read"),
+        ({"materials": ["none.csv"]}, "none.csv: no such file"),
         ({"target_m": (1.0, 2.0)}, "target_m: 2 sides"),
         ({"target_m": math.nan}, "target_m: nan: is no size"),
         ({"facet_m2": 0.0}, "facet_m2: 0.0: is no size"),
