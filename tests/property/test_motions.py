@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import rso_lidar as rl
 from rso_lidar import motion, units
 from rso_lidar.errors import RsoLidarError, ScenarioError
+from rso_lidar.motion.aim import driven, with_lidar
 from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.kepler import State
@@ -85,9 +86,9 @@ def epochs(time_s):
     return Epochs(START, np.asarray(time_s, dtype=float))
 
 
-def slope(values):
+def slope(values, step_s=STEP_S):
     """Return the derivative (time, ...) of rows on the grid by the five-point difference."""
-    return np.einsum("nk...,k->n...", values.reshape((len(TIMES_S), 5, *values.shape[1:])), SLOPE)
+    return np.einsum("nk...,k->n...", values.reshape((len(TIMES_S), 5, *values.shape[1:])), SLOPE * STEP_S / step_s)
 
 
 def middle(values):
@@ -98,15 +99,15 @@ def batch(values, *inner):
     return np.broadcast_to(values, (len(GRID_S), *inner))
 
 
-def velocity_off_m_s(link):
-    moved = slope(batch(link.translation_m, 3)) - middle(batch(link.velocity_m_s, 3))
+def velocity_off_m_s(link, step_s=STEP_S):
+    moved = slope(batch(link.translation_m, 3), step_s) - middle(batch(link.velocity_m_s, 3))
     return np.linalg.norm(moved, axis=1).max()
 
 
-def rate_off_rad_s(link):
+def rate_off_rad_s(link, step_s=STEP_S):
     """Return by how much the body rate differs from R' dR/dt, the turn of the axes in themselves."""
     turning = batch(link.matrix, 3, 3)
-    spin = np.einsum("nji,njk->nik", middle(turning), slope(turning))
+    spin = np.einsum("nji,njk->nik", middle(turning), slope(turning, step_s))
     rate = 0.5 * np.stack(
         [spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0], spin[:, 1, 0] - spin[:, 0, 1]], 1
     )
@@ -211,6 +212,52 @@ def test_hinges_turn_at_their_rates(folder):
             assert velocity_off_m_s(truth.poses.link(parent, axes)) < EXACT_M_S
         again = motion.truth(bodies, epochs(GRID_S[3:4]))
         assert same_bits({key: rows[3:4] for key, rows in bits(truth).items()}, bits(again))
+
+
+@pytest.mark.parametrize(
+    ("response", "within"),
+    [
+        # The demand runs at r = 2 deg/s = 0.0349 rad/s and is held for a tick of dt = 1 ms, so that an angle has corners.
+        # A rate is that at the end of a tick; against the mean over ticks it is off by r dt / (2 tau) for the first order
+        # (its rate jumps by r dt / tau) and by w^2 r dt^2 / 12 for the second (its acceleration jumps by w^2 r dt).
+        ('{ type = "ideal" }', 1e-12),  # rounding: 1e-15 rad over the step
+        ('{ type = "first_order", time_constant_s = 0.3 }', 1.02 * 0.0349 * 1e-3 / 2.0 / 0.3),
+        ('{ type = "second_order", natural_hz = 0.5, damping = 0.7 }', 1.05 * np.pi**2 * 0.0349 * 1e-6 / 12.0),
+    ],
+)
+def test_the_pan_tilt_unit_turns_the_lidar_at_its_rates(response, within, folder):
+    """Ptu and lidar, each on a mount away and turned, in the axes of follower and target, while the drive follows a scan."""
+    ptu = f"""[ptu]
+mount = {{ position_m = [0.3, -0.2, 0.1], euler_zyx_deg = [30, -20, 10] }}
+response = {response}
+[ptu.point]
+type = "scan"
+pattern = "raster"
+pan_deg = 10
+tilt_deg = 5
+half_width_deg = 40
+half_height_deg = 10
+step_deg = 5
+rate_deg_s = 2
+
+[lidar]
+mount = {{ position_m = [0.05, 0.02, -0.1], euler_zyx_deg = [1, 2, 3] }}
+"""
+    text = scenario_text(RELATIVE["nonlinear"]).replace('[ptu]\npoint = { type = "track", at = "chief" }\n', ptu)
+    scenario = rl.Scenario.loads(text, folder=folder)
+    step_s = 8e-3  # whole ticks; the drive's transients, exp(-2.2 t) and exp(-3.3 t), bend the course far more slowly
+    times_s = np.array([0.5, 1.2, 3.0, 7.25, 15.0])  # on the first line of the raster, which ends at 20 s
+    grid_s = (times_s[:, None] + step_s * np.arange(-2, 3)).ravel()
+    course = motion.truth(scenario.bodies, epochs(grid_s))
+    angles, rates = driven(scenario.ptu, scenario.bodies, course, START, local=False)
+    assert np.all(np.abs(rates[:, 0]) > 0.01)  # it moves, and may not be right by standing still
+    poses = with_lidar(course.poses, scenario.ptu, angles, rates, scenario.lidar.mount)
+    for parent, child in (("follower", "ptu"), ("follower", "lidar"), ("lidar", "follower"), ("lidar", "chief")):
+        link = poses.link(parent, child)
+        away_m = np.linalg.norm(batch(link.translation_m, 3), axis=1).max()
+        assert rate_off_rad_s(link, step_s) < within, (parent, child)
+        # where the parent turns, the child's place turns with it; positions of some km are rounded to 1e-9 m
+        assert velocity_off_m_s(link, step_s) < within * away_m + 1e-6, (parent, child)
 
 
 # ----------------------------------------------------------------------------------------------- bits, text, chiefs
