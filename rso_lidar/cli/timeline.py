@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from rso_lidar.arithmetic import first_least
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
@@ -50,7 +51,7 @@ def _summary(made: Timeline, mirrored: bool) -> list[str]:
     """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
-    nearest = int(np.argmin(range_m))
+    nearest = first_least(range_m)
     lines = [
         f"{made.target}: {time_s.size:,} frames, {range_m[0]:,.1f} -> {range_m[-1]:,.1f} m, least {range_m[nearest]:,.1f} m "
         f"at {time_s[nearest]:g} s",

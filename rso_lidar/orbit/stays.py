@@ -19,6 +19,7 @@ ROOT_S = 1e-4
 BRIEF_S = 1e-3  # sets that fly for less are passed over
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
+_EQUAL_M = 1e-4  # minima closer to each other are equal: after days, rounding in SGP4 moves a position by some 1e-7 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ class Stay:
 
     @property
     def time_s(self) -> float:
-        """Return when it is nearest [s since the start]."""
-        return float(self.minima_s[np.argmin(self.minima_m)])
+        """Return when it is nearest [s since the start]; of equal minima, as in a formation, the first."""
+        return float(self.minima_s[np.argmax(self.minima_m <= self.minima_m.min() + _EQUAL_M)])
 
     @property
     def range_m(self) -> float:

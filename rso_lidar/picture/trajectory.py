@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rso_lidar.arithmetic import first_least
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hexed
@@ -109,7 +110,7 @@ def orbit_figure(
     """
     path = track(source, target)
     range_m = np.linalg.norm(path.position_m, axis=-1)
-    nearest = int(np.argmin(range_m))
+    nearest = first_least(range_m)
     in_rtn = path.axes.endswith(".rtn")
     note = f"lidar in the axes {path.axes}   ·   "
     note += f"nearest {range_m[nearest]:,.1f} m at {path.time_s[nearest]:,.1f} s"

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from rso_lidar.arithmetic import EQUAL, first_least
+
 _FINER = 21  # samples of one round of refinement
 _ROUNDS = 12
 
@@ -20,7 +22,7 @@ def closest(
     """Return the least distance [m] of a path from the origin, and `begin_s` plus the path's own time of it [s].
 
     `path` gives position [m] and velocity [m/s] (time, 3); it is looked at every `step_s` from `from_s` to `to_s`, and
-    about each local minimum finer and finer, down to a millionth of the step.
+    about each local minimum finer and finer, down to a millionth of the step. Of equal minima the first counts.
     """
     times = (
         np.linspace(from_s, to_s, max(2, int(np.ceil((to_s - from_s) / step_s)) + 1))
@@ -29,22 +31,28 @@ def closest(
     )
     distance = _distance(path, times)
     fenced = np.concatenate([[np.inf], distance, [np.inf]])
-    least = np.flatnonzero((distance <= fenced[:-2]) & (distance <= fenced[2:]))
-    if len(least) > 64:  # a path that stands still is nearest everywhere
-        least = least[np.argsort(distance[least], kind="stable")[:64]]
-    best = min((float(distance[k]), float(times[k])) for k in least)
+    lowered = distance * (1.0 - EQUAL)
+    least = np.flatnonzero((lowered <= fenced[:-2]) & (lowered <= fenced[2:]))
+    if len(least) > 64:  # a path that stands still is nearest everywhere, and rounding makes minima of it
+        equal = np.flatnonzero(distance[least] <= distance[least].min() * (1.0 + EQUAL))
+        order = np.argsort(distance[least], kind="stable")
+        least = least[np.unique(np.concatenate([equal[:1], order[:63]]))]
+    best_m, best_s = distance[least], times[least]
     if len(times) > 1:
-        width, centre = np.full(len(least), times[1] - times[0]), times[least]
-        for _ in range(_ROUNDS):
+        rows, width, centre = np.arange(len(least)), np.full(len(least), times[1] - times[0]), best_s
+        for k in range(_ROUNDS):
             finer = np.clip(centre[:, None] + width[:, None] * np.linspace(-1.0, 1.0, _FINER), from_s, to_s)
             values = _distance(path, finer.ravel()).reshape(finer.shape)
+            if k == 0:  # where the distance stays the same, its first sample stands
+                varies = np.ptp(values, axis=1) > EQUAL * values.max(axis=1)
             chosen = np.argmin(values, axis=1)
-            rows = np.arange(len(least))
             centre, width = finer[rows, chosen], width * 2.0 / (_FINER - 1)
-            best = min(best, *zip(values[rows, chosen].tolist(), centre.tolist(), strict=True))
+            lower = varies & (values[rows, chosen] < best_m)
+            best_m, best_s = np.where(lower, values[rows, chosen], best_m), np.where(lower, centre, best_s)
             if width[0] < 1e-6 * step_s:
                 break
-    return best[0], begin_s + best[1]
+    first = first_least(best_m)
+    return float(best_m[first]), begin_s + float(best_s[first])
 
 
 def _distance(path: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], times: np.ndarray) -> np.ndarray:

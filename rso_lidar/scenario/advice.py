@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
+from rso_lidar.arithmetic import first_least
 from rso_lidar.detector import Gsfl
 from rso_lidar.motion import Slew
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
@@ -239,7 +240,7 @@ def _beam(scenario: Scenario, seen: Preview) -> list[str]:
     lines = []
     for sight in seen.sights:
         nearest_m = float(sight.range_m.min())
-        laser = scenario.instrument.at(float(seen.time_s[np.argmin(sight.range_m)])).laser
+        laser = scenario.instrument.at(float(seen.time_s[first_least(sight.range_m)])).laser
         if nearest_m > 0.0 and parallax_share(laser, nearest_m) < _DIM:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.1f} m the beam of a laser {np.linalg.norm(laser.offset_m):.3g} m from "
@@ -252,7 +253,7 @@ def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
     """Return where most pixels of a target clip the converter: its median pixel at the nearest instant, as it stands."""
     lines = []
     for number, sight in enumerate(seen.sights):
-        row = int(np.argmin(sight.range_m))
+        row = first_least(sight.range_m)
         nearest_m = float(sight.range_m[row])
         if nearest_m < 1e-3:
             continue

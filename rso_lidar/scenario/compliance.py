@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
+from rso_lidar.arithmetic import first_least
 from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.environment import least, spans_below
@@ -49,7 +50,7 @@ def _exclusions(constraints: Constraints, scenario: Scenario, seen: Preview) -> 
         if key == "sun_exclusion_deg":
             near &= around.sun_seen
         if near.any():
-            worst = int(np.argmin(np.where(near, angle, np.inf)))
+            worst = first_least(np.where(near, angle, np.inf))
             least_deg = angle[worst] / units.DEG
             how = f"{what} within {least_deg:.2f}° of the boresight"
             if least_deg < 0.0:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
+from rso_lidar.arithmetic import first_least
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial, trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
@@ -70,7 +71,7 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
         f"  motion    {_motion(scenario, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
-        f"{seen.time_s[np.argmin(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
+        f"{seen.time_s[first_least(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
         f"light time {sight.light_time_m / units.MM:.3f} mm",
         f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(sight.in_field):.0%} of the "
         f"time, all of it {np.mean(sight.wholly):.0%}",

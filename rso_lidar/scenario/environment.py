@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
+from rso_lidar.arithmetic import first_least
 from rso_lidar.motion import Body
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.environment import (
@@ -258,7 +259,7 @@ def _ends(angle: np.ndarray) -> str:
 
 
 def _course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
-    worst = int(np.argmin(angle))
+    worst = first_least(angle)
     return f"{_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
 
 

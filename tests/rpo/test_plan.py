@@ -89,6 +89,26 @@ def test_closest_finds_a_sharp_pass_between_samples():
     assert at_s == pytest.approx(133.3, abs=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("turns", "expected_s"), [(0.0, 100.0), (2.0, 125.0)], ids=["stands still", "comes as near four times"]
+)
+def test_of_equal_distances_the_first_counts(turns, expected_s, seed):
+    """A leader is 200 m ahead, still or swinging by 50 m with minima at 25, 75, ... s. Rounding of 1e-12 is added."""
+    rng = np.random.default_rng(seed)
+
+    def path(time_s):
+        ahead = 200.0 + (turns > 0.0) * 50.0 * np.cos(2.0 * np.pi * turns * time_s / 100.0)
+        position = np.stack(
+            [0.0 * time_s, ahead * (1.0 + 1e-12 * rng.uniform(-1.0, 1.0, len(time_s))), 0.0 * time_s], axis=-1
+        )
+        return position, np.zeros_like(position)
+
+    distance, at_s = closest(path, 100.0, 0.0, 200.0, 1.0)
+    assert distance == pytest.approx(200.0 if turns == 0.0 else 150.0, rel=1e-11)
+    assert at_s == pytest.approx(expected_s, abs=1e-3)
+
+
 def test_passive_safety_is_the_least_of_all_failures():
     speed = 0.3
     start = np.array([0.0, -400.0, 0.0])

@@ -172,6 +172,23 @@ def test_a_formation_is_one_long_stay_with_several_minima():
     assert 14 <= len(stay.minima_s) <= 32  # a relative ellipse is nearest once or twice in each of 15.2 revolutions
 
 
+@pytest.mark.parametrize("i", [0.0, 53.0])
+def test_of_equal_minima_the_first_counts(i):
+    """One craft behind another on a circle without drag: each revolution has the same minima, and rounding ranks them.
+
+    The time is the first minimum's however the anomaly is moved by 1e-9 deg. Over the equator the range varies by
+    millimetres only, so that rounding moves a minimum itself, by seconds.
+    """
+    found = []
+    for moved in (0.0, 1e-9, -1e-9, 2e-9):
+        one, two = (elements(k, 15.0, e=0.0, i=i, bstar=0.0, anomaly=k * (0.01 + moved)) for k in (0, 1))
+        (stay,) = screen(one, [two], START, 43200.0, 50e3).stays
+        lowest = stay.minima_m <= stay.minima_m.min() + 1e-3
+        assert lowest.sum() >= 7 and stay.time_s == stay.minima_s[lowest][0]
+        found.append(stay.time_s)
+    assert np.ptp(found) < (30.0 if i == 0.0 else 0.1)
+
+
 def test_the_same_elements_twice_are_one_stay_at_range_zero():
     twin = elements(11, 15.2)
     (stay,) = screen(LEO, [twin], START, 7200.0, 1e3).stays
