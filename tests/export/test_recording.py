@@ -258,7 +258,7 @@ def test_a_temporary_file_cut_anywhere_is_refused(tmp_path):
             (tmp_path / "cut.h5.tmp-00").write_bytes(whole[:cut])
             # While a run writes, the superblock lags by the last chunk: a cut there is found by the chunk's checksum.
             with (
-                pytest.raises(RecordingError, match="is cut short|is damaged"),
+                pytest.raises(RecordingError, match=r"is cut short|is damaged"),
                 export.open(tmp_path / "cut.h5.tmp-00") as found,
             ):
                 assert_same(found[19], make_frame(19, shape=(6, 5)))
