@@ -7,6 +7,7 @@ from frames_for_tests import SOURCE, assert_same, datasets, leave_unfinished, li
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.lens import LensTables
 
 RUN = "1a2b3c4d"
 ZOOMS = [1.0, 2.0, 1.0, 3.0, 2.0, 2.0]  # of frame k
@@ -51,6 +52,20 @@ def test_tables_are_stored_once(saved):
         assert [dim[0].name for dim in file["lens"].dims] == ["/time"]
         assert file["lens_number"][:].tolist() == [0, 1, 2]
         assert file["lens"].attrs["long_name"] and file["lens_number"].attrs["long_name"]
+
+
+@pytest.mark.parametrize("pixel", [(0, 0, 1), (7, 3, 0), (11, 9, 2)])
+def test_tables_that_differ_in_one_pixel_are_two(tmp_path, pixel):
+    """A table is known by all of its entries, first row, last row and between, to the last bit of one of them."""
+    first = line_of_sight((12, 10), 2.0)
+    second = first.copy()
+    second[pixel] = np.nextafter(second[pixel], 2.0)
+    with h5py.File(tmp_path / "tables.h5", "w") as file:
+        file.create_dataset("line_of_sight", (0, 12, 10, 3), "f8", maxshape=(None, 12, 10, 3))
+        file.create_dataset("lens_number", (0,), "i4", maxshape=(None,))
+        tables = LensTables(file)
+        assert [tables.number(table) for table in (first, second, first.copy(), second.copy())] == [0, 1, 0, 1]
+        np.testing.assert_array_equal(file["line_of_sight"], [first, second])
 
 
 def test_one_lens_in_a_file_for_many(tmp_path):
