@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,17 @@ def path_of(given: Any, error: type[RsoLidarError]) -> Path:
         return Path(given)
     except TypeError:
         raise error(f"{given!r:.60}: is no path; give a text or a pathlib.Path") from None
+
+
+def expanded(path: str | os.PathLike[str]) -> Path:
+    """Return a path with a leading ``~`` expanded; as it is where there is no such user, so that no such file is found.
+
+    >>> expanded("~no_such_user/a.tle").parts
+    ('~no_such_user', 'a.tle')
+    """
+    with suppress(RuntimeError):
+        return Path(path).expanduser()
+    return Path(path)
 
 
 def check_regular(path: Path, most_bytes: int, error: type[RsoLidarError], what: str = "file") -> os.stat_result:
@@ -58,7 +70,8 @@ def read_bytes(path: Path, most_bytes: int, error: type[RsoLidarError], what: st
         with os.fdopen(
             os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)), "rb"
         ) as file:
-            content = file.read(most_bytes + 1)  # a file of /proc has no size, and one that is written to grows
+            # A file of /proc has no size, and one that is written to grows. None: it would block, as the kernel's log does.
+            content = file.read(most_bytes + 1) or b""
     except OSError as problem:
         raise error(f"{path}: cannot be read ({_reason(problem)}); check its permissions") from None
     if len(content) > most_bytes:

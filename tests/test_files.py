@@ -15,6 +15,7 @@ from rso_lidar.optics.zemax import read_huygens_psf
 from rso_lidar.scene import load_mesh
 from rso_lidar.study.budget_asked import _table
 
+STUDY = {"version": 1, "name": "s", "merits": ["range_rms_m"], "axis": [{"field": "seed", "values": [1]}]}
 READERS = {
     "scenario": ("x.toml", rl.Scenario.load),
     "study": ("x.toml", rl.Study.load),
@@ -84,3 +85,29 @@ def test_a_file_that_does_not_know_its_size_is_bounded_too():
     assert Path("/proc/self/environ").stat().st_size == 0
     with pytest.raises(ScenarioError, match="over the 5 bytes"):
         files.read_bytes(Path("/proc/self/environ"), 5, ScenarioError)
+
+
+def test_a_file_that_would_block_has_no_content(tmp_path, monkeypatch):
+    """A read without waiting returns None where a regular file has nothing at present, as /proc/kmsg does."""
+    path = tmp_path / "x"
+    path.touch()
+    reading, writing = os.pipe()
+    os.set_blocking(reading, False)
+    monkeypatch.setattr(files.os, "open", lambda *_: reading)
+    assert files.read_bytes(path, 8, ScenarioError) == b""
+    os.close(writing)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda path: rl.Tle(file=path).elements(),
+        lambda path: rl.Study(**STUDY, scenario=path).scenario_file(),
+        rl.Scenario.load,
+        rl.open,
+    ],
+    ids=["element sets", "scenario of a study", "scenario", "recording"],
+)
+def test_a_home_of_nobody_holds_no_file(read):
+    with pytest.raises(RsoLidarError, match=r"no (such )?file|there is no folder"):
+        read("~no_such_user/x.h5")

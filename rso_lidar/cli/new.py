@@ -38,10 +38,10 @@ def new(
         for line in _listed(known):
             echo(line)
         return
-    place = _place(name)
     source = known[example]
     text = source.read_text(encoding="utf-8")
-    written = {free(place, (".toml",), overwrite=overwrite): _headed(text, place, example).encode()}
+    place = free(_place(name), (".toml",), overwrite=overwrite)
+    written = {place: _headed(text, place, example).encode()}
     for companion in _companions(text, source.parent):
         target = place.parent / companion.name
         if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
@@ -69,7 +69,7 @@ def _place(name: str) -> Path:
     if not place.suffix:
         place = place.with_name(f"{place.name}.toml")
     check_suffix(place, (".toml",))
-    return place.expanduser()
+    return place  # `free` expands a leading ~
 
 
 def _listed(known: dict[str, Path]) -> Iterator[str]:

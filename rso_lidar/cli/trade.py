@@ -93,7 +93,10 @@ def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
     `new` says that a folder is meant that is not there yet.
     """
-    output = Path(given or ".").expanduser()
+    try:
+        output = Path(given or ".").expanduser()
+    except RuntimeError:
+        raise RecordingError(f"{given}: cannot be written here (there is no such user); choose another place") from None
     if new or output.is_dir():
         stem = output / file.stem
         return [stem.with_name(f"{stem.name}{suffix}") for suffix in (".csv", ".html")]

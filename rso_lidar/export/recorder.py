@@ -336,18 +336,24 @@ class Recorder:
     def _keep(self, error: BaseException) -> str:
         """Return where the whole frames are kept after an error, and what to do, as words."""
         cure = error.cure if isinstance(error, InterferenceError) else write_cure(write_errno(error))
-        place: Path | None = None
         if isinstance(error, InterferenceError) and not error.intact:
             return f"they could not be kept: {cure} and run again with --overwrite"
-        if self._open is not None:
-            place = self._open.keep(self.path)
-        elif self.temporary.exists():
-            place = self.temporary
+        left = self.temporary if self.temporary.exists() else None
+        place = left if self._open is None else self._open.keep(self.path)
         if place == self.temporary:
             return f"{place.name} is kept: {cure} and go on with --resume"
         if place is not None:
-            return f"they are kept in {place}: go on with -o {TEMPORARY.sub('', str(place))} --resume"
+            return f"they are kept in {place}: {self._how_to_resume(place)}"
         return f"they could not be kept: {cure} and run again" if self.written else f"{cure} and run again"
+
+    def _how_to_resume(self, place: Path) -> str:
+        """Return how to go on from where the content lies, which a resume finds by the name of a temporary file."""
+        run, output = self.temporary.name.removeprefix(self.path.name), TEMPORARY.sub("", place.name)
+        if place.name == output + run and output.endswith(self.path.suffix):
+            return f"go on with -o {place.with_name(output)} --resume"
+        is_taken = os.path.lexists(place.with_name(self.temporary.name))
+        output = f"{self.path.stem}{'.rescued' if is_taken else ''}{self.path.suffix}"
+        return f"rename it to {output}{run} and go on with -o {place.with_name(output)} --resume"
 
     def _restore_superblock(self) -> None:
         """Put the last good superblock back, in place, which needs no room.

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
-from rso_lidar.files import path_of
+from rso_lidar.files import expanded, path_of
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.load import read_toml, validated
@@ -267,7 +267,7 @@ class Study(Part):
     def scenario_file(self) -> Path:
         """Return where the scenario lies."""
         folder = self._folder or Path()
-        path = folder / Path(self.scenario).expanduser()
+        path = folder / expanded(self.scenario)
         if not path.is_file():
             raise ScenarioError(
                 f"{self._where}: scenario: no file '{self.scenario}' in {folder.resolve()}; give its path from the study"

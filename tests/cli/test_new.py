@@ -109,3 +109,11 @@ def test_dynamics_leave_no_compiled_file_beside_them(call, tmp_path):
     call("mine", "--from", "thrusters")
     rl.Scenario.load("mine.toml").describe()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["mine.toml", "thrusters.py"]
+
+
+def test_a_home_of_nobody_is_one_line(call, tmp_path):
+    status, out, err = call("~no_such_user/mine")
+    assert (status, out) == (2, "")
+    assert len(err) == 1
+    assert "~no_such_user/mine.toml: cannot be written here" in err[0]
+    assert list(tmp_path.iterdir()) == []

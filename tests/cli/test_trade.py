@@ -97,6 +97,8 @@ def test_a_slash_at_the_end_makes_the_folder(call, text, tmp_path, monkeypatch):
         (["-o", "no/such/"], "no/such: there is no folder no; make it first"),
         (["-o", "mine.csv/"], "mine.csv: exists already"),
         (["-o", "no/such/x.csv"], "there is no folder"),
+        (["-o", "~no_such_user/"], "~no_such_user"),
+        (["-o", "~no_such_user/x.csv"], "~no_such_user/x.csv: cannot be written here"),
         (["-o", "mine.csv"], "exists already; give --overwrite"),
         (["-o", "mine.html"], "exists already; give --overwrite"),
         (["--workers", "0"], "--workers"),

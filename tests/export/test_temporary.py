@@ -95,15 +95,19 @@ def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, meddle, a
         assert line.endswith(f"run.h5.tmp-{RUN} is kept: keep other programs away from it and go on with --resume")
         kept = output.with_name(f"run.h5.tmp-{RUN}")
     else:
-        kept, again = map(Path, re.search(r"kept in (\S+): go on with -o (\S+) --resume$", line).groups())
-        assert kept.name.startswith(again.name)
+        found = re.search(r"kept in (\S+): (?:rename it to (\S+) and )?go on with -o (\S+) --resume$", line)
+        kept, name, again = Path(found[1]), found[2], Path(found[3])
+        if meddle in (remove_folder, move_folder):
+            assert name is None
+        if name is not None:  # the advice is followed: nothing is in its way
+            assert not kept.with_name(name).exists()
+            kept = kept.rename(kept.with_name(name))
+        assert kept == again.with_name(f"{again.name}.tmp-{RUN}")
     assert kept.is_relative_to(tmp_path)
     with export.open(kept) as recording:
         assert len(recording) == at
         for k, frame in enumerate(recording):
             assert_same(frame, make_frame(k, shape=SHAPE))
-    if meddle is move:  # to a name of the other program's choice, which a resume does not look for
-        return
     again = kept.with_name(kept.name.removesuffix(f".tmp-{RUN}"))
     record(again, None, None, resume=True)
     whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE))
