@@ -395,6 +395,17 @@ def test_no_two_stages_or_frames_draw_from_one_stream(text, monkeypatch):
         assert sum(np.allclose(jitter, four[:2] - four[2:], atol=1e-6) for four in drawn) == 1
 
 
+def test_a_frame_chosen_has_the_jitter_of_its_number(text):
+    """Frames 3 and 7, asked for alone, point and report as they do among all: by their number, not their place."""
+    scenario = rl.Scenario.loads(text)
+    whole = {frame.index: frame.truth.pointing for frame in rl.simulate(scenario, threads=1)}
+    errors = [pointing.actual_rad - pointing.measured_rad for pointing in whole.values()]
+    assert len(np.unique(errors, axis=0)) == len(whole)
+    for frame in rl.simulate(scenario, frames=[3, 7], threads=1):
+        np.testing.assert_array_equal(frame.truth.pointing.actual_rad, whole[frame.index].actual_rad)
+        np.testing.assert_array_equal(frame.truth.pointing.measured_rad, whole[frame.index].measured_rad)
+
+
 ALL_AT_ONCE = (
     'world={axes="local", sun_direction=[-1, 0.4, 0.7]}',
     "target.0.motion.position_m=[60, 0, 0]",

@@ -115,6 +115,15 @@ def test_camera_matrix_is_the_lens(tmp_path):
     assert off_pixels < 1e-10
 
 
+def test_camera_matrix_of_a_lens_that_looks_aside(tmp_path):
+    """Focal lengths and the image of the axis come back where neither is in the middle nor alike across and down."""
+    col, row = np.meshgrid(np.arange(10.0), np.arange(12.0))
+    sight = np.stack([(col - 3.2) / 240.0, (row - 7.9) / 250.0, np.ones((12, 10))], axis=-1)
+    camera, off_pixels = pinhole(tmp_path, sight / np.linalg.norm(sight, axis=-1, keepdims=True))
+    np.testing.assert_allclose(camera, [[240.0, 0, 3.2], [0, 250.0, 7.9], [0, 0, 1]], atol=1e-9)
+    assert off_pixels < 1e-9
+
+
 def test_a_lens_that_bends_is_told_of_once(tmp_path):
     def bent(k):
         frame = make_frame(k)
