@@ -65,6 +65,15 @@ def test_the_nearest_of_several_rays_gives_the_range_and_their_photons_add():
     row, col = np.unravel_index(np.nanargmin(image.range_m), image.range_m.shape)
     assert image.range_m[row, col] == pytest.approx(2000, abs=1e-3)
     assert binned(image.photons, 4) == pytest.approx(scene.by_pixel, rel=1e-5)
+    # Cell by cell: on the border of the small target rays of both fall into one cell, in any order.
+    direction = scene.hits.rays.direction[scene.hits.ray]
+    at = SEED_RECEIVER.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
+    nearest: dict[tuple[int, int], float] = {}
+    for col, row, range_m in zip(*(np.floor(4 * x).astype(int) for x in at), scene.hits.range_m, strict=True):
+        nearest[row, col] = min(range_m, nearest.get((row, col), np.inf))
+    expected = np.full_like(image.range_m, np.nan)
+    expected[tuple(np.transpose(list(nearest)))] = list(nearest.values())
+    np.testing.assert_array_equal(image.range_m, expected)
 
 
 def test_dark_hits_have_range_and_no_photons():
