@@ -14,7 +14,7 @@ from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library import models, own_models
 from rso_lidar.study.model_card import ModelCard, model_card
 
-WIDE = 112  # columns that the tables need
+WIDE = 112  # columns that the tables need: no number is cut off
 
 
 def show(
@@ -41,7 +41,7 @@ def show(
     for line in (card.what, *card.lines):
         console.print(line)
     console.print()
-    console.print(_light(card))
+    literal_console(WIDE).print(_light(card))
     console.print()
     literal_console(WIDE).print(_parts(card))
     console.print("\nBody axes, from the centre of mass.")

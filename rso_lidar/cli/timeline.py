@@ -47,6 +47,9 @@ def timeline(
     echo(f"{output}")
 
 
+_LIKELY = 0.9  # probability of detection from which a frame counts in the summary
+
+
 def _summary(made: Timeline, mirrored: bool) -> list[str]:
     """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
     table = made.table
@@ -71,6 +74,12 @@ def _summary(made: Timeline, mirrored: bool) -> list[str]:
         f"in the brightest{' (its retro-reflectors counted)' * mirrored}, "
         f"found with probability {_span(table['detection_probability'], '.2f')}"
     )
+    likely = table["detection_probability"] >= _LIKELY
+    if likely.any() and not likely.all():
+        frames = f"{np.mean(likely):.0%} of the frames, at {_span(range_m[likely], ',.1f')} m"
+        lines.append(f"detection     of the brightest pixel, with a probability of {_LIKELY:g} or more: {frames}")
+    elif not likely.any():
+        lines.append(f"detection     the brightest pixel never reaches a probability of {_LIKELY:g}")
     return lines
 
 

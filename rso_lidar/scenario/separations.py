@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _OFTEN = 0.9  # probability that both are listed, from which a separation counts
 _BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch
-_MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 32, 60_000, 3
+_MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 12, 20_000, 3  # enough for a depth in words, to a tenth of a metre
 
 
 def separation_lines(scenario: Scenario) -> list[str]:

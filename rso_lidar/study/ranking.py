@@ -79,8 +79,11 @@ def summary(trade: TradeTable) -> list[str]:
         if not points.size:
             lines.append(f"{words(MERITS[name]):<28} {no_best(trade, name)}")
             continue
-        row = int(points[0]) * study.seeds
-        value = said(float(trade.of_points(name)[0][points[0]]))
+        values = trade.of_points(name)[0][points]
+        row, value = int(points[0]) * study.seeds, said(float(values[0]))
+        if points.size > 1 and np.all(values == values[0]):
+            lines.append(f"{words(MERITS[name]):<28} is {value} at all {points.size:,} points, so that none is best")
+            continue
         places = ((place, head, trade.table[place][row]) for place, head in heads(study.places).items())
         at = ", ".join(
             f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places

@@ -162,6 +162,7 @@ def test_a_point_where_little_is_detected_is_not_the_best(lucky):
     assert "best      0.1 at row 4" in lines[1]
     why = "1 of 3 points are not ranked in range_rms_m: detection_fraction below 0.5 (min_detection_fraction)"
     assert lines[-1] == why
+    assert any(line.startswith("False returns") and "so that none is best" in line for line in lines)
     page = report(lucky)
     assert why in page and "Points that are not ranked" in page
 
