@@ -122,6 +122,21 @@ def test_the_spot_of_a_small_target(sigma_um, rays_per_pixel):
         assert variance == pytest.approx(sigma**2 + 1 / 12 + 1 / (12 * 64), abs=ripple + 0.03 * sigma**2)
 
 
+@pytest.mark.parametrize("f_number", [2.8, 8.0])
+def test_a_pixel_as_wide_as_the_airy_disc_holds_the_disc(f_number):
+    """A circle through the first dark ring, 1.22 λN, holds 83.8 % (Born and Wolf, 8.5.2); one about its square, below 91 %."""
+    pitch_um = 2.0 * 1.22 * 1.064 * f_number
+    lens = LENS.replace(f_number=f_number, pixel_pitch_um=pitch_um, psf=AiryPsf(), rays_per_pixel=100)
+    side_m = pitch_um * 1e-6 / 0.1 * 1000.0  # of a pixel, 1 km away
+    target = surface("point", plate(0.01 * side_m))
+    at = place((0.53 * side_m, -0.47 * side_m, 1000.0))  # near the middle of pixel (11, 16)
+    image = see(
+        target, truth_of(point=at), lens, LASER.replace(energy_mj=1e10)
+    ).by_pixel  # parts of 0.01 photon are lost
+    assert np.unravel_index(image.argmax(), image.shape) == (11, 16)
+    assert 0.83 < image[11, 16] / image.sum() < 0.91
+
+
 def step(lens, depth_m=20.0):
     """Return what is seen of a near plate left of the middle and a far one behind it."""
     near = surface("near", plate(40, 80) - [20, 0, 0])
