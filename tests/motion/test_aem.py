@@ -119,6 +119,17 @@ def test_orbital_axes(tmp_path):
         flown(AttitudeTable(file=message, axes="rtn"), time)
 
 
+def test_a_turned_table_in_orbital_axes_is_the_law_turned_alike(tmp_path):
+    """Turns about all three axes, which do not commute with that from LVLH to RTN axes."""
+    x, y, z, w = Rotation.from_euler("ZYX", [20, -35, 50], degrees=True).as_quat()
+    still = "time_s,qx,qy,qz,qw\n" + "".join(f"{t},{x:.17g},{y:.17g},{z:.17g},{w:.17g}\n" for t in (0, 60))
+    table = AttitudeTable(file=saved(tmp_path, still, "a.csv"), axes="lvlh_ccsds")
+    rotation, rate = flown(table, [0.0, 60.0])
+    expected, expected_rate = flown(LvlhCcsds(euler_zyx_deg=(20, -35, 50)), [0.0, 60.0])
+    np.testing.assert_allclose((rotation.inv() * expected).magnitude(), 0.0, atol=1e-14)
+    np.testing.assert_allclose(rate, expected_rate, atol=1e-15)
+
+
 def tumbling(tmp_path, step_s):
     law = Tumble(inertia_kg_m2=(10.0, 20.0, 25.0), body_rate_deg_s=(0.5, 3.0, 0.2))
     nodes = Epochs(START, np.arange(0.0, 200.0 + step_s, step_s))

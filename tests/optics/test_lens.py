@@ -124,7 +124,7 @@ def test_the_spot_of_a_small_target(sigma_um, rays_per_pixel):
 
 @pytest.mark.parametrize("f_number", [2.8, 8.0])
 def test_a_pixel_as_wide_as_the_airy_disc_holds_the_disc(f_number):
-    """A circle through the first dark ring, 1.22 λN, holds 83.8 % (Born and Wolf, 8.5.2); one about its square, below 91 %."""
+    """A circle through the first dark ring, 1.22 λN, holds 83.8 % (Born and Wolf, 8.5.2); one about the pixel, 91 %."""
     pitch_um = 2.0 * 1.22 * 1.064 * f_number
     lens = LENS.replace(f_number=f_number, pixel_pitch_um=pitch_um, psf=AiryPsf(), rays_per_pixel=100)
     side_m = pitch_um * 1e-6 / 0.1 * 1000.0  # of a pixel, 1 km away
