@@ -176,7 +176,7 @@ def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
     suffix = place.suffix.lower()
     if suffixes and suffix not in suffixes:
         what = f"unknown suffix '{place.suffix}'" if suffix else "the name has no suffix"
-        guess = did_you_mean(suffix, suffixes) or ";"
+        guess = did_you_mean(suffix, suffixes)
         raise RecordingError(f"{place}: {what}{guess} (known: {', '.join(suffixes)})")
 
 
@@ -263,7 +263,7 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
 def _new(place: Path) -> tuple[Path, IO[bytes]]:
     """Open a file that was not there before, empty, beside `place` and with its suffix; return its path, and it."""
     for number in itertools.count():
-        draft = place.with_name(f"{place.stem}.part{number or ''}{place.suffix}")
+        draft = place.with_name(f"{place.stem}.part{number}{place.suffix}")
         try:
             return draft, draft.open("xb")  # never through a link
         except FileExistsError:

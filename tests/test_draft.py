@@ -148,8 +148,8 @@ def test_an_existing_file_is_free_only_to_overwrite(tmp_path):
     ("name", "said"),
     [
         ("x.cvs", "unknown suffix '.cvs'; did you mean '.csv'? (known: .csv, .png)"),
-        ("x.foo", "unknown suffix '.foo'; (known: .csv, .png)"),
-        ("x", "the name has no suffix; (known: .csv, .png)"),
+        ("x.foo", "unknown suffix '.foo' (known: .csv, .png)"),
+        ("x", "the name has no suffix (known: .csv, .png)"),
         ("", "the name has no suffix"),
         ("folder.csv", "is a folder; name a file in it"),
         ("none/x.csv", "there is no folder"),

@@ -89,11 +89,9 @@ def format_for(word: str | os.PathLike[str]) -> Format:
     if suffix.lower() in _INSTEAD:
         raise RecordingError(f"{text}: '{suffix}' cannot be written; {_INSTEAD[suffix.lower()]}")
     if isinstance(word, str) and not suffix and os.sep not in text:
-        raise RecordingError(
-            f"{text}: unknown format{did_you_mean(text, FORMATS) or ';'} (known: {', '.join(FORMATS)})"
-        )
+        raise RecordingError(f"{text}: unknown format{did_you_mean(text, FORMATS)} (known: {', '.join(FORMATS)})")
     what = f"unknown suffix '{suffix}'" if suffix else "the name has no suffix"
-    raise RecordingError(f"{text}: {what}{did_you_mean(suffix, SUFFIXES) or ';'} (known: {', '.join(SUFFIXES)})")
+    raise RecordingError(f"{text}: {what}{did_you_mean(suffix, SUFFIXES)} (known: {', '.join(SUFFIXES)})")
 
 
 def writer_for(word: str | os.PathLike[str]) -> Writer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -58,19 +58,19 @@ class Sums:
 
 
 class _Passing(Sequence[Frame]):
-    """The frames of a run as a sequence that is gone through once, each counted as it passes and then let go."""
+    """The frames of a run as a sequence: each is counted as it passes and then let go; one asked for alone is flown alone."""
 
-    def __init__(self, made: Iterator[Frame], count: int, sums: Sums) -> None:
-        self._made, self._count, self._sums = made, count, sums
-        self._first = next(made)
+    def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: Sums) -> None:
+        self._fly = partial(simulate, scenario, threads=threads)
+        self._numbers, self._sums = numbers.tolist(), sums
+        self._made = self._fly(frames=self._numbers)
+        self._first = next(self._made)
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._numbers)
 
     def __getitem__(self, index: Any) -> Any:
-        if index != 0:
-            raise IndexError("frames pass once; only the first is at hand")
-        return self._first
+        return self._first if index == 0 else next(self._fly(frames=[self._numbers[index]]))
 
     def __iter__(self) -> Iterator[Frame]:
         self._sums.add(self._first)
@@ -246,8 +246,7 @@ def judged(
     sums = Sums(number, _size_m(scenario, number))
     error_m = np.empty(0)
     if needs & {"frames", "tracker"}:
-        made = simulate(scenario, frames=frames.tolist(), threads=threads)
-        passing = _Passing(made, len(frames), sums)
+        passing = _Passing(scenario, frames, threads, sums)
         if "tracker" in needs:
             table = tracking(passing, scenario.target[number].name, folder=folder, poses=False).table
             error_m = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")], axis=0)

@@ -71,7 +71,7 @@ def test_what_is_written_is_where_the_follower_was(flown, tmp_path):
     [
         ("a.oem", {"target": "tdr"}, "nothing of that name can be written; did you mean 'tdrs'"),
         ("a.aem", {"target": "ptuu"}, "did you mean 'ptu'"),
-        ("a.foo", {}, "unknown suffix '.foo'; (known: .h5, .hdf5, .nc,"),
+        ("a.foo", {}, "unknown suffix '.foo' (known: .h5, .hdf5, .nc,"),
         ("a.n", {}, "did you mean '.nc'"),
         ("a.mat", {}, "cannot be written"),
         ("a", {"format": "netcdff"}, "did you mean 'netcdf'"),

@@ -103,7 +103,7 @@ def test_files_and_pictures(made, tmp_path):
     assert len(rows) == 40
     assert [float(row["cw_nis"]) for row in rows[1:]] == made.table["cw_nis"][1:].tolist()
     assert made.save(tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(rl.RecordingError, match="not written as"):
+    with pytest.raises(rl.RecordingError, match="unknown suffix"):
         made.save(tmp_path / "t.xls")
 
 
