@@ -263,7 +263,7 @@ def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
 def _new(place: Path) -> tuple[Path, IO[bytes]]:
     """Open a file that was not there before, empty, beside `place` and with its suffix; return its path, and it."""
     for number in itertools.count():
-        draft = place.with_name(f"{place.stem}.part{number}{place.suffix}")
+        draft = place.with_name(f"{place.stem}.part{number or ''}{place.suffix}")
         try:
             return draft, draft.open("xb")  # never through a link
         except FileExistsError:

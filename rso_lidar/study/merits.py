@@ -58,7 +58,7 @@ class Sums:
 
 
 class _Passing(Sequence[Frame]):
-    """The frames of a run as a sequence: each is counted as it passes and then let go; one asked for alone is flown alone."""
+    """The frames of a run as a sequence: each is counted as it passes, then let go; one asked for alone is flown alone."""
 
     def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: Sums) -> None:
         self._fly = partial(simulate, scenario, threads=threads)
