@@ -41,11 +41,12 @@ def test_the_trade_says_what_its_page_says():
     assert len(told) == 10
     for row in (34, 14):
         merits = plan.row(row)["merits"]
-        beam, lens, energy, photons, pixels, share, error_m, rms_m = (cell.strip(" %") for cell in told[row])
+        beam, lens, energy, photons, pixels, share, ranked, error_m, rms_m = (cell.strip(" %") for cell in told[row])
         assert [float(text) for text in plan.settings(row).values()] == [float(beam), float(lens), float(energy)]
         assert float(photons) == pytest.approx(merits["photons_per_pixel"], abs=0.51)
         assert float(pixels) == pytest.approx(merits["returns_on_target"], abs=0.051)
         assert float(share) == pytest.approx(100.0 * merits["detection_fraction"], abs=0.051)
+        assert (ranked == "yes") == (merits["detection_fraction"] >= plan.study.min_detection_fraction)
         assert float(error_m) == pytest.approx(merits["range_error_m"], abs=0.00051)
         assert float(rms_m) == pytest.approx(merits["range_rms_m"], abs=0.00051)
 
