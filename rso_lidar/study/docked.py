@@ -15,8 +15,9 @@ from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.study.sighting import TOGETHER_M, Encounter
 
 # One standard deviation of a set at its epoch, radial and across the track [m]: Flohrer, Krag & Klinkrad, Assessment and
-# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). Two sets of one object at successive epochs
-# agree: in 340 pairs of ISS and CSS of 2026, 90 % stay within 85 m, radial and across, over a revolution.
+# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). The values are as remembered and were not looked
+# up in the paper: low confidence. Two sets of one object at successive epochs agree with them: in 340 pairs of ISS and CSS
+# of 2026, 90 % stay within 85 m, radial and across, over a revolution.
 _RADIAL_M = {"leo": 102.0, "meo": 71.0, "geo": 359.0, "heo": 2252.0, "other": 102.0}
 _ACROSS_M = {"leo": 126.0, "meo": 95.0, "geo": 83.0, "heo": 1421.0, "other": 126.0}
 # Along the track an error grows with age: 1 km at the epoch, up to 3 km a day (docs/orbits.md).
