@@ -52,7 +52,8 @@ def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
         pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
         near = pair > (height - bridge.reach * bridge.sigma * sigma.max(axis=1))[:, None]
         row, step = np.nonzero(near & watched[:, :-1] & watched[:, 1:])
-        np.maximum.at(height, row, bridge.heights(made.amplitude, made.mean(), row, step, sigma[row, step], rng))
+        path = bridge.path(made.amplitude, made.mean(), row, step, sigma[row, step], rng)
+        np.maximum.at(height, row, path.max(axis=1))
         found.append(height / camera.threshold)
     return np.concatenate(found)
 

@@ -54,22 +54,6 @@ class Bridge:
         self.root: np.ndarray = np.linalg.cholesky(rest + 1e-12 * np.eye(points))
         self.sigma = float(np.sqrt(rest.diagonal().max()))
 
-    def heights(
-        self,
-        amplitude: np.ndarray,
-        mean: np.ndarray,
-        row: np.ndarray,
-        step: np.ndarray,
-        sigma: np.ndarray,
-        rng: np.random.Generator,
-    ) -> np.ndarray:
-        """Return the greatest amplitude between `step` and the next of each `row`, where the noise has an rms `sigma`.
-
-        `mean` (row, step) is the amplitude without noise.
-        """
-        highest: np.ndarray = self.path(amplitude, mean, row, step, sigma, rng).max(axis=1)
-        return highest
-
     def path(
         self,
         amplitude: np.ndarray,

@@ -86,7 +86,7 @@ def test_heights_between_steps_are_those_of_the_process():
     drawn = rng.standard_normal((n, 19)) @ np.linalg.cholesky(correlation(at, at)).T
     truth = drawn[:, 4:].max(axis=1)
     steps, zero = drawn[:, :4], np.zeros((n, 4))
-    found = bridge.heights(steps, zero, np.arange(n), np.ones(n, int), np.ones(n), rng)
+    found = bridge.path(steps, zero, np.arange(n), np.ones(n, int), np.ones(n), rng).max(axis=1)
     below = steps[:, 1:3].max(axis=1) < 1.5
     for level in (0.5, 1.5, 2.5):
         for rows in (slice(None), below):
@@ -100,10 +100,8 @@ def test_the_mean_between_steps_is_a_quintic():
     """Without noise: x(1 − x), and with it x(1 − x)(x + 1)(x − 2) of fourth order, are highest halfway of steps 0 and 1."""
     x = np.arange(-2.0, 4.0)
     mean = (7.0 + x * (1.0 - x) - 0.5 * x * (1.0 - x) * (x + 1.0) * (x - 2.0))[None]
-    found = Bridge(TAU, 1e-9).heights(
-        mean, mean, np.zeros(1, int), np.full(1, 2), np.zeros(1), np.random.default_rng(0)
-    )
-    assert found == pytest.approx([7.0 + 0.25 + 0.5 * 0.25 * 2.25], abs=1e-9)
+    found = Bridge(TAU, 1e-9).path(mean, mean, np.zeros(1, int), np.full(1, 2), np.zeros(1), np.random.default_rng(0))
+    assert found.max(axis=1) == pytest.approx([7.0 + 0.25 + 0.5 * 0.25 * 2.25], abs=1e-9)
 
 
 def test_crossed_between_reports_the_first_step_of_each_row():

@@ -145,15 +145,25 @@ def test_between_steps_noise_has_its_own_rms_and_the_mean_is_a_curve():
     course = 3.0 * step + 0.4 * step**2 - 0.02 * step**3 + 1e-4 * step**5
     row, at = np.zeros(4000, int), np.full(4000, 9)
     mean = np.tile(course, (1, 1))
-    still = bridge.heights(mean, mean, row, at, np.zeros(4000), np.random.default_rng(1))
+    still = bridge.path(mean, mean, row, at, np.zeros(4000), np.random.default_rng(1)).max(axis=1)
     fine = np.arange(1, 16) / 16.0 + 9.0
     inside = (3.0 * fine + 0.4 * fine**2 - 0.02 * fine**3 + 1e-4 * fine**5).max()
     assert still == pytest.approx(inside, rel=1e-9)
+    # The conditional law of (1 + x) exp(-x) noise between four known steps, drawn here by its own covariance.
+    known, between = np.arange(-1.0, 3.0), np.arange(1, 16) / 16.0
+
+    def correlation(a, b):
+        x = np.abs(np.subtract.outer(a, b)) * 0.8e-9 / TAU
+        return (1.0 + x) * np.exp(-x)
+
+    across = correlation(between, known)
+    rest = correlation(between, between) - across @ np.linalg.inv(correlation(known, known)) @ across.T
+    drawn = np.random.default_rng(3).multivariate_normal(np.zeros(15), rest, 100_000).max(axis=1)
     for sigma in (1.0, 50.0):
-        highest = (
-            bridge.heights(mean * 0.0, mean * 0.0, row, at, np.full(4000, sigma), np.random.default_rng(2)) / sigma
-        )
-        assert 0.3 * bridge.sigma < highest.mean() < 2.0 * bridge.sigma
+        path = bridge.path(mean * 0.0, mean * 0.0, row, at, np.full(4000, sigma), np.random.default_rng(2))
+        highest = path.max(axis=1) / sigma
+        error = drawn.std() * math.sqrt(1.0 / 4000 + 1.0 / 100_000)
+        assert abs(highest.mean() - drawn.mean()) < 4.0 * error
 
 
 # ----------------------------------------------------------------------------------------------------------- the gate
