@@ -27,7 +27,7 @@ from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.ranging import locate
 from rso_lidar.detector.separation import found_both
-from rso_lidar.detector.trial import Trial, plate, trial
+from rso_lidar.detector.trial import Trial, plate, point_returns, trial
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
@@ -337,14 +337,8 @@ def pixel() -> Any:
 
 
 def _edge(ranges_m: Sequence[float], photons: Sequence[float]) -> Photons:
-    step_s, power = reference_pulse()
-    n = len(ranges_m)
-    return Photons(
-        shape=(1, 1), pulse_fwhm_s=REFERENCE_FWHM_S, pulse_step_s=step_s, late_s=0.0, pulse_power_per_s=power,
-        pixel=np.zeros(n, int), delay_s=np.array(ranges_m) / units.RANGE_PER_DELAY_M_S, photons=np.array(photons),
-        depth_spread_s=np.zeros(n), coherence_cells=np.full(n, 885.0), hit=np.arange(n), cluster=np.arange(n),
-        cluster_pixel=np.zeros(n, int),
-    )  # fmt: skip
+    pixel = np.zeros(len(ranges_m), int)
+    return point_returns((1, 1), reference_pulse(), REFERENCE_FWHM_S, pixel, np.array(ranges_m), np.array(photons))
 
 
 def gate() -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.records import Photons
+from rso_lidar.detector.trial import point_returns
 
 if TYPE_CHECKING:
     from rso_lidar.detector.gsfl import Gsfl
@@ -84,21 +84,8 @@ def found_both(
         near_m = gsfl.armed_from_m + _FARTHEST_M + phase
         alone = alone.replace(armed_to_m=max(gsfl.armed_to_m, float((near_m + separation).max()) + _FARTHEST_M))
     true_m = np.stack([near_m, near_m + separation], axis=1)
-    pixel = np.repeat(np.arange(n), 2)
-    light = Photons(
-        shape=(1, n),
-        pulse_fwhm_s=pulse_fwhm_s,
-        pulse_step_s=pulse[0],
-        late_s=0.0,
-        pulse_power_per_s=pulse[1],
-        pixel=pixel,
-        delay_s=true_m.ravel() / units.RANGE_PER_DELAY_M_S,
-        photons=np.tile([float(near), float(far)], n),
-        depth_spread_s=np.zeros(2 * n),
-        coherence_cells=np.full(2 * n, 885.0),
-        hit=np.arange(2 * n),
-        cluster=np.arange(2 * n),
-        cluster_pixel=pixel,
+    light = point_returns(
+        (1, n), pulse, pulse_fwhm_s, np.repeat(np.arange(n), 2), true_m.ravel(), np.tile([float(near), float(far)], n)
     )
     reading, _ = alone.detect(light, np.random.Generator(np.random.Philox(_SEED)))
     assert reading.return_range_m is not None, "a detector that lists one return has no second"

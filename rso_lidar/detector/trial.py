@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from rso_lidar.detector.empirical import Empirical
     from rso_lidar.detector.gsfl import Gsfl
 
+COHERENCE_CELLS = (
+    885.0  # A_lens A_pixel / (wavelength focal_length)² of a pixel that the default lens fills, at 1064 nm
+)
 _NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is a false trigger
 
 
@@ -71,24 +74,48 @@ def plate(
 
     `photons` (scalar or (n)) is the mean on the pixel after the optics, `pulse` the laser's step [s] and power (tap) [1/s].
     Ranges run evenly over a metre from `range_m` on, nearly three samples of the default, so that no phase of the clock is
-    favoured. Coherence cells are those of the seed's lens at 1064 nm, 885 in a filled pixel.
+    favoured.
     """
     golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
-    delay_s = (range_m + golden) / units.RANGE_PER_DELAY_M_S
-    pixel = np.arange(n)
+    photons = np.broadcast_to(np.asarray(photons, dtype=float), (n,))
+    return point_returns((1, n), pulse, pulse_fwhm_s, np.arange(n), range_m + golden, photons)
+
+
+def point_returns(
+    shape: tuple[int, int],
+    pulse: tuple[float, np.ndarray],
+    pulse_fwhm_s: float,
+    pixel: np.ndarray,
+    range_m: np.ndarray,
+    photons: np.ndarray,
+    coherence_cells: float = COHERENCE_CELLS,
+) -> Photons:
+    """Return the light of returns without depth, each in a cluster of its own.
+
+    Parameters
+    ----------
+    shape : rows and columns of the array.
+    pulse : the laser's step [s] and power (tap) [1/s].
+    pulse_fwhm_s : length of the pulse [s].
+    pixel : (return) number of the pixel, rising.
+    range_m : (return) [m].
+    photons : (return) mean on the pixel after the optics.
+    coherence_cells : of each return; infinite for light without speckle.
+    """
+    number = np.arange(len(pixel))
     return Photons(
-        shape=(1, n),
+        shape=shape,
         pulse_fwhm_s=pulse_fwhm_s,
         pulse_step_s=pulse[0],
         late_s=0.0,
         pulse_power_per_s=pulse[1],
         pixel=pixel,
-        delay_s=delay_s,
-        photons=np.broadcast_to(np.asarray(photons, dtype=float), (n,)),
-        depth_spread_s=np.zeros(n),
-        coherence_cells=np.full(n, 885.0),
-        hit=pixel,
-        cluster=pixel,
+        delay_s=range_m / units.RANGE_PER_DELAY_M_S,
+        photons=photons,
+        depth_spread_s=np.zeros(len(pixel)),
+        coherence_cells=np.full(len(pixel), coherence_cells),
+        hit=number,
+        cluster=number,
         cluster_pixel=pixel,
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.trial import Surroundings, plate, trial
+from rso_lidar.detector.trial import Surroundings, plate, point_returns, trial
 from rso_lidar.records import Frame, Photons, Reading
 from rso_lidar.scenario import Lidar
 
@@ -83,23 +83,10 @@ def _light(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
     """Return the light that gives a reading: one return for each range."""
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)
-    first = np.flatnonzero(
-        np.diff(answers, prepend=0.0) > 0.0
-    )  # one level for each intensity; of those that clip, the dimmest
+    # One level for each intensity; of those that clip, the dimmest.
+    first = np.flatnonzero(np.diff(answers, prepend=0.0) > 0.0)
     photons = np.exp(np.interp(counts, answers[first], np.log(_LEVELS[first])))
-    step_s, power = lidar.laser.pulse
-    return Photons(
-        shape=reading.range_m.shape,
-        pulse_fwhm_s=lidar.laser.pulse_fwhm_s,
-        pulse_step_s=step_s,
-        late_s=0.0,
-        pulse_power_per_s=power,
-        pixel=pixel,
-        delay_s=reading.range_m.ravel()[pixel].astype(float) / units.RANGE_PER_DELAY_M_S,
-        photons=photons,
-        depth_spread_s=np.zeros(len(pixel)),
-        coherence_cells=np.full(len(pixel), np.inf),
-        hit=np.arange(len(pixel)),
-        cluster=np.arange(len(pixel)),
-        cluster_pixel=pixel,
-    )
+    range_m = reading.range_m.ravel()[pixel].astype(float)
+    # The intensities of the reading hold its speckle, which is not drawn a second time.
+    laser, shape = lidar.laser, reading.range_m.shape
+    return point_returns(shape, laser.pulse, laser.pulse_fwhm_s, pixel, range_m, photons, coherence_cells=np.inf)
