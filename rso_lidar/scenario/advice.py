@@ -18,7 +18,7 @@ from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.compliance import broken
 from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, parallax_share, preview
-from rso_lidar.scenario.returns import cast_attitudes
+from rso_lidar.scenario.returns import cast_attitudes, try_pixels
 from rso_lidar.scenario.separations import separation_advice
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ _BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
 _WHOLLY = 0.75  # of the time: less is more than the end of an approach
 _LOUDER = 1.05  # times the noise in the dark
 _FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
+_SELDOM = 0.5  # probability of detection below which even the brightest pixel is missed more often than found
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
 
 
@@ -46,7 +47,7 @@ def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
     lines += _sun_noise(scenario)
     lines += _sun(scenario)
     lines += _beam(scenario, seen)
-    lines += _clipping(scenario, seen)
+    lines += _brightness(scenario, seen)
     lines += _light_time(seen)
     lines += environment_advice(scenario, seen, scenario.constraints)
     if scenario.constraints is not None:
@@ -249,20 +250,30 @@ def _beam(scenario: Scenario, seen: Preview) -> list[str]:
     return lines
 
 
-def _clipping(scenario: Scenario, seen: Preview) -> list[str]:
-    """Return where most pixels of a target clip the converter: its median pixel at the nearest instant, as it stands."""
+def _brightness(scenario: Scenario, seen: Preview) -> list[str]:
+    """Return which targets are too dim or too bright at their nearest instant, as they stand there."""
     lines = []
     for number, sight in enumerate(seen.sights):
         row = first_least(sight.range_m)
-        nearest_m = float(sight.range_m[row])
+        nearest_m, time_s = float(sight.range_m[row]), float(seen.time_s[row])
         if nearest_m < 1e-3:
             continue
-        returns = cast_attitudes(scenario, seen, number, row, most=1)[0]
+        (returns,) = casts = cast_attitudes(scenario, seen, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
         if float(scenario.lidar.detector.counts(np.array(photons))) >= scenario.lidar.detector.full_scale_counts:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
                 f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
+            )
+            continue
+        armed = scenario.instrument.at(time_s).detector
+        if not returns.pixel.size or not armed.sees_from_m < nearest_m < armed.sees_to_m:
+            continue  # that is said elsewhere
+        probability = try_pixels(scenario, casts, 1.0, time_s).probability
+        if probability < _SELDOM:
+            lines.append(
+                f"target {sight.name}: at {nearest_m:.0f} m, the nearest, even its brightest pixel is found with a "
+                f"probability of only {probability:.2f}; come nearer, or raise lidar.laser.energy_mj or the aperture"
             )
     return lines
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.arithmetic import first_least
 from rso_lidar.detector import Empirical
-from rso_lidar.detector.trial import Trial, trial
+from rso_lidar.detector.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.orbit.omm import Omm
@@ -18,15 +19,13 @@ from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.environment import environment_lines
 from rso_lidar.scenario.preview import Preview, Sight, preview
-from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, copy_pixels, surroundings
+from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, try_pixels
 from rso_lidar.scenario.separations import separation_lines
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario
 
-_TRIALS, _FEWEST = 4000, 200
 _FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
-_MOST_SAMPLES = 4_000_000  # that a trial may take, so that a long gate is described in seconds
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
@@ -242,13 +241,14 @@ def _budget_lines(scenario: Scenario, number: int, seen: Preview) -> list[str]:
         size = f"{across:.0f}" if across >= 10.0 else f"{across:.1f}"
         casts = cast_attitudes(scenario, seen, number, row)
         fill = float(np.mean([one.brightest_fill for one in casts]))
-        chosen = [_trial(scenario, casts, [one.pixel_at(share) for one in casts], time_s) for share in (0.5, 1.0)]
+        chosen = [try_pixels(scenario, casts, share, time_s) for share in (0.5, 1.0)]
         probability = _ends_of([f"{one.probability:.3f}" for one in chosen])
         noise = _ends_of([_noise(one) for one in chosen])
+        shift = _shift(chosen[1])
         alike = f"mean of {len(casts)} attitudes" if len(casts) > 1 else "one attitude"
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
-            f"brightest pixel; {_photons(casts)}, P(detect) {probability}, range noise {noise} ({alike})"
+            f"brightest pixel; {_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
     return lines
 
@@ -267,22 +267,16 @@ def _ends_of(texts: Sequence[str]) -> str:
     return " to ".join(dict.fromkeys(texts))
 
 
-def _trial(scenario: Scenario, casts: Sequence[TargetReturns], pixels: Sequence[int | None], time_s: float) -> Trial:
-    """Simulate up to 4000 pixels with the light of one pixel of each flash, through the whole chain; the same draws."""
-    lidar = scenario.instrument.at(time_s)
-    detector = lidar.detector
-    gate = None if isinstance(detector, Empirical) else detector.gate
-    n = _TRIALS
-    if gate is not None and not isinstance(detector, Empirical):  # many pulses, and many samples, take their time
-        samples = gate.n_samples(detector.readout.sample_s)
-        n = max(min(_TRIALS // gate.pulses, _MOST_SAMPLES // samples), _FEWEST)
-    # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
-    shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
-    photons, true_m = copy_pixels(casts, pixels, n, shift_m)
-    around = surroundings(lidar, casts, pixels, n)
-    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
-
-
 def _noise(made: Trial) -> str:
     """Return the range noise in words; of few reports the quartiles say nothing, and most of them are false alarms."""
     return f"{made.range_noise_m / units.CM:.1f} cm" if len(made.range_error_m) >= _FEWEST_REPORTS else "none"
+
+
+def _shift(made: Trial) -> str:
+    """Return in words the mean range error of the brightest pixel, where it is more than a tenth of the range noise."""
+    if len(made.range_error_m) < _FEWEST_REPORTS:
+        return ""
+    standard_error_m = made.range_noise_m / math.sqrt(len(made.range_error_m))
+    if abs(made.range_bias_m) < max(0.1 * made.range_noise_m, 4.0 * standard_error_m):
+        return ""
+    return f", shifted by {made.range_bias_m / units.CM:+.1f} cm"

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import optics, scene, units
-from rso_lidar.detector.trial import Surroundings
+from rso_lidar.detector import Empirical
+from rso_lidar.detector.trial import Surroundings, Trial, trial
 from rso_lidar.optics import Receiver
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Hits, Photons, Truth
@@ -26,6 +27,8 @@ _MOST_ATTITUDES = 48
 _SAME_ATTITUDE_RAD = 2e-3  # 0.1 deg: below this, a turn changes the light by less than the sampling does
 _SAME_RANGE = 0.05  # share of the range within which a frame shows an attitude of the instant that is asked for
 _BINS_PER_PULSE = 8  # returns of a pixel are merged within an eighth of the pulse (0.15 m at 8 ns)
+_TRIALS, _FEWEST_TRIALS = 4000, 200
+_MOST_SAMPLES = 4_000_000  # that a trial may take, so that a long gate is described in seconds
 _MOST_LOADS = 6  # attitudes for which it is simulated how the pixels of the array disturb each other
 
 
@@ -264,6 +267,31 @@ def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[
         energy_jitter_fraction=lidar.laser.energy_jitter_fraction,
         timing_jitter_s=lidar.laser.timing_jitter_ns * units.NS,
     )
+
+
+def try_pixels(scenario: Scenario, casts: Sequence[TargetReturns], share: float, time_s: float) -> Trial:
+    """Simulate up to 4000 pixels with the light of one pixel of each flash, through the whole chain; the same draws.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    casts : flashes.
+    share : place of the pixel in the order by photons, from 0 (the dimmest) to 1 (the brightest).
+    time_s : instant whose instrument counts.
+    """
+    lidar = scenario.instrument.at(time_s)
+    detector = lidar.detector
+    gate = None if isinstance(detector, Empirical) else detector.gate
+    n = _TRIALS
+    if gate is not None and not isinstance(detector, Empirical):  # many pulses, and many samples, take their time
+        samples = gate.n_samples(detector.readout.sample_s)
+        n = max(min(_TRIALS // gate.pulses, _MOST_SAMPLES // samples), _FEWEST_TRIALS)
+    pixels = [one.pixel_at(share) for one in casts]
+    # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
+    shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
+    photons, true_m = copy_pixels(casts, pixels, n, shift_m)
+    around = surroundings(lidar, casts, pixels, n)
+    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
 
 
 @dataclass(frozen=True, eq=False)
