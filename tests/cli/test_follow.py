@@ -11,7 +11,7 @@ from rso_lidar import export
 from rso_lidar.cli.info_follow import follow
 from rso_lidar.errors import RunError
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks and SIGKILL are POSIX")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 
 
 @pytest.fixture

@@ -2,6 +2,10 @@
 
 import contextlib
 import dataclasses
+import os
+import shutil
+import tempfile
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -243,3 +247,20 @@ def assert_same(a, b):
         np.testing.assert_array_equal(link.angular_velocity_rad_s, other.angular_velocity_rad_s)
         # A rotation goes matrix -> quaternion -> matrix: some roundings of 1.1e-16 each.
         np.testing.assert_allclose(link.pose.rotation.as_matrix(), other.pose.rotation.as_matrix(), atol=2e-15)
+
+
+@contextlib.contextmanager
+def folder_of_somebody():
+    """Give a new folder to somebody whom rights bind: where root runs the tests, act as user 65534, nobody, meanwhile."""
+    root = os.name == "posix" and os.geteuid() == 0
+    folder = Path(tempfile.mkdtemp())  # pytest's own folders are closed to other users
+    try:
+        if root:
+            os.chown(folder, 65534, -1)
+            os.seteuid(65534)
+        yield folder
+    finally:
+        folder.chmod(0o700)
+        if root:
+            os.seteuid(0)
+        shutil.rmtree(folder)

@@ -48,9 +48,9 @@ def test_writers_are_where_the_table_says(made):
     ("word", "message"),
     [
         ("out.pdc", r"out.pdc: unknown suffix '.pdc'; did you mean '.pcd'\?"),
-        ("out", "out: unknown format; .known: hdf5, netcdf, zarr, npz"),
+        ("out", "out: unknown format .known: hdf5, netcdf, zarr, npz"),
         ("pdc", r"pdc: unknown format; did you mean 'pcd'\?"),
-        ("some/folder", "some/folder: the name has no suffix; .known: .h5"),
+        ("some/folder", "some/folder: the name has no suffix .known: .h5"),
         ("run.mat", "run.mat: '.mat' cannot be written; MATLAB reads .h5 with h5read"),
         (".las", "'.las' cannot be written; use .pcd, which keeps rows and columns"),
         ("", "unknown format"),

@@ -11,7 +11,7 @@ from rso_lidar import export
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.growing import growth
 
-posix = pytest.mark.skipif(sys.platform == "win32", reason="locks and SIGKILL are POSIX")
+posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 
 # Writes a frame for each line that it is sent, and says so; ends well at the end of its input.
 WRITE = f"""

@@ -3,11 +3,10 @@
 import os
 import re
 import shutil
-import tempfile
 from pathlib import Path
 
 import pytest
-from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_frames
+from frames_for_tests import SOURCE, assert_same, datasets, folder_of_somebody, make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
@@ -147,20 +146,10 @@ def test_what_does_not_read_back_is_not_published(tmp_path):
 
 
 def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame():
-    """Rights bind no root: where the tests run as root, they act as another user (65534, nobody) meanwhile."""
-    root = os.geteuid() == 0
-    folder = Path(tempfile.mkdtemp())  # pytest's own folders are closed to other users
-    output = folder / "run.h5"
-
-    def forbid(_):
-        folder.chmod(0o500)
-
-    try:
-        if root:
-            os.chown(folder, 65534, -1)
-            os.seteuid(65534)
+    with folder_of_somebody() as folder:
+        output = folder / "run.h5"
         with pytest.raises(RunError, match=r"after 2 frames \(the folder .* may no longer be written to\)") as caught:
-            record(output, forbid, 2)
+            record(output, lambda _: folder.chmod(0o500), 2)
         folder.chmod(0o700)
         assert str(caught.value).endswith(
             f"run.h5.tmp-{RUN} is kept: allow writing there again and go on with --resume"
@@ -168,10 +157,6 @@ def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame():
         record(output, None, None, resume=True)
         whole = export.save(folder / "whole.h5", make_frames(COUNT, shape=SHAPE))
         assert datasets(output) == datasets(whole)
-    finally:
-        if root:
-            os.seteuid(0)
-        shutil.rmtree(folder)
 
 
 @pytest.mark.parametrize("victim", [b"precious", None], ids=["file", "nothing"])

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.draft import hold_lock
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
+from rso_lidar.files import hold_lock
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.adding import Wanted, add_model, known_meshes, remove_model
 from rso_lidar.scene.cad import tessellated
@@ -296,7 +296,6 @@ def test_a_broken_index_stops_what_is_flown_of_it_and_nothing_else(library, box,
 
 def test_who_adds_waits_for_who_is_adding(library, box):
     """Without the lock the name would be free, and the index read before, and lost with, what the other writes."""
-    pytest.importorskip("fcntl", reason="locks are POSIX's")
     add_model(box("first.stl"))
     failed, second, same = [], box("second.stl"), box("other.stl")
 
