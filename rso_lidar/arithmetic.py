@@ -182,9 +182,11 @@ def _in_turn(cache: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return loaded, saved
 
 
-def on_compiling(tell: Callable[[], None]) -> None:
-    """Have `tell` called once, when a loop is next compiled instead of read from disk."""
+@contextmanager
+def watch_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call `tell` once, as a context, when a loop is first compiled instead of read from disk."""
     if not compiled():
+        yield
         return
     from numba.core import event
 
@@ -199,7 +201,8 @@ def on_compiling(tell: Callable[[], None]) -> None:
         def on_end(self, event: Any) -> None:
             pass
 
-    event.register("numba:compile", Told())  # type: ignore[no-untyped-call]
+    with event.install_listener("numba:compile", Told()):
+        yield
 
 
 def first_greatest(values: np.ndarray) -> int:

@@ -127,12 +127,14 @@ def test_damaged_machine_code_is_made_anew(tmp_path, suffix):
 
 def test_compiling_is_told_once():
     told = []
-    arithmetic.on_compiling(lambda: told.append("compiling"))
 
     def plus(x):
         return x + 1
 
     made = arithmetic.loop(plus)
-    assert made(1) == 2
-    assert made(1.0) == 2.0
+    with arithmetic.watch_compiling(lambda: told.append("compiling")):
+        assert made(1) == 2
+        assert made(1.0) == 2.0
     assert told == ["compiling"]
+    assert made(1j) == 1 + 1j
+    assert told == ["compiling"], "outside nobody listens"

@@ -11,8 +11,8 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import length_m
 from rso_lidar.cli.scenarios import Settings
 from rso_lidar.cli.terminal import echo
-from rso_lidar.draft import free
 from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.files import free
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.scenario.load import validated

@@ -13,8 +13,8 @@ from rso_lidar.cli.completion import regime_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant
 from rso_lidar.cli.terminal import echo
-from rso_lidar.draft import beside, free
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
+from rso_lidar.files import beside, free
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.catalog import REGIMES, read_element_sets
 from rso_lidar.study.encounters import counted

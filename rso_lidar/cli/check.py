@@ -1,6 +1,6 @@
 """`rso-lidar check`: whether a scenario is sound, and what it means."""
 
-from rso_lidar.arithmetic import on_compiling
+from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.scenario import Scenario
@@ -9,5 +9,6 @@ from rso_lidar.scenario import Scenario
 def check(file: ScenarioFile, settings: Settings = None) -> None:
     """Validate a scenario and print orbit, geometry, optics, link budget and warnings."""
     scenario = Scenario.load(file, tuple(settings or ()))
-    on_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
-    echo(scenario.describe())
+    with announce_compiling():
+        described = scenario.describe()
+    echo(described)

@@ -12,8 +12,8 @@ import typer
 from rso_lidar.cli.completion import example_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
-from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.files import beside, check_suffix, free
 from rso_lidar.shipped import shipped
 
 _DEFAULT = "tdrs_approach"

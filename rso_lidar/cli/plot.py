@@ -9,8 +9,8 @@ from rso_lidar import export, picture
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.cli.terminal import echo
-from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import free
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.sheet import SHEET_SUFFIXES
 

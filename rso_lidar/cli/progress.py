@@ -4,9 +4,10 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, Protocol
 
+from rso_lidar.arithmetic import watch_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.interruption import removing
 from rso_lidar.records import Frame
@@ -42,6 +43,11 @@ def progress(total: int, done: int, doing: str = "flying", of: str = "frame") ->
                 shown.update(task, advance=1, rate=f"{pace.count():.1f} {of}s/s")
 
         yield _Rich()
+
+
+def announce_compiling() -> AbstractContextManager[None]:
+    """Return a context that says, once, when numba compiles: it takes longer than most commands, and nothing moves."""
+    return watch_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
 
 
 def counted(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:

@@ -11,9 +11,8 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import progress
+from rso_lidar.cli.progress import announce_compiling, progress
 from rso_lidar.cli.recordings import choice
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo, one_line
@@ -86,8 +85,7 @@ def run(
         if done:
             echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
-            on_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
-            with progress(len(numbers), done) as bar:
+            with announce_compiling(), progress(len(numbers), done) as bar:
                 left = numbers[done:].tolist()
                 for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
                     recorder.write(frame)

@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.arithmetic import on_compiling
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import progress
+from rso_lidar.cli.progress import announce_compiling, progress
 from rso_lidar.cli.terminal import echo, one_line
-from rso_lidar.draft import beside, check_suffix, free
 from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.files import beside, check_suffix, free
 from rso_lidar.interruption import advise
 from rso_lidar.study import report
 from rso_lidar.study.ranking import summary
@@ -69,14 +68,13 @@ def trade(
     kept = working_file(places[0], plan, base)
     _tell_of_others(kept)
     rows = Rows(kept, study.n_rows)
-    on_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
     advise(
         lambda: one_line(f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
     )
     with rows.opened():
         if rows.known:
             echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
-        with progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
+        with announce_compiling(), progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
             for row in work(plan, rows.known, workers):
                 rows.add(row)
                 bar.advance()

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside
 
 MOST_SAMPLES = 2000
 DEGREE = 5  # of the interpolation between positions

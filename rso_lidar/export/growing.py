@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from rso_lidar.draft import is_locked
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.hdf5_file import TEMPORARY
 from rso_lidar.export.recording import Recording
+from rso_lidar.files import is_locked
 from rso_lidar.records import Source
 
 _LOCK = re.compile(r"^\.(.+)\.lock$")

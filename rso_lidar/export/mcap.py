@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside, check_stream, free
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.camera import Camera, camera_of
 from rso_lidar.export.coming import begun
 from rso_lidar.export.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
 from rso_lidar.export.targets import tables
 from rso_lidar.export.trajectory import stamp_ns
+from rso_lidar.files import beside, check_stream, free
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
 

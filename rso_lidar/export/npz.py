@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.coming import Sights, begun, entries, frame_bytes, plain
 from rso_lidar.export.datasets import LENS, Variable, parents, variables
 from rso_lidar.export.hdf5_layout import array_attributes, root_attributes
+from rso_lidar.files import beside, free
 from rso_lidar.records import Frame, Observation, specs
 
 MOST_BYTES = 2_000_000_000

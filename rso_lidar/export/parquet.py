@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside
 
 
 def check_parquet(place: Path) -> None:

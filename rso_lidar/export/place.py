@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from rso_lidar.draft import check_draft, is_same, write_error
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import check_draft, is_same, write_error
 from rso_lidar.interruption import removing, uninterrupted
 
 MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,

@@ -19,7 +19,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from rso_lidar.draft import free, hold_lock, write_cure
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export import datasets, hdf5_layout, kept
 from rso_lidar.export.checksum import is_intact
@@ -27,6 +26,7 @@ from rso_lidar.export.hdf5_file import TEMPORARY, end_of, read_superblock, write
 from rso_lidar.export.lens import LensTables
 from rso_lidar.export.recording import Recording
 from rso_lidar.export.temporary import InterferenceError, TemporaryFile
+from rso_lidar.files import free, hold_lock, write_cure
 from rso_lidar.interruption import removing
 from rso_lidar.records import Frame, Source
 

@@ -16,9 +16,9 @@ from typing import TextIO
 
 import numpy as np
 
-from rso_lidar.draft import beside, check_stream, free
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.course import Course, courses, source_of
+from rso_lidar.files import beside, check_stream, free
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
 from rso_lidar.sight import truth_columns

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rso_lidar.draft import write_text
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.files import write_text
 from rso_lidar.motion.attitude import rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.orbit import ccsds

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rso_lidar.draft import beside
 from rso_lidar.errors import CatalogError, did_you_mean
-from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.files import MOST_BYTES, beside, read_bytes
 from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
 from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
 from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written_text

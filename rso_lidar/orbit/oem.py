@@ -20,8 +20,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.draft import write_text
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
+from rso_lidar.files import write_text
 from rso_lidar.orbit import ccsds
 from rso_lidar.orbit.ccsds_frames import gcrs_from, known_frame
 from rso_lidar.orbit.epochs import Epochs, utc_text

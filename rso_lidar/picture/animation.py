@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside, free
 from rso_lidar.picture.palette import INK, LINE, MARK, PAPER, QUIET, fixed_palette
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale

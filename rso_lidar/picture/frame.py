@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.draft import free
+from rso_lidar.files import free
 from rso_lidar.picture.figures import new_figure, with_minus
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.palette import (

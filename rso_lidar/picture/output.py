@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rso_lidar.draft import beside, free
+from rso_lidar.files import beside, free
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

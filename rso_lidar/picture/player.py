@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import free
 from rso_lidar.picture.frame import intensity_panel, range_limits_m, range_panel, summary
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.palette import (

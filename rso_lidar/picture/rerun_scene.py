@@ -18,8 +18,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rso_lidar.draft import beside
 from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.files import beside
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.palette import NO_RETURN
 from rso_lidar.picture.scale import Scale

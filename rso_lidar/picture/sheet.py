@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from rso_lidar.draft import beside, free
 from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside, free
 from rso_lidar.picture.palette import INK, PAPER, QUIET
 from rso_lidar.picture.raster import GAP, fitted, legend, pair, write
 from rso_lidar.picture.scale import Scale

@@ -16,8 +16,8 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar.craft import Taxonomy, size_class
-from rso_lidar.draft import beside, hold_lock
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
+from rso_lidar.files import beside, hold_lock
 from rso_lidar.scene.cad import CHORD_MM, is_cad, tessellated
 from rso_lidar.scene.doctor import counted, helper_cube
 from rso_lidar.scene.group_names import materials_of

@@ -14,8 +14,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import Empirical, Gsfl
-from rso_lidar.draft import free, write_text
 from rso_lidar.errors import ScenarioError
+from rso_lidar.files import free, write_text
 from rso_lidar.picture.budget import Line, budget_figure
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario

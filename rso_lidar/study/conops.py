@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import ScenarioError, did_you_mean
+from rso_lidar.files import free, write_columns
 from rso_lidar.optics.budget import filled_pixel
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.timeline import timeline_figure

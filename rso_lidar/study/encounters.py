@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rso_lidar import units
-from rso_lidar.draft import write_text
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
+from rso_lidar.files import write_text
 from rso_lidar.orbit.catalog import Catalog, read_element_sets
 from rso_lidar.orbit.element_set import ElementSet, shown
 from rso_lidar.orbit.screening import screen

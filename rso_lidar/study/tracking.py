@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.draft import free, write_columns
 from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.files import free, write_columns
 from rso_lidar.orbit.kepler import elements
 from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.tracking import tracking_figure

@@ -16,8 +16,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from rso_lidar.draft import hold_lock, write_cure
 from rso_lidar.errors import RunError, ScenarioError
+from rso_lidar.files import hold_lock, write_cure
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library import own_models

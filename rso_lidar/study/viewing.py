@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rso_lidar import picture
-from rso_lidar.draft import free
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.export import Frames, Recording
+from rso_lidar.files import free
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.output import FIGURE_SUFFIXES
 from rso_lidar.picture.player import Colour, play, richest, save_view, window_backend

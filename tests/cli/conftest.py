@@ -22,7 +22,9 @@ def rso_lidar(capsys):
         with pytest.raises(SystemExit) as left:
             main([str(argument) for argument in arguments])
         printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err.splitlines()
+        # Whichever test comes first in a new installation waits for numba, and is told so.
+        errors = [line for line in printed.err.splitlines() if not line.startswith("compiling ")]
+        return left.value.code or 0, printed.out, errors
 
     return run
 
