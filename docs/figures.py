@@ -26,7 +26,7 @@ from rso_lidar.detector.measure import measure
 from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.ranging import locate
-from rso_lidar.detector.separation import found_both
+from rso_lidar.detector.separation import simulate_pairs
 from rso_lidar.detector.trial import Trial, plate, point_returns, trial
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
@@ -467,11 +467,11 @@ def separation() -> Any:
 
 def _both(axes: Any, detector: Any, separation_m: np.ndarray, photons: float, label: str, colour: str) -> None:
     pulse, fwhm_s = reference_pulse(), REFERENCE_FWHM_S
-    made = found_both(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
+    made = simulate_pairs(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
     axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=1.0, label=label)
-    held = [[round(float(end), 2) for end in made.held_m(share) or ()] for share in (0.5, 0.9)]
+    listed = [[round(float(end), 2) for end in made.interval_m(share) or ()] for share in (0.5, 0.9)]
     sys.stdout.write(
-        f"two returns, {label}, {detector.readout.samples} samples: half the time {held[0]} m, 90 % {held[1]} m\n"
+        f"two returns, {label}, {detector.readout.samples} samples: half the time {listed[0]} m, 90 % {listed[1]} m\n"
     )
 
 

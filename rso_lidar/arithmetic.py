@@ -24,10 +24,6 @@ from rso_lidar.errors import RsoLidarError, warn
 VARIABLE = "RSO_LIDAR_ARITHMETIC"
 CHOICES = ("numba", "numpy")
 
-# Numbers closer than this share of the greater are equal where one of them is chosen. A pixel's light is a sum with rounding
-# of 1e-13, and inputs off by 1e-12 change a cosine of 0.001 by 1e-9 of itself. No measurement tells such numbers apart.
-EQUAL = 1e-9
-
 _LONGEST_TURN_S = 120.0  # a loop takes at most some 3 s of one core, and a loaded machine may give a tenth of one
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -205,37 +201,6 @@ def watch_compiling(tell: Callable[[], None]) -> Iterator[None]:
         yield
 
 
-def first_greatest(values: np.ndarray) -> int:
-    """Return the index of the greatest of some values (n); of those that are equal to rounding, the first."""
-    most = values.max()
-    return int(np.argmax(values >= most - EQUAL * abs(most)))
-
-
-def first_least(values: np.ndarray) -> int:
-    """Return the index of the least of some values (n); of those that are equal to rounding, the first."""
-    return first_greatest(-values)
-
-
-def first_greatest_of_each(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Return the index of the first greatest value, equal ones to rounding, in each group.
-
-    Parameters
-    ----------
-    values : (n), none below zero, group after group.
-    starts : (group), where each group begins in `values`.
-
-    Returns
-    -------
-    (group), indices in `values`.
-    """
-    sizes = np.diff(starts, append=len(values))
-    enough = np.repeat(np.maximum.reduceat(values, starts) * (1.0 - EQUAL), sizes)
-    where = np.flatnonzero(values >= enough)
-    group = np.repeat(np.arange(len(starts)), sizes)[where]
-    chosen: np.ndarray = where[np.flatnonzero(np.diff(group, prepend=-1))]
-    return chosen
-
-
 def packed(values: np.ndarray, dtype: Any = None) -> np.ndarray:
     """Return values contiguous and read-only: a loop is compiled once for each combination of those."""
     whole = np.ascontiguousarray(values, dtype).view()
@@ -245,8 +210,8 @@ def packed(values: np.ndarray, dtype: Any = None) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _state_of(room: Path) -> tuple[tuple[str, int, int], ...]:
-    """Return what changes when a module does that a room's loops may import: one of the room, units, or this."""
-    below = [Path(__file__), Path(__file__).with_name("units.py")]
+    """Return what changes when a module does that a room's loops may import: one of the room, units, ties, or this."""
+    below = [Path(__file__), *(Path(__file__).with_name(name) for name in ("units.py", "ties.py"))]
     stats = [(path.name, path.stat()) for path in sorted(room.glob("*.py")) + below]
     return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 

@@ -6,7 +6,6 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rso_lidar.arithmetic import first_least
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
@@ -14,6 +13,7 @@ from rso_lidar.files import free
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.conops import SUFFIXES, Timeline
 from rso_lidar.study.conops import timeline as timeline_of
+from rso_lidar.ties import first_least
 
 
 def timeline(

@@ -28,7 +28,7 @@ class Separations:
     separation_m: np.ndarray
     probability: np.ndarray
 
-    def held_m(self, probability: float = 0.5) -> tuple[float, float] | None:
+    def interval_m(self, probability: float = 0.5) -> tuple[float, float] | None:
         """Return the least and the greatest separation [m] at which both are listed with this probability; None without any.
 
         They are the interpolated ends of the interval around the separation with the greatest probability.
@@ -52,7 +52,7 @@ class Separations:
         return float(self.separation_m[out] + share * (self.separation_m[inside] - self.separation_m[out]))
 
 
-def found_both(
+def simulate_pairs(
     gsfl: Gsfl,
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
@@ -96,10 +96,10 @@ def found_both(
     return Separations(np.asarray(separation_m, dtype=float), found.reshape(-1, each).mean(axis=1))
 
 
-def held_separations(
+def listed_separations(
     gsfl: Gsfl, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
 ) -> Separations:
-    """Simulate `found_both` at separations where it changes: about the pulse's length, and about the stored depth's end.
+    """Simulate pairs at the separations that decide: about the pulse's length, and about the end of the stored depth.
 
     Parameters
     ----------
@@ -108,15 +108,15 @@ def held_separations(
     pulse_fwhm_s : its length [s].
     over : light of each return over the threshold.
     """
-    return _held(gsfl, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+    return _listed(gsfl, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
 
 
 @lru_cache(maxsize=16)
-def _held(gsfl: Gsfl, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+def _listed(gsfl: Gsfl, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
     width_m = pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = gsfl.stored_behind_m
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)
     far = np.linspace(max(stored_m - 3.0 * width_m, 0.25 * width_m), stored_m + 0.5 * width_m, 45)
     separation_m = np.unique(np.concatenate([near, far]).round(3))
     light = over * gsfl.threshold_photons
-    return found_both(gsfl, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))
+    return simulate_pairs(gsfl, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))

@@ -9,11 +9,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled, first_greatest, first_greatest_of_each, packed
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.psf import FieldDependentPsf, pixel_shares, reach_of
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits
+from rso_lidar.ties import first_greatest, first_greatest_of_each
 
 _MISSED = 1e-3  # of the light may lie beyond the pixels that are looked at; it is shared among them
 _MISSED_OF_HALO = 1e-6  # a halo is faint and wide, and beside a bright glint it is what counts

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from rso_lidar.arithmetic import EQUAL, loop
+from rso_lidar.arithmetic import loop
+from rso_lidar.ties import EQUAL
 
 RUN = 16  # so many are sorted by insertion
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.arithmetic import first_least
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hexed
 from rso_lidar.picture.sequence import pick
 from rso_lidar.records import Frame, Truth
+from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rso_lidar.arithmetic import EQUAL, first_least
+from rso_lidar.ties import EQUAL, first_least
 
 _FINER = 21  # samples of one round of refinement
 _ROUNDS = 12

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.arithmetic import first_least
 from rso_lidar.detector import Gsfl
 from rso_lidar.motion import Slew
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
@@ -20,6 +19,7 @@ from rso_lidar.scenario.environment import environment_advice
 from rso_lidar.scenario.preview import Preview, Sight, parallax_share, preview
 from rso_lidar.scenario.returns import cast_attitudes, try_pixels
 from rso_lidar.scenario.separations import separation_advice
+from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.arithmetic import first_least
 from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.environment import least, spans_below
 from rso_lidar.pose import PoseTree
 from rso_lidar.scenario.constraints import Constraints, Corridor
 from rso_lidar.scenario.environment import share_text, surroundings
+from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.preview import Preview

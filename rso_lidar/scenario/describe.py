@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.arithmetic import first_least
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
@@ -21,6 +20,7 @@ from rso_lidar.scenario.environment import environment_lines
 from rso_lidar.scenario.preview import Preview, Sight, preview
 from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, try_pixels
 from rso_lidar.scenario.separations import separation_lines
+from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.scenario import Scenario

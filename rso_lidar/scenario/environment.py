@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.arithmetic import first_least
 from rso_lidar.motion import Body
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.environment import (
@@ -30,6 +29,7 @@ from rso_lidar.orbit.environment import (
 )
 from rso_lidar.orbit.sun import sun_position_m
 from rso_lidar.pose import ROOT, turned
+from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.constraints import Constraints

@@ -30,7 +30,7 @@ def with_files(part: Part, file: Callable[[str], Any]) -> Any:
     return part.replace(**changes) if changes else part
 
 
-def code_of(part: Part) -> list[str]:
+def dynamics_of(part: Part) -> list[str]:
     """Return the Python functions that a part and all parts it holds name as text in `dynamics`."""
     found: list[str] = []
     for name in type(part).model_fields:
@@ -39,7 +39,7 @@ def code_of(part: Part) -> list[str]:
             found.append(value)
         for inner in value if isinstance(value, tuple) else (value,):
             if isinstance(inner, Part):
-                found += code_of(inner)
+                found += dynamics_of(inner)
     return found
 
 

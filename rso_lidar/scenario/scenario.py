@@ -18,7 +18,7 @@ from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
 from rso_lidar.scenario.constraints import Constraints
-from rso_lidar.scenario.files import code_of, with_files
+from rso_lidar.scenario.files import dynamics_of, with_files
 from rso_lidar.scenario.lidar import Lidar
 from rso_lidar.scenario.load import read_toml, validated
 from rso_lidar.scenario.parts import Follower, Target, Time, World
@@ -145,7 +145,7 @@ class Scenario(Part):
 
     def _check_code(self, part: Part | None) -> None:
         """Refuse Python code that a part names, unless the scenario's text is trusted."""
-        if not self._trust_code and part is not None and (named := code_of(part)):
+        if not self._trust_code and part is not None and (named := dynamics_of(part)):
             raise ScenarioError(
                 f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "
                 "load the scenario from a file, or give trust_code=True to Scenario.loads where you trust it"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar.detector import Gsfl
-from rso_lidar.detector.separation import OVER, held_separations
+from rso_lidar.detector.separation import OVER, listed_separations
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.preview import Preview
@@ -24,9 +24,10 @@ def separation_lines(scenario: Scenario) -> list[str]:
     detector = scenario.lidar.detector
     if not isinstance(detector, Gsfl) or detector.max_returns == 1:
         return []
-    held = [(over, _held_m(scenario, over)) for over in (OVER, _BRIGHT)]
+    listed = [(over, _listed_m(scenario, over)) for over in (OVER, _BRIGHT)]
     words = [
-        f"{_span(one)} with {over * detector.threshold_photons:,.0f} photons each" if one else "" for over, one in held
+        f"{_span(one)} with {over * detector.threshold_photons:,.0f} photons each" if one else ""
+        for over, one in listed
     ]
     text = "; ".join(word for word in words if word)
     if not text:
@@ -52,24 +53,26 @@ def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
         )
     if detector.max_returns == 1:
         return words
-    held = _held_m(scenario, OVER)
-    if held is None:
+    listed = _listed_m(scenario, OVER)
+    if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
-    apart = f"two returns of a pixel are both listed {_span(held)} apart in depth"
-    found, lost = zip(*(_outside(scenario, seen, number, held) for number in range(len(scenario.target))), strict=True)
+    apart = f"two returns of a pixel are both listed {_span(listed)} apart in depth"
+    found, lost = zip(
+        *(_outside(scenario, seen, number, listed) for number in range(len(scenario.target))), strict=True
+    )
     if detector.gate is None or any(lost):
         words.append("; ".join([apart, *(text for text in found if text)]))
     return ["; ".join(words)] if words else []
 
 
-def _outside(scenario: Scenario, seen: Preview, number: int, held: tuple[float, float]) -> tuple[str, bool]:
+def _outside(scenario: Scenario, seen: Preview, number: int, listed: tuple[float, float]) -> tuple[str, bool]:
     """Return in words the parts of a target whose depth is outside the separations, and whether any part is too deep."""
     target = scenario.target[number]
     if target.terrain is not None:
         return "", False
     deepest = {name: float(deep.max()) for name, deep in part_depths_m(scenario, seen, number).items()}
-    merged = {name: deep for name, deep in deepest.items() if deep < held[0]}
-    lost = {name: deep for name, deep in deepest.items() if deep > held[1]}
+    merged = {name: deep for name, deep in deepest.items() if deep < listed[0]}
+    lost = {name: deep for name, deep in deepest.items() if deep > listed[1]}
     words = [f"{_named(merged)} merge" if merged else "", f"{_named(lost)} can be parted too far" if lost else ""]
     text = " and of ".join(word for word in words if word)
     return (f"the two edges of {target.name}'s {text}" if text else ""), bool(lost)
@@ -106,15 +109,15 @@ def part_depths_m(scenario: Scenario, seen: Preview, number: int) -> Mapping[str
     return {name: far[name] - near[name] for name in near}
 
 
-def _held_m(scenario: Scenario, over: float) -> tuple[float, float] | None:
+def _listed_m(scenario: Scenario, over: float) -> tuple[float, float] | None:
     lidar = scenario.instrument
     if not isinstance(lidar.detector, Gsfl) or lidar.detector.max_returns == 1:
         return None
-    return held_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).held_m(_OFTEN)
+    return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(_OFTEN)
 
 
-def _span(held: tuple[float, float]) -> str:
-    return f"{held[0]:.1f} to {held[1]:.1f} m"
+def _span(listed: tuple[float, float]) -> str:
+    return f"{listed[0]:.1f} to {listed[1]:.1f} m"
 
 
 def _named(depths: Mapping[str, float]) -> str:

@@ -69,10 +69,10 @@ def cast(
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
     if sun or laser.any() or any(surface.bent for surface in surfaces):
         hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
-    return _gathered(hits, number, facet, surfaces, laser, aperture_m)
+    return _average_over_lens(hits, number, facet, surfaces, laser, aperture_m)
 
 
-def _gathered(
+def _average_over_lens(
     hits: Hits,
     number: np.ndarray,
     facet: np.ndarray,
@@ -89,7 +89,7 @@ def _gathered(
         on = np.flatnonzero(number == k)
         on = on[surfaces[k].finish[facet[on]] == of]
         direction, range_m = hits.rays.direction[hits.ray[on]], hits.range_m[on]
-        brdf[on] = material.gathered(brdf[on], direction, range_m, laser_from_m, aperture_m)
+        brdf[on] = material.average_over_lens(brdf[on], direction, range_m, laser_from_m, aperture_m)
     return replace(hits, brdf_per_sr=brdf)
 
 

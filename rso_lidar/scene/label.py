@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import EQUAL, compiled, first_greatest_of_each, packed
+from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Hits, Labels, Photons
+from rso_lidar.ties import EQUAL, first_greatest_of_each
 
 
 def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:

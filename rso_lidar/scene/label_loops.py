@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.arithmetic import EQUAL, loop
+from rso_lidar.arithmetic import loop
+from rso_lidar.ties import EQUAL
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 
 

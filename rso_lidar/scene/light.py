@@ -126,7 +126,7 @@ def from_laser(hits: Seen, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.nda
     """Return cos α and BRDF [1/sr] of hits that a laser at `laser_from_m` [m] in lidar axes lights.
 
     cos α is 0 where the laser is on the facet's other side from the lens, or something stands between. Cube corners have the
-    BRDF toward the laser, of which `RetroReflector.gathered` gives the mean over the lens.
+    BRDF toward the laser, of which `RetroReflector.average_over_lens` gives the mean over the lens.
     """
     (origin, turn) = hits.target_from_lidar
     laser = (origin + turned(turn, laser_from_m))[:, None] - hits.point

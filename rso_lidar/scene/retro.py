@@ -69,7 +69,7 @@ class RetroReflector(Scatterer):
         lobe = np.where(phase > 0.0, peak * (2.0 * j1(x) / x) ** 2, 0.0)
         return self._around(lobe, cos_in, cos_out)
 
-    def gathered(
+    def average_over_lens(
         self,
         peak_per_sr: np.ndarray,
         direction: np.ndarray,

@@ -20,7 +20,7 @@ class Scatterer(Part):
         """Return whether light goes back where it came from, in a lobe that may be narrower than a lens."""
         return False
 
-    def gathered(
+    def average_over_lens(
         self,
         peak_per_sr: np.ndarray,
         direction: np.ndarray,

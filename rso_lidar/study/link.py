@@ -51,7 +51,7 @@ def light(
     seen = material.at(laser.wavelength_m)
     toward_light = np.full(len(range_m), float(seen.mean_brdf_per_sr(np.array(cosine))))
     ahead = np.tile([0.0, 0.0, 1.0], (len(range_m), 1))
-    brdf_per_sr = seen.gathered(toward_light, ahead, range_m, np.array(laser.offset_m), receiver.aperture_m)
+    brdf_per_sr = seen.average_over_lens(toward_light, ahead, range_m, np.array(laser.offset_m), receiver.aperture_m)
     sent = laser.energy_mj * units.MJ / units.photon_energy_j(laser.wavelength_nm * units.NM)
     lens_sr = 0.25 * math.pi * receiver.aperture_m**2 / range_m**2
     photons: np.ndarray = (

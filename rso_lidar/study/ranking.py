@@ -36,9 +36,9 @@ def unbeaten(trade: TradeTable) -> np.ndarray:
     return stands
 
 
-def held_back(trade: TradeTable) -> str:
+def describe_unranked(trade: TradeTable) -> str:
     """Return in one line how many points are not ranked because too little is detected, and the limit; empty without any."""
-    if not trade.is_held:
+    if not trade.needs_detection:
         return ""
     mean = trade.of_points(DETECTION)[0]
     flown = np.isfinite(mean)
@@ -89,7 +89,7 @@ def summary(trade: TradeTable) -> list[str]:
             f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places
         )
         lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
-    if told := held_back(trade):
+    if told := describe_unranked(trade):
         lines.append(told)
     if failed:
         lines.append(f"not flown: {next(text for text in trade.table['error'].tolist() if text)}")

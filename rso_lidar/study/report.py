@@ -20,7 +20,7 @@ from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.merits import DETECTION, MERITS
 from rso_lidar.study.page import STYLE, image, table
-from rso_lidar.study.ranking import best_first, chosen, held_back, is_number, no_best, unbeaten, words
+from rso_lidar.study.ranking import best_first, chosen, describe_unranked, is_number, no_best, unbeaten, words
 from rso_lidar.study.ranking import heads as column_heads
 from rso_lidar.study.trade_asked import Axis, Grid, toml_of
 from rso_lidar.study.trade_table import TradeTable
@@ -67,7 +67,7 @@ def report(trade: TradeTable) -> str:
         "<h2>What was asked</h2>",
         _axes(trade),
         _merits(study.merits),
-        *_held(trade),
+        *_unranked(trade),
         f'<p class="quiet">{_frames(trade)}</p>',
         "<h2>Best points</h2>",
         *_best(trade),
@@ -158,7 +158,7 @@ def _best(trade: TradeTable) -> list[str]:
             if points
             else "<p>None is ranked in all of them.</p>"
         )
-    if told := held_back(trade):
+    if told := describe_unranked(trade):
         left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
         more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
         made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(told)}.</p>")
@@ -166,14 +166,14 @@ def _best(trade: TradeTable) -> list[str]:
     return made
 
 
-def _held(trade: TradeTable) -> list[str]:
-    """Return in words from which detection fraction on points are ranked."""
-    if not trade.is_held:
+def _unranked(trade: TradeTable) -> list[str]:
+    """Return in words the detection fraction that a point needs to be ranked."""
+    if not trade.needs_detection:
         return []
     return [
-        f"<p>Points are ranked by what hangs on detection only from a detection fraction of "
-        f"{trade.study.min_detection_fraction:g} on (<code>min_detection_fraction</code>): below it a minority of the "
-        "pixels reports, chosen by brightness and noise, and its figures are not the camera's.</p>"
+        "<p>A figure of merit that depends on detection ranks a point only if its detection fraction is "
+        f"{trade.study.min_detection_fraction:g} or more (<code>min_detection_fraction</code>). Below that, a minority of "
+        "the pixels reports, chosen by brightness and noise, and its figures are not the camera's.</p>"
     ]
 
 

@@ -26,7 +26,7 @@ class TradeTable:
     table: dict[str, np.ndarray]
 
     @property
-    def is_held(self) -> bool:
+    def needs_detection(self) -> bool:
         """Return whether a figure of merit depends on detection: points then need a least detection fraction."""
         return any(MERITS[name].of_detected for name in self.study.merits)
 

@@ -209,7 +209,7 @@ def tabled(plan: Plan, base: Scenario, known: dict[int, Row]) -> Trade:
     table |= {name: np.array([row["merits"][name] for row in rows], dtype=float) for name in study.judged_by}
     table["error"] = np.array([row["error"] for row in rows])
     made = Trade(study, base, plan, table)
-    if made.is_held:
+    if made.needs_detection:
         table["detected"] = np.repeat(made.detected, study.seeds).astype(int)
         table["min_detection_fraction"] = np.full(len(rows), study.min_detection_fraction)
     return made

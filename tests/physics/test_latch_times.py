@@ -6,7 +6,7 @@ import pytest
 from rso_lidar.detector import Droop, Gsfl
 from rso_lidar.detector.calibrate import reference_pulse
 from rso_lidar.detector.chain import traces
-from rso_lidar.detector.separation import held_separations
+from rso_lidar.detector.separation import listed_separations
 from tests.detector.returns_for_tests import returns
 from tests.detector.test_latch import STILL, crossing_s
 
@@ -32,7 +32,7 @@ def test_a_pulse_latches_where_its_edge_passes_the_threshold(over, validation):
 def test_two_returns_part_and_are_lost_where_pulse_and_trace_say(validation):
     """Near: a valley of a tenth between Gaussians, less half a sample of smoothing. Far: see tests/detector."""
     part = Gsfl(max_returns=2)
-    near, far = held_separations(part, reference_pulse(), 8e-9).held_m(0.5)
+    near, far = listed_separations(part, reference_pulse(), 8e-9).interval_m(0.5)
     pulse = part.pulse(returns(100.0, 1.0))
     validation(
         case="least separation of two equal returns that are listed half the time, 8 ns",

@@ -214,7 +214,7 @@ def test_a_body_is_described_as_its_frames_are(model, wavelength_nm, range_m):
 
 class TestSeveralReturns:
     def test_the_separations_that_the_trace_holds_are_told(self, described):
-        """Those that `held_separations` finds: from a pulse's length to what 20 samples leave, less in brighter light."""
+        """Those that `listed_separations` finds: from a pulse's length to what 20 samples leave, less in brighter light."""
         line = described("lidar.detector.max_returns=2")["returns"]
         near, far, brighter = (
             float(x) for x in re.search(r"([\d.]+) to ([\d.]+) m with .* to ([\d.]+) m", line).groups()
@@ -229,7 +229,7 @@ class TestSeveralReturns:
         ("tilt_deg", "depth_m", "words"), [(0.0, 0.0, "merge"), (35.0, 2.3, None), (75.0, 3.9, "can be parted too far")]
     )
     def test_parts_out_of_them_are_warned_of(self, text, tilt_deg, depth_m, words):
-        """A plate of 4 m a side at a tilt is 4 sin(tilt) deep: 0, 2.3 and 3.9 m, where 1.7 to 2.8 m are held."""
+        """A plate of 4 m a side at a tilt is 4 sin(tilt) deep: 0, 2.3 and 3.9 m, where 1.7 to 2.8 m are listed."""
         settings = (
             "lidar.detector.max_returns=2",
             f"target.0.attitude={{type='fixed', euler_zyx_deg=[0, {tilt_deg}, 0]}}",

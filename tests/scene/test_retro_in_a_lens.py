@@ -20,16 +20,16 @@ def airy(v):
     return (2.0 * j1(x) / x) ** 2
 
 
-def gathered(range_m, beside_m=0.0, aperture_m=APERTURE_M, cubes=CUBES):
+def average_over_lens(range_m, beside_m=0.0, aperture_m=APERTURE_M, cubes=CUBES):
     """Return the mean BRDF of cubes straight ahead, the laser `beside_m` to the right of the lens."""
     ahead, laser = np.array([[0.0, 0.0, 1.0]]), np.array([beside_m, 0.0, 0.0])
-    return float(cubes.gathered(cubes.brdf_per_sr(ONE), ahead, np.array([range_m]), laser, aperture_m)[0])
+    return float(cubes.average_over_lens(cubes.brdf_per_sr(ONE), ahead, np.array([range_m]), laser, aperture_m)[0])
 
 
 @pytest.mark.parametrize("range_m", [1.0, 5.0, 50.0, 400.0, 3000.0, 100_000.0])
 def test_the_lens_gathers_no_more_than_the_lobe_holds(range_m):
     """Share of the light sent back that a lens of area A at R gathers: brdf A / R², at most rho F, all of it near by."""
-    share = gathered(range_m) * math.pi / 4 * APERTURE_M**2 / range_m**2
+    share = average_over_lens(range_m) * math.pi / 4 * APERTURE_M**2 / range_m**2
     assert share <= 0.4 * (1 + 1e-9)
     if range_m <= 5.0:  # the geometric spot is twice the cube, a fifth of the lens; what is left is diffracted past it
         assert share == pytest.approx(0.4, rel=6e-3)
@@ -39,7 +39,7 @@ def test_the_lens_gathers_no_more_than_the_lobe_holds(range_m):
 def test_in_the_far_field_the_lens_gathers_the_encircled_energy(range_m):
     """Rayleigh 1881: 1 − J₀² − J₁² within x. The defocus takes sin²(u/4)/(u/4)² of the middle: 1e-3 at 3 km."""
     x = math.pi * 0.010 / 1064e-9 * 0.5 * APERTURE_M / range_m
-    share = gathered(range_m) * math.pi / 4 * APERTURE_M**2 / range_m**2
+    share = average_over_lens(range_m) * math.pi / 4 * APERTURE_M**2 / range_m**2
     assert share == pytest.approx(0.4 * (1.0 - j0(x) ** 2 - j1(x) ** 2), rel=1e-3)
 
 
@@ -48,7 +48,9 @@ def test_a_point_of_a_lens_far_away_sees_the_lobe_itself():
     for off in off_rad:
         lobe = CUBES.brdf_per_sr(ONE, ONE, np.cos(np.array([off])))
         # 1e-6 of the peak: cos Δ keeps 1e-16, which is 1e-8 rad in Δ
-        assert gathered(range_m, off * range_m, 1e-3) == pytest.approx(float(lobe[0]), rel=1e-4, abs=1e-6 * PEAK_PER_SR)
+        assert average_over_lens(range_m, off * range_m, 1e-3) == pytest.approx(
+            float(lobe[0]), rel=1e-4, abs=1e-6 * PEAK_PER_SR
+        )
 
 
 @pytest.mark.parametrize("rim", [0.3, 2.0, 8.0, 25.0])
@@ -94,10 +96,10 @@ def test_many_hits_are_interpolated_to_a_thousandth():
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     range_m, laser = rng.uniform(38.0, 42.0, 5000), np.array([0.045, 0.03, 0.0])
     one = np.ones(5000)
-    together = CUBES.gathered(CUBES.brdf_per_sr(one), direction, range_m, laser, APERTURE_M)
+    together = CUBES.average_over_lens(CUBES.brdf_per_sr(one), direction, range_m, laser, APERTURE_M)
     some = slice(0, 5000, 50)
     alone = [
-        CUBES.gathered(CUBES.brdf_per_sr(ONE), direction[k : k + 1], range_m[k : k + 1], laser, APERTURE_M)[0]
+        CUBES.average_over_lens(CUBES.brdf_per_sr(ONE), direction[k : k + 1], range_m[k : k + 1], laser, APERTURE_M)[0]
         for k in range(*some.indices(5000))
     ]
     assert together[some] == pytest.approx(np.array(alone), abs=1e-3 * max(alone))
@@ -105,4 +107,4 @@ def test_many_hits_are_interpolated_to_a_thousandth():
 
 def test_a_laser_behind_the_cubes_sends_nothing_back():
     ahead, laser = np.array([[0.0, 0.0, 1.0]]), np.array([0.0, 0.0, 200.0])
-    assert CUBES.gathered(np.array([PEAK_PER_SR]), ahead, np.array([100.0]), laser, APERTURE_M) == 0.0
+    assert CUBES.average_over_lens(np.array([PEAK_PER_SR]), ahead, np.array([100.0]), laser, APERTURE_M) == 0.0

@@ -1,0 +1,38 @@
+"""Choices among numbers that are equal to rounding: the first of them is chosen, on every processor."""
+
+import numpy as np
+
+# Numbers closer than this share of the greater are equal where one of them is chosen. A pixel's light is a sum with rounding
+# of 1e-13, and inputs off by 1e-12 change a cosine of 0.001 by 1e-9 of itself. No measurement tells such numbers apart.
+EQUAL = 1e-9
+
+
+def first_greatest(values: np.ndarray) -> int:
+    """Return the index of the greatest of some values (n); of those that are equal to rounding, the first."""
+    most = values.max()
+    return int(np.argmax(values >= most - EQUAL * abs(most)))
+
+
+def first_least(values: np.ndarray) -> int:
+    """Return the index of the least of some values (n); of those that are equal to rounding, the first."""
+    return first_greatest(-values)
+
+
+def first_greatest_of_each(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the index of the first greatest value, equal ones to rounding, in each group.
+
+    Parameters
+    ----------
+    values : (n), none below zero, group after group.
+    starts : (group), where each group begins in `values`.
+
+    Returns
+    -------
+    (group), indices in `values`.
+    """
+    sizes = np.diff(starts, append=len(values))
+    enough = np.repeat(np.maximum.reduceat(values, starts) * (1.0 - EQUAL), sizes)
+    where = np.flatnonzero(values >= enough)
+    group = np.repeat(np.arange(len(starts)), sizes)[where]
+    chosen: np.ndarray = where[np.flatnonzero(np.diff(group, prepend=-1))]
+    return chosen
