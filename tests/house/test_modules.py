@@ -1,4 +1,4 @@
-"""The shape of rooms and modules: short, flat, well named, and no random numbers out of nowhere."""
+"""The shape of rooms and modules: short, one sub-room deep, well named, and no random numbers out of nowhere."""
 
 import ast
 from graphlib import TopologicalSorter
@@ -46,9 +46,9 @@ def test_every_module_and_room_is_named_after_what_lives_there():
     assert not names & NO_ROOM
 
 
-def test_rooms_are_flat():
-    nested = [relative(file) for file in MODULES if len(file.relative_to(PACKAGE).parts) > 2]
-    assert not nested, "no package inside a package"
+def test_sub_rooms_are_one_level_deep():
+    nested = [relative(file) for file in MODULES if len(file.relative_to(PACKAGE).parts) > 3]
+    assert not nested, "a room may hold sub-rooms; a sub-room holds modules only"
 
 
 def test_every_room_has_a_door():
@@ -58,13 +58,17 @@ def test_every_room_has_a_door():
 
 def inner_imports(room):
     """Return by module of a room the modules of it that it imports, within functions too."""
-    modules = {file.stem: ast.parse(file.read_text(encoding="utf-8")) for file in (PACKAGE / room).glob("*.py")}
+    modules = {
+        ".".join(file.relative_to(PACKAGE / room).with_suffix("").parts): ast.parse(file.read_text(encoding="utf-8"))
+        for file in (PACKAGE / room).rglob("*.py")
+    }
     found = {}
     for name, tree in modules.items():
         asked = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
         door = f"rso_lidar.{room}"
-        named = {alias.name for node in asked if node.module == door for alias in node.names}
-        named |= {node.module.removeprefix(f"{door}.") for node in asked if node.module.startswith(f"{door}.")}
+        inside = [node for node in asked if f"{node.module}.".startswith(f"{door}.")]
+        named = {f"{node.module}.{alias.name}".removeprefix(f"{door}.") for node in inside for alias in node.names}
+        named |= {node.module.removeprefix(f"{door}.") for node in inside}
         found[name] = named & set(modules) - {"__init__"}
     return found
 
