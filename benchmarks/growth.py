@@ -16,8 +16,8 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, seconds
 from benchmarks.report import Findings, table
 from benchmarks.stages import ROWS, flash_s, medians, warm
-from rso_lidar.picture.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.palette import PARTS
+from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.style.palette import PARTS
 
 FIGURE = "growth.png"
 FACETS = (3_000, 12_000, 47_000, 187_000, 500_000)

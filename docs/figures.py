@@ -29,9 +29,9 @@ from rso_lidar.detector.ranging import locate
 from rso_lidar.detector.separation import simulate_pairs
 from rso_lidar.detector.trial import Trial, plate, point_returns, trial
 from rso_lidar.detector.waveform import rows_about
-from rso_lidar.picture.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.palette import INK, LINE, PARTS, QUIET, hexed
-from rso_lidar.picture.scale import nice_down
+from rso_lidar.picture.selection.scale import nice_down
+from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.hill import clohessy_wiltshire
 from rso_lidar.scenario.surfaces import surface_of

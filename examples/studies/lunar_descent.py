@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import rso_lidar as rl
-from rso_lidar.picture.figures import dress, new_figure
+from rso_lidar.picture.style.figures import dress, new_figure
 from rso_lidar.study.elevation import (
     HAZARD,
     SAFE,

@@ -157,8 +157,8 @@ def _median(values: np.ndarray) -> float:
 
 def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
     """Return the picture: points, errors of place, and of turn, over time, one column for each camera."""
-    from rso_lidar.picture.figures import dress, in_thousands, new_figure
-    from rso_lidar.picture.palette import PARTS, QUIET, hexed
+    from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+    from rso_lidar.picture.style.palette import PARTS, QUIET, hexed
 
     blue, orange, green, red = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
     drawn = new_figure(

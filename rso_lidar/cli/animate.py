@@ -10,7 +10,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import free
-from rso_lidar.picture.animation import ANIMATION_SUFFIXES
+from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES
 
 
 def animate(

@@ -15,8 +15,8 @@ from rso_lidar.cli.quantities import instant, length_m
 from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, free, write_text
-from rso_lidar.picture.encounters import encounter_figure
-from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.picture.plots.encounters import encounter_figure
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.study import Encounters, scenario_text

@@ -10,7 +10,7 @@ from rso_lidar.cli.completion import model_names
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.files import free
-from rso_lidar.picture.output import FIGURE_SUFFIXES
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library import models, own_models
 from rso_lidar.study.model_card import ModelCard, model_card
 

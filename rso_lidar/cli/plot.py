@@ -11,8 +11,8 @@ from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import free
-from rso_lidar.picture.output import FIGURE_SUFFIXES
-from rso_lidar.picture.sheet import SHEET_SUFFIXES
+from rso_lidar.picture.frames.sheet import SHEET_SUFFIXES
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 
 
 def plot(

@@ -3,15 +3,15 @@
 Every figure is a plain `matplotlib.figure.Figure` on an Agg canvas: pyplot and its global state are never touched.
 """
 
-from rso_lidar.picture.angles import angles_figure, ptu_figure
-from rso_lidar.picture.animation import animate
-from rso_lidar.picture.curves import curve_figure
-from rso_lidar.picture.frame import frame_figure, save_frame
-from rso_lidar.picture.orbit import inertial_figure
-from rso_lidar.picture.output import save_figure
-from rso_lidar.picture.sequence import evenly
-from rso_lidar.picture.sheet import contact_sheet
-from rso_lidar.picture.trajectory import orbit_figure
+from rso_lidar.picture.frames.animation import animate
+from rso_lidar.picture.frames.frame import frame_figure, save_frame
+from rso_lidar.picture.frames.sheet import contact_sheet
+from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
+from rso_lidar.picture.plots.curves import curve_figure
+from rso_lidar.picture.plots.orbit import inertial_figure
+from rso_lidar.picture.plots.trajectory import orbit_figure
+from rso_lidar.picture.selection.sequence import evenly
+from rso_lidar.picture.style.output import save_figure
 
 __all__ = [
     "angles_figure",

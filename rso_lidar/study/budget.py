@@ -16,8 +16,8 @@ from rso_lidar import units
 from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import free, write_text
-from rso_lidar.picture.budget import Line, budget_figure
-from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.plots.budget import Line, budget_figure
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Scatterer
 from rso_lidar.study.budget_asked import (

@@ -17,8 +17,8 @@ from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import free, write_columns
 from rso_lidar.optics.budget import filled_pixel
-from rso_lidar.picture.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.picture.timeline import timeline_figure
+from rso_lidar.picture.plots.timeline import timeline_figure
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, cross, dot, turned
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.scenario import Scenario, need_scenario

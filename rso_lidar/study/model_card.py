@@ -11,8 +11,8 @@ import numpy as np
 
 from rso_lidar import optics, scene, units
 from rso_lidar.motion import Fixed
-from rso_lidar.picture.model_card import CardView, model_card_figure
-from rso_lidar.picture.output import save_figure
+from rso_lidar.picture.plots.model_card import CardView, model_card_figure
+from rso_lidar.picture.style.output import save_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.picture.trade import said
+from rso_lidar.picture.plots.trade import said
 from rso_lidar.study.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trade_table import TradeTable
 

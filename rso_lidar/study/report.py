@@ -14,8 +14,8 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.export.parquet import check_parquet, write_parquet
 from rso_lidar.files import beside, write_columns
-from rso_lidar.picture.frame import frame_figure, parts_in_order
-from rso_lidar.picture.trade import Quantity, against_figure, effects_figure, maps_figure, said
+from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
+from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, maps_figure, said
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.merits import DETECTION, MERITS

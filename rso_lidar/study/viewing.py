@@ -13,10 +13,10 @@ from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.export import Frames, Recording
 from rso_lidar.files import free
 from rso_lidar.interruption import temporary_folder
-from rso_lidar.picture.output import FIGURE_SUFFIXES
-from rso_lidar.picture.player import Colour, play, richest, save_view, window_backend
-from rso_lidar.picture.rerun_scene import installed, need_rerun, open_rerun, write_rerun
-from rso_lidar.picture.shape import Shape
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture.viewers.player import Colour, play, richest, save_view, window_backend
+from rso_lidar.picture.viewers.rerun_scene import installed, need_rerun, open_rerun, write_rerun
+from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame, Source
 from rso_lidar.study.recorded import scenario_of, surfaces_of
 

@@ -19,7 +19,7 @@ from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.environment import angle_rad, earth_limb_angle_rad
 from rso_lidar.orbit.moon import moon_position_m
 from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
-from rso_lidar.picture.encounters import encounter_figure
+from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.scenario import Constraints, Corridor, Lidar
 from rso_lidar.shipped import shipped
 from rso_lidar.study import encounters, reach_m, scenario_text

@@ -14,7 +14,7 @@ from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.screening import screen
 from rso_lidar.orbit.several_sets import SeveralSets
 from rso_lidar.orbit.teme import teme
-from rso_lidar.picture.encounters import encounter_figure
+from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.study import encounters, scenario_text
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

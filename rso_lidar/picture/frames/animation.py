@@ -1,0 +1,147 @@
+"""Animations: a sequence of frames as a GIF, or as an MP4 where the extra is installed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside, free
+from rso_lidar.picture.frames.raster import GAP, fitted, legend, pair, write
+from rso_lidar.picture.selection.scale import Scale
+from rso_lidar.picture.selection.sequence import Glimpse, pick
+from rso_lidar.picture.selection.window import Window, crop
+from rso_lidar.picture.style.palette import INK, LINE, MARK, PAPER, QUIET, fixed_palette
+from rso_lidar.records import Frame
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+ANIMATION_SUFFIXES = (".gif", ".mp4")
+SIDE = 384  # pixels of one panel
+MARGIN = 16
+HEAD = 42
+CAPTION = 34
+TIMELINE = 58
+FOOT = 30
+WIDTH = 2 * MARGIN + 2 * SIDE + GAP
+HEIGHT = HEAD + SIDE + CAPTION + TIMELINE + FOOT  # even, as MP4 wants both
+SHOWN_S = 10.0  # an animation that names no rate lasts about this long
+FASTEST_HZ = 50.0  # GIF counts hundredths of a second, and players slow down what is under two
+
+
+def animate(
+    frames: Iterable[Frame], path: str | Path, max_frames: int = 120, frame_rate_hz: float | None = None
+) -> Path:
+    """Return the path of an animation of at most `max_frames` frames, evenly chosen; GIF or MP4 by the suffix.
+
+    `frame_rate_hz` [Hz] is that of the picture as it plays, at most 50; left out, the whole lasts about ten seconds (at
+    4 to 20 Hz). A GIF counts its delays in hundredths of a second. Colour limits hold for the whole sequence.
+    """
+    place = free(path, ANIMATION_SUFFIXES, overwrite=True)
+    if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
+        raise RecordingError(f"{place}: plays at {frame_rate_hz:g} Hz: choose a rate above 0, up to {FASTEST_HZ:g} Hz")
+    ffmpeg = _ffmpeg(place) if place.suffix.lower() == ".mp4" else None
+    glimpses, _ = pick(frames, max_frames, Glimpse.of)
+    rate_hz = frame_rate_hz or min(max(len(glimpses) / SHOWN_S, 4.0), 20.0)
+    with beside(place) as draft:
+        if ffmpeg is None:
+            _write_gif(draft, _pictures(glimpses), rate_hz)
+        else:
+            _write_mp4(ffmpeg, draft, _pictures(glimpses), rate_hz)
+    return place
+
+
+def _pictures(glimpses: Sequence[Glimpse]) -> Iterator[Image]:
+    """Yield one picture for each glimpse."""
+    from PIL import Image, ImageDraw
+
+    scale = Scale.of(glimpses)
+    page = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+    draw = ImageDraw.Draw(page)
+    inner = WIDTH - 2 * MARGIN
+    write(draw, MARGIN, 12, fitted(draw, glimpses[0].title, 17, inner, bold=True), 17, INK, bold=True)
+    legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 11)
+    plot = _timeline(page, glimpses)
+    window: Window | None = None
+    for k, glimpse in enumerate(glimpses):
+        window = crop(glimpse.bounds, window)
+        yield _picture(page.copy(), glimpse, scale, window, plot[k])
+
+
+def _picture(page: Image, glimpse: Glimpse, scale: Scale, window: Window, now: tuple[float, float]) -> Image:
+    """Return the page with one frame drawn on it."""
+    from PIL import ImageDraw
+
+    draw = ImageDraw.Draw(page)
+    page.paste(pair(glimpse, scale, window, SIDE), (MARGIN, HEAD))
+    y = HEAD + SIDE + 8
+    seen = math.isfinite(glimpse.median_m)
+    said = f"{glimpse.median_m:,.1f} m" if seen else f"{glimpse.true_range_m:,.1f} m (truth)"
+    write(draw, MARGIN, y, said, 18, INK, bold=True)
+    field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
+    write(draw, MARGIN + SIDE + GAP, y + 4, f"{glimpse.returns:,} returns   ·   {field}", 12, QUIET)
+    write(draw, WIDTH - MARGIN, y + 2, f"{glimpse.time_s:,.1f} s", 15, INK, anchor="ra")
+    across, down = now
+    draw.line((across, HEAD + SIDE + CAPTION + 2, across, HEAD + SIDE + CAPTION + TIMELINE - 8), fill=LINE)
+    draw.ellipse((across - 4, down - 4, across + 4, down + 4), fill=MARK)
+    return page
+
+
+def _timeline(page: Image, glimpses: Sequence[Glimpse]) -> list[tuple[float, float]]:
+    """Return where on the page each glimpse lies on the line of range over time, which is drawn."""
+    from PIL import ImageDraw
+
+    draw = ImageDraw.Draw(page)
+    times_s = np.array([glimpse.time_s for glimpse in glimpses])
+    ranges_m = np.array([g.true_range_m if math.isfinite(g.true_range_m) else g.median_m for g in glimpses])
+    known = np.isfinite(ranges_m)
+    low_m, high_m = (float(ranges_m[known].min()), float(ranges_m[known].max())) if known.any() else (0.0, 0.0)
+    top, bottom = HEAD + SIDE + CAPTION + 6, HEAD + SIDE + CAPTION + TIMELINE - 12
+    left, right = MARGIN + 76, WIDTH - MARGIN - 6
+    write(draw, left - 8, top, f"{high_m:,.0f} m", 11, QUIET, anchor="rm")
+    write(draw, left - 8, bottom, f"{low_m:,.0f} m", 11, QUIET, anchor="rm")
+    share_x = (times_s - times_s[0]) / max(float(np.ptp(times_s)), 1e-12)
+    share_y = (np.where(known, ranges_m, low_m) - low_m) / max(high_m - low_m, 1e-12)
+    points = [
+        (left + (right - left) * float(x), bottom - (bottom - top) * float(y))
+        for x, y in zip(share_x, share_y, strict=True)
+    ]
+    if len(points) > 1:
+        draw.line(points, fill=QUIET, width=2, joint="curve")
+    return points
+
+
+def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(fixed_palette())
+    drawn = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    delay_ms = max(round(100.0 / rate_hz), 2) * 10
+    next(drawn).save(draft, save_all=True, append_images=drawn, duration=delay_ms, loop=0, optimize=False)
+
+
+def _ffmpeg(place: Path):  # type: ignore[no-untyped-def]
+    """Return the module that writes MP4; the extra has to be installed."""
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise RecordingError(
+            f"{place}: MP4 needs an extra: pip install rso-lidar[mp4], or choose a name that ends in .gif"
+        ) from None
+    return imageio_ffmpeg
+
+
+def _write_mp4(ffmpeg, draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:  # type: ignore[no-untyped-def]
+    writer = ffmpeg.write_frames(str(draft), (WIDTH, HEIGHT), fps=rate_hz, quality=8, macro_block_size=2)
+    writer.send(None)
+    try:
+        for picture in pictures:
+            writer.send(np.ascontiguousarray(np.asarray(picture)))
+    finally:
+        writer.close()

@@ -1,0 +1,384 @@
+"""One frame as a figure: range, intensity, parts, and range minus truth."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.files import free
+from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
+from rso_lidar.picture.selection.sequence import on_target, pixel_rad, sighted, started, target_ranges_m
+from rso_lidar.picture.selection.window import Window, around, crop
+from rso_lidar.picture.style.figures import new_figure, with_minus
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.style.palette import (
+    ERROR_RAMP,
+    FALSE,
+    INK,
+    INTENSITY_RAMP,
+    MARK,
+    MISSED,
+    NO_RETURN,
+    OTHER_PART,
+    PARTS,
+    QUIET,
+    RANGE_RAMP,
+    hexed,
+    ramp,
+)
+from rso_lidar.records import Frame, Reading, specs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Corner = Literal["lower left", "lower right", "upper left", "upper right"]
+
+PartKey = tuple[int, int]  # numbers of target and part
+
+WIDTH_IN = 10.6
+LETTERS = 156  # of small print in a line
+MOST_TARGETS = 3  # whose geometry is told
+
+
+def save_frame(frame: Frame, path: str | Path) -> Path:
+    """Return the path of `frame_figure(frame)` written as PNG, PDF or SVG, by the suffix."""
+    place = free(path, FIGURE_SUFFIXES, overwrite=True)
+    return save_figure(frame_figure(frame), place)
+
+
+def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
+    """Return a figure of one frame: measured range, intensity, the parts that were there, and range minus truth.
+
+    All four show the same square around the target, or the whole field where the target fills it; rows and columns are
+    numbered as in the arrays. Limits of colour leave out one per cent at either end.
+
+    Parameters
+    ----------
+    frame : what is drawn.
+    parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
+        those with most pixels); `parts_in_order` of all frames of a series gives a part one colour in all.
+    """
+    window = crop(around(sighted(frame)))
+    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summary(frame), tuple(_geometry(frame)))
+    panels = figure.subplots(2, 2, squeeze=True)
+    range_panel(panels[0, 0], frame, window)
+    intensity_panel(panels[0, 1], frame, window)
+    _part_panel(panels[1, 0], frame, window, parts)
+    _error_panel(panels[1, 1], frame, window)
+    for axes in panels.flat:
+        axes.set_xlabel("col", fontsize=9, color=hexed(QUIET))
+        axes.set_ylabel("row", fontsize=9, color=hexed(QUIET))
+        axes.tick_params(labelsize=8, colors=hexed(QUIET))
+        for spine in axes.spines.values():
+            spine.set_color(hexed(QUIET))
+    return figure
+
+
+def summary(frame: Frame) -> str:
+    """Return a frame in one line: number, instant, range, returns, photons."""
+    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {started(frame)}"]
+    returned = on_target(frame)
+    if returned.any():
+        words.append(f"mean range {float(np.mean(frame.range_m[returned], dtype=float)):,.2f} m")
+    words.append(f"{int(frame.valid.sum()):,} returns")
+    words.append(f"{float(np.sum(frame.labels.photons, dtype=float)):,.0f} photons expected")
+    return "   ·   ".join(words)
+
+
+def _geometry(frame: Frame) -> list[str]:
+    """Return lines on where the targets are and where the lidar looks."""
+    lines = []
+    ranges_m = target_ranges_m(frame)
+    for name, range_m in list(ranges_m.items())[:MOST_TARGETS]:
+        lidar_from_target = frame.truth.pose("lidar", name)
+        right, down, ahead = lidar_from_target.translation
+        off_deg = float(np.arctan2(np.hypot(right, down), ahead)) / units.DEG
+        velocity_m_s, _ = frame.truth.rates("lidar", name)
+        speed = float(lidar_from_target.translation @ velocity_m_s) / range_m if range_m > 0 else 0.0
+        rate = with_minus(f"{speed:+.3f}")
+        about = f"{name}: {range_m:,.2f} m, range rate {rate} m/s, {off_deg:.3f}° off the boresight;  "
+        if f"{name}.rtn" in frame.truth.poses:
+            place = frame.truth.pose(f"{name}.rtn", "lidar").translation
+            radial, along, cross = (with_minus(f"{value:,.1f}") for value in place)
+            about += f"in its rtn axes the lidar is at radial {radial}, along-track {along}, cross-track {cross} m"
+        else:
+            turn = ", ".join(f"{value:.4f}" for value in lidar_from_target.rotation.as_quat(canonical=True))
+            about += f"lidar_from_{name} x, y, z, w = {with_minus(turn)}"
+        lines += textwrap.wrap(about, LETTERS)
+    pitch_rad = pixel_rad(frame)
+    n_rows, n_cols = frame.valid.shape
+    words = [f"{len(ranges_m) - MOST_TARGETS} more targets"] if len(ranges_m) > MOST_TARGETS else []
+    words += [f"{n_rows} × {n_cols} pixels of {pitch_rad * 1e3:.4f} mrad"]
+    if ranges_m:
+        words.append(f"{pitch_rad * min(ranges_m.values()):.3g} m at the target")
+    if frame.observation.pan_tilt_rad is not None:
+        pan_deg, tilt_deg = frame.observation.pan_tilt_rad / units.DEG
+        words.append(with_minus(f"measured pan {pan_deg:+.3f}°, tilt {tilt_deg:+.3f}°"))
+    return [*lines, ",  ".join(words)]
+
+
+def _caption(name: str) -> str:
+    """Return what an array of the reading is and its unit, from its statement in the record."""
+    spec = specs(Reading)[name]
+    meaning = spec.meaning.split(",")[0]
+    return f"{meaning[0].upper()}{meaning[1:]} [{spec.unit}]"
+
+
+def _show(
+    axes: Axes, values: np.ndarray, window: Window, colours: Any, low: float, high: float, *, logarithmic: bool = False
+) -> Any:
+    """Return what matplotlib makes of an array (row, col) in the window, NaN in the colour map's own for bad values."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    extent = (window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5)
+    shown = np.ma.masked_invalid(window.cut(values))
+    norm = (LogNorm if logarithmic else Normalize)(low, high)
+    return axes.imshow(shown, cmap=colours, norm=norm, extent=extent, interpolation="nearest")
+
+
+def _bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, logarithmic: bool = False) -> None:
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
+    bar = axes.figure.colorbar(drawn, cax=place, extend=extend)
+    bar.ax.tick_params(labelsize=8, colors=hexed(QUIET))
+    if logarithmic:
+        bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
+        bar.minorticks_off()
+    else:
+        bar.ax.ticklabel_format(useOffset=False, style="plain")
+    bar.outline.set_edgecolor(hexed(QUIET))
+    bar.set_label(label, fontsize=8.5, color=hexed(QUIET))
+
+
+def _head(axes: Axes, text: str, note: str = "") -> None:
+    axes.set_title(text, loc="left", fontsize=11, color=hexed(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
+
+
+def range_limits_m(frame: Frame) -> tuple[float, float]:
+    """Return the ends [m] of the range's colours: those of the target's returns, one per cent at either end left out."""
+    seen = frame.range_m[on_target(frame)]
+    seen = seen if seen.size else frame.range_m[frame.valid]
+    low, high = np.percentile(seen, [1, 99]) if seen.size else (0.0, 1.0)
+    if high - low < 0.1:  # a flat target: its noise does not fill the ramp
+        low, high = low - 0.05, high + 0.05
+    return float(low), float(high)
+
+
+def range_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    """Draw the measured range of a frame."""
+    from matplotlib import colormaps
+
+    low, high = range_limits_m(frame)
+    colours = colormaps[RANGE_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    drawn = _show(axes, frame.range_m, window, colours, low, high)
+    shown = window.cut(frame.range_m)
+    below, above = bool((shown < low).any()), bool((shown > high).any())
+    _bar(axes, drawn, _caption("range_m"), ("neither", "min", "max", "both")[below + 2 * above])
+    _head(axes, "Range", "dark: no return")
+    if not window.whole:
+        _locate(axes, window)
+
+
+def _locate(axes: Axes, window: Window) -> None:
+    """Draw the whole field small in a corner, with the window in it."""
+    from matplotlib.patches import Rectangle
+
+    longest = max(window.n_rows, window.n_cols)
+    wide, high = 0.16 * window.n_cols / longest, 0.16 * window.n_rows / longest
+    small = axes.inset_axes((0.985 - wide, 0.985 - high, wide, high))
+    small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor="black")
+    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=hexed(MARK), lw=0))
+    for spine in small.spines.values():
+        spine.set_color("white")
+        spine.set_linewidth(0.7)
+
+
+def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    """Draw the measured intensity of a frame, with a bar that tells the size of things at the target.
+
+    It is drawn in logarithms where a few glints outshine the rest, as in contact sheets.
+    """
+    from matplotlib.colors import ListedColormap
+
+    counts = frame.intensity_counts.astype(float)
+    on = on_target(frame) if on_target(frame).any() else frame.valid
+    low, high, logarithmic = count_limits([counts[on]] if on.any() else [])
+    shown = window.cut(np.where(counts > 0, counts, np.nan))
+    if not logarithmic:
+        high = max(float(counts.max()), 1.0)
+    below, above = bool((shown < low).any()), bool((shown > high).any())
+    colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad="black")
+    drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, low, high, logarithmic=logarithmic)
+    extend = ("neither", "min", "max", "both")[below + 2 * above]
+    _bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
+    saturated = int(frame.saturated.sum())
+    _head(
+        axes, "Intensity, logarithmic" if logarithmic else "Intensity", f"{saturated:,} saturated" if saturated else ""
+    )
+    seen = frame.range_m[on_target(frame)]
+    pixel_m = pixel_rad(frame) * float(np.median(seen)) if seen.size else 0.0
+    if pixel_m > 0:
+        length_m = nice_down(0.3 * pixel_m * window.width)
+        x, y = window.left + 0.04 * window.width - 0.5, window.bottom - 0.05 * window.height - 0.5
+        flat: dict[str, Any] = {"scalex": False, "scaley": False}
+        ends = [x, x + length_m / pixel_m]
+        axes.plot(ends, [y, y], color="black", lw=6.0, solid_capstyle="projecting", **flat)
+        axes.plot(ends, [y, y], color="white", lw=2.5, solid_capstyle="butt", **flat)
+        axes.annotate(
+            f"{length_m:g} m", (x, y), xytext=(0, 6), textcoords="offset points", color="white", fontsize=9,
+            bbox={"facecolor": "black", "lw": 0, "pad": 1.5},
+        )  # fmt: skip
+
+
+def _part_panel(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    there = frame.labels.target >= 0
+    kinds, places, counts = _part_kinds(frame)
+    order = np.argsort(-counts, kind="stable")
+    named = len(PARTS)
+    colour = _part_colours(frame, kinds, order, parts)
+    shown = np.full(there.shape, np.nan)
+    shown[there] = colour[places.reshape(-1)]
+    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hexed(NO_RETURN))
+    _show(axes, shown, window, colours, -0.5, named + 0.5)
+    entries = [
+        Patch(color=PARTS[colour[which]], label=f"{_part_name(frame, *kinds[which])}  {counts[which]:,}")
+        for which in order
+        if colour[which] < named
+    ]
+    rest = colour == named
+    if rest.any():
+        entries.append(Patch(color=OTHER_PART, label=f"{rest.sum()} more  {counts[rest].sum():,}"))
+    if entries:
+        axes.legend(
+            handles=entries,
+            loc="upper left",
+            bbox_to_anchor=(1.02, 1.02),
+            fontsize=7.5,
+            frameon=False,
+            labelcolor=hexed(QUIET),
+            handlelength=1.0,
+            borderpad=0.0,
+            labelspacing=0.45,
+        )
+    _head(
+        axes,
+        "Parts, by the labels",
+        f"{int(there.sum()):,} pixels on a target" if entries else "no target in the field",
+    )
+
+
+def _part_kinds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the kinds (kind, [target, part]) in a frame, which of them each pixel on a target is, and how many are."""
+    there = frame.labels.target >= 0
+    seen = np.stack([frame.labels.target[there], frame.labels.part[there]], axis=-1)
+    kinds, places, counts = np.unique(seen, axis=0, return_inverse=True, return_counts=True)
+    return kinds, places, counts
+
+
+def parts_in_order(frames: Sequence[Frame]) -> tuple[PartKey, ...]:
+    """Return the parts (target, part) in frames, that with most pixels in all of them first."""
+    total: dict[PartKey, int] = {}
+    for frame in frames:
+        kinds, _, counts = _part_kinds(frame)
+        for (target, part), count in zip(kinds.tolist(), counts.tolist(), strict=True):
+            total[target, part] = total.get((target, part), 0) + count
+    return tuple(sorted(total, key=lambda kind: (-total[kind], kind)))
+
+
+def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: Sequence[PartKey]) -> np.ndarray:
+    """Return the number of the colour of each kind (kind, [target, part]), `len(PARTS)` for those that share the last.
+
+    Where there is a colour for every part of the recording a part keeps its own in all frames; else the first in `parts`
+    get them, or without these the parts with most pixels, first in `order`.
+    """
+    starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
+    known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
+    if known and starts[-1] <= len(PARTS):
+        return np.asarray(starts[kinds[:, 0]] + kinds[:, 1])
+    if parts:
+        place = {kind: k for k, kind in enumerate(parts[: len(PARTS)])}
+        return np.array([place.get((target, part), len(PARTS)) for target, part in kinds.tolist()], dtype=int)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return np.asarray(np.minimum(rank, len(PARTS)))
+
+
+def _part_name(frame: Frame, target: int, part: int) -> str:
+    """Return the name of a part, with its target's where there are several."""
+    entries = frame.source.targets
+    entry = entries[target] if target < len(entries) else None
+    known = entry is not None and 0 <= part < len(entry.parts)
+    name = entry.parts[part] if entry is not None and known else f"part {part}"
+    owner = entry.name if entry is not None else f"target {target}"
+    text = f"{owner}: {name}" if len(entries) > 1 else name
+    return text if len(text) <= 27 else f"{text[:13]}…{text[-13:]}"  # names often differ at their end
+
+
+def _free_corner(busy: np.ndarray) -> Corner:
+    """Return the corner of a panel (row, col) with the fewest busy pixels."""
+    high, wide = (max(1, size // 4) for size in busy.shape)
+    corners: dict[Corner, np.ndarray] = {
+        "lower left": busy[-high:, :wide],
+        "lower right": busy[-high:, -wide:],
+        "upper left": busy[:high, :wide],
+        "upper right": busy[:high, -wide:],
+    }
+    return min(corners, key=lambda corner: int(corners[corner].sum()))
+
+
+def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    there = frame.labels.target >= 0
+    error_cm = (frame.range_m.astype(float) - frame.labels.range_m) / units.CM
+    single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
+    judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
+    limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
+    colours = colormaps[ERROR_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    drawn = _show(axes, error_cm, window, colours, -limit, limit)
+    missed, false = there & ~frame.valid, frame.valid & ~there & bool(there.any())
+    marks = [(missed, MISSED, "missed"), (false, FALSE, "false")]
+    for mask, colour, _ in marks:
+        _show(
+            axes,
+            np.where(mask, 1.0, np.nan),
+            window,
+            ListedColormap([hexed(colour)]).with_extremes(bad=(0, 0, 0, 0)),
+            0,
+            2,
+        )
+    outside = bool((np.abs(window.cut(error_cm)) > limit).any())
+    _bar(axes, drawn, "Range minus truth of the brightest cluster [cm]", "both" if outside else "neither")
+    entries = [
+        Patch(color=hexed(colour), label=f"{word}  {int(mask.sum()):,}") for mask, colour, word in marks if mask.any()
+    ]
+    if entries:
+        axes.legend(
+            handles=entries,
+            loc=_free_corner(window.cut(there | frame.valid)),
+            fontsize=8,
+            framealpha=0.85,
+            edgecolor="none",
+            handlelength=1.0,
+            borderpad=0.5,
+            labelspacing=0.25,
+        )
+    note = ""
+    if judged.size:
+        middle = float(np.median(judged))
+        within = float(np.percentile(np.abs(judged - middle), 68.27))
+        note = with_minus(f"median {middle:+.1f} cm, 68 % within ± {within:.1f} cm")
+    _head(axes, "Error", note)

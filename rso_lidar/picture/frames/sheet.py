@@ -1,0 +1,83 @@
+"""Contact sheets: a sequence of frames on one page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.files import beside, free
+from rso_lidar.picture.frames.raster import GAP, fitted, legend, pair, write
+from rso_lidar.picture.selection.scale import Scale
+from rso_lidar.picture.selection.sequence import Glimpse, on_target, pick
+from rso_lidar.picture.selection.window import Window, crop
+from rso_lidar.picture.style.palette import INK, PAPER, QUIET
+from rso_lidar.records import Frame
+
+SHEET_SUFFIXES = (".png",)
+SIDE = 192  # pixels of one panel
+CAPTION = 40  # pixels under a cell
+MARGIN = 24
+SPACE = 22  # between cells
+HEAD = 62
+FOOT = 30
+
+
+def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, rows: int = 4) -> Path:
+    """Return the path of a PNG of at most `columns` x `rows` frames, evenly chosen from a sequence or an iterator.
+
+    A cell shows range and intensity of a square around the target's returns, or of the whole field without a target; a
+    small square tells where in the field it lies. All cells share the scales under them: where the range changes much
+    more over the sequence than within a frame, colour is range minus the cell's median, and the absolute range stands
+    under the cell.
+    """
+    from PIL import Image, ImageDraw
+
+    place = free(path, SHEET_SUFFIXES, overwrite=True)
+    if columns < 1 or rows < 1:
+        raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
+    glimpses, total = pick(frames, columns * rows, _look)
+    columns = min(columns, len(glimpses))
+    rows = -(-len(glimpses) // columns)
+    scale = Scale.of(glimpses)
+    cell_width = 2 * SIDE + GAP
+    width = max(2 * MARGIN + columns * cell_width + (columns - 1) * SPACE, 2 * MARGIN + 860)
+    height = HEAD + rows * (SIDE + CAPTION) + (rows - 1) * (SPACE // 2) + FOOT + MARGIN
+    page = Image.new("RGB", (width, height), PAPER)
+    draw = ImageDraw.Draw(page)
+    first, last = glimpses[0], glimpses[-1]
+    inner = width - 2 * MARGIN
+    write(draw, MARGIN, 14, fitted(draw, first.title, 20, inner, bold=True), 20, INK, bold=True)
+    count = f"{len(glimpses)} of {total} frames" if len(glimpses) < total else f"{total} frame{'s' * (total != 1)}"
+    span = (
+        f"{count}, {first.time_s:,.1f} s to {last.time_s:,.1f} s after {first.start_utc}; left range, right intensity"
+    )
+    write(draw, MARGIN, 40, fitted(draw, span, 12, inner), 12, QUIET)
+    for k, glimpse in enumerate(glimpses):
+        x = MARGIN + (k % columns) * (cell_width + SPACE)
+        y = HEAD + (k // columns) * (SIDE + CAPTION + SPACE // 2)
+        window = crop(glimpse.bounds)
+        page.paste(pair(glimpse, scale, window, SIDE), (x, y))
+        seen = glimpse.median_m == glimpse.median_m
+        range_m = glimpse.median_m if seen else glimpse.true_range_m
+        said = f"{range_m:,.1f} m" + ("" if seen else " (truth)") if math.isfinite(range_m) else "no target"
+        write(draw, x, y + SIDE + 5, said, 14, INK, bold=True)
+        write(draw, x + cell_width, y + SIDE + 6, f"{glimpse.time_s:,.1f} s", 13, INK, anchor="ra")
+        write(draw, x, y + SIDE + 23, f"{glimpse.returns:,} returns", 11, QUIET)
+        field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
+        write(draw, x + cell_width, y + SIDE + 23, field, 11, QUIET, anchor="ra")
+    legend(draw, MARGIN, height - FOOT - 4, scale, inner)
+    with beside(place) as draft:
+        page.save(draft, optimize=True)
+    return place
+
+
+def _look(frame: Frame) -> Glimpse:
+    """Return a glimpse of a frame; its bounds are the whole field where nothing but stray returns is in it."""
+    glimpse = Glimpse.of(frame)
+    if (frame.labels.target >= 0).any() or on_target(frame).any():
+        return glimpse
+    n_rows, n_cols = frame.valid.shape
+    return replace(glimpse, bounds=Window(0, n_rows, 0, n_cols, n_rows, n_cols))

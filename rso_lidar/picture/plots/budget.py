@@ -1,0 +1,154 @@
+"""A link budget drawn: photons, detection, precision and pixels on the target against range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.picture.style.figures import LINE_IN, dress, log_ticks, new_figure
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_COLOURS = (PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5], PARTS[4])
+_STYLES = ("-", (0, (5, 2)))
+_LOWEST_PHOTONS = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One curve (range) of a link budget, by its name in words; `max_range_m` is NaN where there is none.
+
+    Beyond `filled_to_m` the target no longer fills a pixel, and the curve is drawn faintly.
+    """
+
+    name: str
+    range_m: np.ndarray
+    photons: np.ndarray
+    probability: np.ndarray
+    range_precision_m: np.ndarray
+    pixels: np.ndarray
+    max_range_m: float
+    armed_limits: bool
+    fill_limits: bool = False
+    filled_to_m: float = np.inf
+
+
+def budget_figure(
+    lines: Sequence[Line], title: str, note: str, probability: float, small_print: Sequence[str] = ()
+) -> Figure:
+    """Return a figure of four plots against range, with the greatest ranges of the wanted probability marked.
+
+    Precision is drawn where at least a hundredth of the returns are detected: of others there is none.
+    """
+    figure = new_figure(11.0, 8.2, title, note, tuple(small_print))
+    (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
+    for number, line in enumerate(lines):
+        look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": 1.5}
+        ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
+        reach = ": never" if np.isnan(line.max_range_m) else f": {_length(line.max_range_m)}{ends}"
+        shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
+        light.plot([], [], label=f"{line.name}{reach}", **look)
+        for axes, values in ((light, line.photons), (found, line.probability), (precision, shown)):
+            if line.filled_to_m < line.range_m[-1]:
+                axes.plot(line.range_m, values, **look, alpha=_FAINT)
+            near = line.range_m <= line.filled_to_m
+            axes.plot(line.range_m, np.where(near, values, np.nan), **look)
+        pixels.plot(line.range_m, line.pixels, **look)
+        if line.range_m[0] <= line.max_range_m <= line.range_m[-1]:
+            at = np.log(line.max_range_m)
+            there = float(np.interp(at, np.log(line.range_m), line.probability)) if ends else probability
+            _mark(found, line.max_range_m, there, str(look["color"]))
+            for axes, values in ((light, line.photons), (pixels, line.pixels)):
+                height = np.exp(np.interp(at, np.log(line.range_m), np.log(np.maximum(values, 1e-12))))
+                _mark(axes, line.max_range_m, float(height), str(look["color"]))
+    first, last = min(line.range_m[0] for line in lines), max(line.range_m[-1] for line in lines)
+    filled_to_m = min(line.filled_to_m for line in lines)
+    if first < filled_to_m < last:
+        for axes in (light, found, precision):
+            axes.axvline(filled_to_m, color=hexed(QUIET), lw=0.8, ls=(0, (2, 3)), zorder=0)
+    found.axhline(probability, color=hexed(LINE), lw=0.9, zorder=0)
+    _axes(light, "Photons on the pixel", "expected, after the optics")
+    _axes(found, "Probability of detection", f"marked: P = {probability:g}")
+    _axes(precision, "Range precision [cm]", "1 sigma of detected returns")
+    _axes(pixels, "Pixels on the target", "lit and in the field")
+    for axes in (light, precision, pixels):
+        _log(axes)
+    low, high = light.get_ylim()
+    if high > 10.0 * _LOWEST_PHOTONS:
+        light.set_ylim(max(_LOWEST_PHOTONS, low), high)
+    found.set_ylim(-0.02, 1.04)
+    for axes in (light, precision, pixels):
+        log_ticks(axes.yaxis, *axes.get_ylim())
+    for axes in (light, found, precision, pixels):
+        log_ticks(axes.xaxis, *axes.get_xlim())
+    for axes in (precision, pixels):
+        axes.set_xlabel("Range [m]", fontsize=9, color=hexed(QUIET))
+    figure.align_ylabels()
+    _legend(figure, light, probability, len(small_print))
+    return figure
+
+
+def _legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
+    """Put the names of the curves between the plots and the small print, and make room for them."""
+    handles, names = axes.get_legend_handles_labels()
+    columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
+    height_in = float(figure.get_figheight())
+    foot_in = 0.12 + LINE_IN * printed
+    legend = figure.legend(
+        handles,
+        names,
+        title=f"Greatest range of P = {probability:g}",
+        loc="lower center",
+        bbox_to_anchor=(0.5, foot_in / height_in),
+        ncols=columns,
+        fontsize=8.5,
+        frameon=False,
+        labelcolor=hexed(INK),
+        borderaxespad=0.0,
+    )
+    legend.set_in_layout(False)
+    legend.get_title().set(fontsize=8.5, color=hexed(QUIET))
+    room_in = float(legend.get_window_extent().height) / figure.dpi
+    head_in = 0.66
+    engine: Any = figure.get_layout_engine()
+    engine.set(rect=(0.0, (foot_in + room_in) / height_in, 1.0, 1.0 - (foot_in + room_in + head_in) / height_in))
+
+
+_ARMED = " (end of the armed window)"
+_FILLED = " (fills a pixel no farther)"
+_FAINT = 0.3
+_LEAST_SPAN = 1.5  # greatest over least of a log axis: a shorter one shows rounding
+
+
+def _axes(axes: Axes, title: str, note: str) -> None:
+    axes.set_xscale("log")
+    dress(axes, title, note=note)
+    axes.tick_params(labelbottom=True)
+
+
+def _log(axes: Axes) -> None:
+    """Make the axis of values logarithmic; where nothing is above 0, it runs over one decade."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
+    if not np.any(values > 0.0):
+        axes.set_ylim(1.0, 10.0)
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if high < _LEAST_SPAN * low:
+        middle = math.sqrt(low * high)
+        axes.set_ylim(middle / math.sqrt(_LEAST_SPAN), middle * math.sqrt(_LEAST_SPAN))
+
+
+def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
+    axes.plot([x], [y], "o", color=colour, ms=5, mec="white", mew=0.8, zorder=5)
+
+
+def _length(metres: float) -> str:
+    return f"{metres / units.KM:.3g} km" if metres >= units.KM else f"{metres:.3g} m"

@@ -1,0 +1,183 @@
+"""Encounters over time: how near, how fast, and in what light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.picture.style.figures import dress, new_figure
+from rso_lidar.picture.style.palette import INK, LINE, MARK, QUIET, RANGE_RAMP, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_NAMED = 6  # the nearest so many bear their names
+_PLACES = (
+    *((1, 0, 7), (-1, 0, 7), (0, 1, 7), (0, -1, 7), (1, 1, 5), (-1, 1, 5), (1, -1, 5), (-1, -1, 5)),
+    *((x, y, far) for far in (18, 30, 44) for x, y in ((0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))),
+)  # of a name about its point, the best first: right (1) or left (-1), above (1) or below (-1), how far [points]
+_ROOM = 0.012  # of the window, beside its ends: half a mark
+_TOGETHER_M = 1.0  # nearer than this are craft that share elements, as docked ones do
+
+
+def encounter_figure(
+    time_utc: np.ndarray,
+    range_m: np.ndarray,
+    speed_m_s: np.ndarray,
+    sunlit: np.ndarray,
+    labels: Sequence[str],
+    within_m: float,
+    reach_m: float | None = None,
+    title: str = "Encounters",
+    note: str = "",
+    window_utc: tuple[np.datetime64, np.datetime64] | None = None,
+) -> Figure:
+    """Return a figure of ranges at the closest approach over time, coloured by relative speed.
+
+    Parameters
+    ----------
+    time_utc : (row) numpy datetime64.
+    sunlit : (row) whether the object is in sunlight then: a disc; in the Earth's shadow a square with a dark rim.
+    reach_m : how far the lidar sees a facing plate of a square metre [m], drawn as a line.
+    window_utc : start and end of the search, which the time axis spans (None: from the first row to the last).
+
+    What is nearer than a metre, as docked craft that share elements, is counted and not drawn.
+    """
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import FuncFormatter
+
+    figure = new_figure(10.5, 5.8, title, note)
+    axes = figure.subplots()
+    apart = np.asarray(range_m) >= _TOGETHER_M
+    time_utc, range_m, speed_m_s, sunlit = (np.asarray(of)[apart] for of in (time_utc, range_m, speed_m_s, sunlit))
+    labels = [label for label, kept in zip(labels, apart, strict=True) if kept]
+    slow = float(np.max(speed_m_s, initial=0.0)) < units.KM  # formations fly at metres a second
+    range_km, speed = range_m / units.KM, speed_m_s / (1.0 if slow else units.KM)
+    nearest_km = float(range_km.min(initial=within_m / units.KM))
+    spread = bool(nearest_km * units.KM < 0.03 * within_m)
+    lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
+    drawn = None
+    for lit, marker, rim in ((True, "o", "white"), (False, "s", hexed(INK))):
+        of = np.asarray(sunlit, dtype=bool) == lit
+        drawn = axes.scatter(
+            np.asarray(time_utc)[of],
+            range_km[of],
+            c=speed[of],
+            cmap=RANGE_RAMP,
+            vmin=lowest,
+            vmax=max(highest, 1.02 * lowest, lowest + 1e-3),
+            marker=marker,
+            s=34 if len(speed) < 400 else 16,
+            lw=0.5 if lit else 1.1,
+            edgecolors=rim,
+            zorder=3,
+        )
+    busy: list[Artist] = []  # what names do not cover
+    if reach_m is not None and reach_m < within_m:
+        line = axes.axhline(reach_m / units.KM, color=hexed(MARK), lw=1.1, ls="--", zorder=2)
+        told = axes.annotate(
+            f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
+            (1.0, reach_m / units.KM),
+            xycoords=("axes fraction", "data"),
+            xytext=(-2, 4),
+            textcoords="offset points",
+            ha="right",
+            fontsize=8.5,
+            color=hexed(MARK),
+        )
+        busy += [line, told]
+    if spread:
+        axes.set_yscale("log")
+        bottom = max(nearest_km, 1e-4)
+        axes.set_ylim(0.6 * (min(bottom, reach_m / units.KM) if reach_m else bottom), 1.1 * within_m / units.KM)
+    else:
+        axes.set_ylim(0.0, 1.03 * within_m / units.KM)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.6g}"))
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator, show_offset=False))  # type: ignore[no-untyped-call]
+    together = int(np.count_nonzero(~apart))
+    said = f"{together} more nearer than {_TOGETHER_M:g} m share its elements, as if docked" if together else ""
+    if window_utc is not None:
+        first, last = (float(date2num(end)) for end in window_utc)  # type: ignore[no-untyped-call]
+        axes.set_xlim(first - _ROOM * (last - first), last + _ROOM * (last - first))
+    ends = time_utc if window_utc is None else np.array([window_utc[0], window_utc[1] - np.timedelta64(1, "ms")])
+    days = np.unique(ends.astype("datetime64[D]")).astype(str)
+    when = ", ".join(["UTC", " to ".join(dict.fromkeys([*days[:1], *days[-1:]]))]) if len(days) else "UTC"
+    dress(axes, said, when, "Range at the closest approach [km]")
+    marks = [
+        Line2D([], [], ls="", marker=marker, ms=6, mfc=hexed(LINE), mec=hexed(QUIET) if lit else hexed(INK), label=word)
+        for lit, marker, word in ((True, "o", "sunlit"), (False, "s", "in the Earth's shadow"))
+    ]
+    axes.legend(
+        handles=marks,
+        fontsize=8.5,
+        frameon=False,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=2,
+        labelcolor=hexed(QUIET),
+        borderaxespad=0.1,
+    )
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
+        bar.set_label(f"Relative speed [{'m/s' if slow else 'km/s'}]", fontsize=9, color=hexed(QUIET))
+        bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+        bar.outline.set_visible(False)
+    points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
+    named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
+    for k in np.argsort(range_km, kind="stable").tolist():
+        named.setdefault(labels[k], k)
+    _name(figure, axes, points, [(k, label) for label, k in named.items()][: _NAMED * 2], busy)
+    return figure
+
+
+def _name(
+    figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
+) -> None:
+    """Write names at the first few of some points, each where it covers no point and no other name, or not at all."""
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    if not len(points):
+        return
+    figure.draw_without_rendering()  # the colour bar takes its room first
+    on_screen = axes.transData.transform(points)
+    dot = 5.0 * figure.dpi / 72.0
+    taken = [Bbox.from_extents(x - dot, y - dot, x + dot, y + dot) for x, y in on_screen]
+    taken += [artist.get_window_extent() for artist in busy]
+    room = axes.get_window_extent()
+    written = 0
+    for k, label in named:
+        if written == _NAMED:
+            return
+        others = taken[:k] + taken[k + 1 :]
+        for x, y, far in _PLACES:
+            text = axes.annotate(
+                label,
+                (float(points[k, 0]), float(points[k, 1])),
+                xytext=(far * x, far * y),
+                textcoords="offset points",
+                ha={1: "left", 0: "center", -1: "right"}[x],
+                va={1: "bottom", 0: "center", -1: "top"}[y],
+                fontsize=8,
+                color=hexed(INK),
+                zorder=4,
+                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": hexed(QUIET), "shrinkA": 0, "shrinkB": 3}
+                if far > 7
+                else None,
+            )
+            text.get_window_extent()  # puts it in its place
+            box = Text.get_window_extent(text)  # that of the words, without the leader
+            free = room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
+            if free and not any(box.overlaps(other) for other in others):
+                taken.append(box)
+                written += 1
+                break
+            text.remove()

@@ -1,0 +1,156 @@
+"""A model on one page: four sides coloured by part, four by material, with a bar of its size."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import LINE_IN, new_figure
+from rso_lidar.picture.style.palette import INK, OTHER_PART, PAPER, PARTS, QUIET, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DARKEST = 0.35  # of a colour, on a facet seen edge-on
+_MOST_NAMES = 14
+_TABLE_FROM, _CELL = 0.40, 0.105  # where the table of light begins, and how wide a cell is, over the page's width
+
+
+@dataclass(frozen=True, eq=False)
+class CardView:
+    """One side: numbers of part and material (row, col), -1 where there is nothing, and the cosine to the viewer.
+
+    A cell is `cell_m` [m] wide; `material_rgb` are colours from 0 to 1.
+    """
+
+    side: str
+    part: np.ndarray
+    material: np.ndarray
+    cosine: np.ndarray
+    cell_m: float
+    part_names: tuple[str, ...]
+    material_names: tuple[str, ...]
+    material_rgb: tuple[tuple[float, float, float], ...]
+
+
+def model_card_figure(
+    title: str, views: Sequence[CardView], lines: Sequence[str], light: Sequence[Sequence[str]] = ()
+) -> Figure:
+    """Return the page: parts above, materials below, each with its names, and tables at the foot.
+
+    Parameters
+    ----------
+    title : the model's name.
+    views : its sides.
+    lines : what it is, in a few words each.
+    light : rows of cells of a table, its heads first.
+    """
+    wrapped = [part for line in lines for part in textwrap.wrap(line, 80)]
+    foot = max(len(wrapped), len(light))
+    tall_m = _half_height_m(views)
+    first_half_m = 0.5 * views[0].cell_m * views[0].part.shape[1]
+    figure = new_figure(
+        14.0,
+        1.1 + 2.0 * max(2.95 * tall_m / first_half_m, 2.1) + LINE_IN * foot,
+        title,
+        "",
+        (*wrapped, *[""] * (foot - len(wrapped))),
+    )
+    _light(figure, light, foot)
+    grid: Any = figure.subplots(2, len(views) + 1, width_ratios=[*([1.0] * len(views)), 0.62])
+    first = views[0]
+    shown = _by_area(views, len(first.part_names))
+    part_rgb = np.array([_rgb(OTHER_PART)] * len(first.part_names))
+    for number, part in enumerate(shown[: len(PARTS)]):
+        part_rgb[part] = _rgb(PARTS[number])
+    for column, view in enumerate(views):
+        for row, (index, rgb) in enumerate(((view.part, part_rgb), (view.material, np.array(view.material_rgb)))):
+            axes = grid[row, column]
+            half_m = 0.5 * view.cell_m * index.shape[1]
+            axes.imshow(
+                _shaded(index, rgb, view.cosine), extent=(-half_m, half_m, -half_m, half_m), interpolation="antialiased"
+            )
+            axes.set_ylim(-tall_m, tall_m)
+            axes.set_xticks([])
+            axes.set_yticks([])
+            for spine in axes.spines.values():
+                spine.set_visible(False)
+            if row == 0:
+                axes.set_title(view.side, fontsize=10, color=hexed(INK))
+    _bar(grid[1, 0], views[0], tall_m)
+    names = [first.part_names[part] for part in shown[: len(PARTS)]]
+    others = len(shown) - len(names)
+    _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(PARTS)]], others)
+    of_material = dict(zip(first.material_names, first.material_rgb, strict=True))
+    _names(grid[1, -1], "materials", list(of_material), np.array(list(of_material.values())), 0)
+    return figure
+
+
+def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
+    """Write the table of light at the right of the words at the foot, which is `foot` lines high."""
+    height_in = float(figure.get_figheight())
+    for row, cells in enumerate(rows):
+        y = (0.07 + LINE_IN * (foot - 1 - row)) / height_in
+        for column, cell in enumerate(cells):
+            x = _TABLE_FROM if column == 0 else _TABLE_FROM + 0.10 + _CELL * column
+            side: Any = "left" if column == 0 else "right"
+            ink = hexed(QUIET if row == 0 or column == 0 else INK)
+            figure.text(x, y, cell, fontsize=8.5, color=ink, ha=side, va="bottom", in_layout=False)
+
+
+def _by_area(views: Sequence[CardView], count: int) -> list[int]:
+    """Return the numbers of the parts that are seen, largest first."""
+    seen = sum(np.bincount(view.part[view.part >= 0], minlength=count) for view in views)
+    return [int(part) for part in np.argsort(-np.asarray(seen), kind="stable") if np.asarray(seen)[part] > 0]
+
+
+def _shaded(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    light = (_DARKEST + (1.0 - _DARKEST) * cosine)[..., None]
+    paper = np.array(PAPER) / 255.0
+    return np.where((index >= 0)[..., None], rgb[np.maximum(index, 0)] * light, paper)
+
+
+def _rgb(colour: str) -> tuple[float, float, float]:
+    from matplotlib.colors import to_rgb
+
+    return to_rgb(colour)
+
+
+def _half_height_m(views: Sequence[CardView]) -> float:
+    """Return half the height [m] that holds what stands in every view, with room for the bar."""
+    tallest = 0.0
+    for view in views:
+        rows = np.flatnonzero((view.part >= 0).any(axis=1))
+        middle = 0.5 * (view.part.shape[0] - 1)
+        tallest = max(tallest, float(np.abs(rows - middle).max(initial=0.0)) * view.cell_m)
+    half_m = 0.5 * views[0].cell_m * views[0].part.shape[0]
+    return float(min(1.06 * tallest + 0.14 * half_m, half_m))
+
+
+def _bar(axes: Any, view: CardView, tall_m: float) -> None:
+    """Draw a bar of a round length at the foot of a view."""
+    half_m = 0.5 * view.cell_m * view.part.shape[1]
+    rounded = 10.0 ** np.floor(np.log10(half_m))
+    length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
+    left, low = -0.97 * half_m, -tall_m + 0.03 * half_m
+    axes.plot([left, left + length], [low, low], color=hexed(INK), lw=2.0, solid_capstyle="butt")
+    said = f"{length:g} m" if length >= 1.0 else f"{length * 100:g} cm"
+    axes.text(left, low + 0.03 * half_m, said, fontsize=9, color=hexed(INK), va="bottom")
+
+
+def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
+    axes.set_axis_off()
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(_MOST_NAMES + 1.0, 0.0)
+    axes.text(0.0, 0.4, title, fontsize=9, color=hexed(QUIET), va="center")
+    listed = list(names[:_MOST_NAMES])
+    for row, (name, colour) in enumerate(zip(listed, rgb, strict=False), start=1):
+        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=hexed(QUIET), mew=0.3, clip_on=False)
+        axes.text(0.10, row + 0.3, name, fontsize=8.5, color=hexed(INK), va="center")
+    left = others + len(names) - len(listed)
+    if left:
+        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=8.5, color=hexed(QUIET), va="center")

@@ -1,0 +1,278 @@
+"""Orbits about the Earth: where all bodies are in inertial axes, with the Earth's lit side and the way to the Sun."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.picture.selection.sequence import evenly
+from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hexed
+from rso_lidar.records import BodyState, Truth
+from rso_lidar.sight import dark_spans_s
+from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DRAWN = 4000  # points of a path, at most
+COLOURS = (PARTS[5], PARTS[0], PARTS[2], PARTS[3], PARTS[1])
+NIGHT, DAY = np.array([104, 118, 144]) / 255.0, np.array([176, 208, 236]) / 255.0
+DISC = 240  # pixels across the Earth
+STEP = 2.0 * DEG  # of a path between two points drawn
+WIDEST = 1.2  # turn about the Earth [rad] from instant to instant up to which the path between them is filled in
+NORTH = 25.0 * DEG  # declination of the eye
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Two axes of a picture and the way toward the eye: unit vectors (3) in inertial axes."""
+
+    right: np.ndarray
+    up: np.ndarray
+    eye: np.ndarray
+
+    @staticmethod
+    def along(eye: np.ndarray, up: np.ndarray) -> _View:
+        """Return the view from `eye`, with `up` as far up as it goes."""
+        right = np.cross(up, eye)
+        right = right / np.linalg.norm(right)
+        return _View(right, np.cross(eye, right), eye)
+
+    def seen(self, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return right, up and toward the eye of vectors (…, 3)."""
+        x, y, z = (np.einsum("...i,i->...", vectors, axis) for axis in (self.right, self.up, self.eye))
+        return x, y, z
+
+
+Spans = Iterable[tuple[float, float]]
+
+
+def inertial_figure(
+    truth: Truth,
+    title: str = "Orbits",
+    names: Sequence[str] | None = None,
+    *,
+    shadows_s: Mapping[str, Spans] | None = None,
+) -> Figure:
+    """Return a figure of the orbits of bodies in inertial axes, of `names` (None: all), from a batch of epochs.
+
+    Left with celestial north up, right from the pole of the first body's orbit: flown paths strong (black where the Earth
+    hides the Sun), the rest of each osculating orbit faint, the Earth's night side dark, an arrow toward the Sun.
+
+    Parameters
+    ----------
+    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they go on; a body that is
+        missing has the shadow that the instants tell, from middle to middle between two.
+    """
+    names = list(truth.states) if names is None else list(names)
+    states = {name: truth.states[name] for name in names if _orbits(truth.states[name])}
+    if not states or not np.isfinite(truth.sun_direction).all():
+        raise RecordingError("orbits: nothing here orbits the Earth (a local world?); draw the relative path instead")
+    sun = np.atleast_2d(truth.sun_direction)[0]
+    first = next(iter(states.values()))
+    normal = np.cross(first.position_m[0], first.velocity_m_s[0])
+    normal /= np.linalg.norm(normal)
+    flat = sun - np.sum(sun * normal) * normal
+    flat = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-3 else _across(normal)
+    eye = _eye(normal, sun, first.position_m[len(first.position_m) // 2])
+    start, end = (float(np.atleast_1d(truth.time_s)[k]) for k in (0, -1))
+    note = f"inertial axes (GCRS)   ·   {start:,.0f} to {end:,.0f} s, from the circle to the square"
+    paths = [_flown(name, truth, state, (shadows_s or {}).get(name)) for name, state in states.items()]
+    if any(path.dark.any() for path in paths):
+        coarse = "" if set(states) <= set(shadows_s or {}) else ", as the frames have it"
+        note += f"   ·   black where the Earth hides the Sun{coarse}"
+    figure = new_figure(12.0, 6.6, title, note)
+    oblique, pole = figure.subplots(1, 2)
+    _draw(oblique, paths, _View.along(eye, np.array([0.0, 0.0, 1.0])), sun)
+    _draw(pole, paths, _View.along(normal, np.cross(normal, flat)), sun)
+    longitude = np.arctan2(eye[1], eye[0]) / DEG % 360.0
+    dress(oblique, f"From right ascension {longitude:.0f}°, declination {NORTH / DEG:.0f}°", "[km]", "[km]")
+    dress(pole, "From the orbit's pole, the Sun to the right", "[km]", "[km]")
+    handles, words = oblique.get_legend_handles_labels()
+    oblique.legend(
+        handles, words, fontsize=8.5, frameon=False, loc="lower left", labelcolor=hexed(QUIET), borderaxespad=0.0
+    )
+    return figure
+
+
+def osculating_orbit_m(position_m: np.ndarray, velocity_m_s: np.ndarray, points: int = 361) -> np.ndarray:
+    """Return points (point, 3) [m] of the two-body orbit through a state; of an open one the part within four periapses.
+
+    The conic about the Earth's centre, r = p / (1 + e cos nu), with the eccentricity vector toward periapsis.
+    """
+    momentum = np.cross(position_m, velocity_m_s)
+    distance = np.linalg.norm(position_m)
+    vector = np.cross(velocity_m_s, momentum) / EARTH_GM_M3_S2 - position_m / distance
+    e = float(np.linalg.norm(vector))
+    p = float(np.sum(momentum**2)) / EARTH_GM_M3_S2
+    z = momentum / np.linalg.norm(momentum)
+    x = vector / e if e > 1e-9 else position_m / distance
+    y = np.cross(z, x)
+    farthest = max(4.0 * p / (1.0 + e), 1.2 * float(distance))
+    widest = np.pi if e < 1.0 else float(np.arccos(np.clip((p / farthest - 1.0) / e, -1.0, 1.0)))
+    nu = np.linspace(-widest, widest, points)[:, None]
+    orbit: np.ndarray = p / (1.0 + e * np.cos(nu)) * (np.cos(nu) * x + np.sin(nu) * y)
+    return orbit
+
+
+def _orbits(state: BodyState) -> bool:
+    distance = np.linalg.norm(np.atleast_2d(state.position_m), axis=-1)
+    speed = np.linalg.norm(np.atleast_2d(state.velocity_m_s), axis=-1)
+    return bool(np.all(distance > 0.9 * EARTH_RADIUS_M) and np.all(speed > 1.0))
+
+
+def _eye(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> np.ndarray:
+    """Return the way to an eye that sees the orbit open, the Earth mostly lit, and the middle of the path before it."""
+    turn = np.arange(0.0, 360.0, 5.0) * DEG
+    north = np.sin(NORTH)
+    eyes = np.stack([np.cos(NORTH) * np.cos(turn), np.cos(NORTH) * np.sin(turn), np.full_like(turn, north)], axis=-1)
+    openness, day, before = (
+        np.einsum("ki,i->k", eyes, vector) for vector in (normal, sun, middle_m / np.linalg.norm(middle_m))
+    )
+    wrong = (np.abs(openness) - 0.5) ** 2 + 0.3 * (day - 0.4) ** 2 + np.maximum(0.2 - before, 0.0)
+    best: np.ndarray = eyes[int(np.argmin(wrong))]
+    return best
+
+
+def _across(normal: np.ndarray) -> np.ndarray:
+    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    across: np.ndarray = np.cross(normal, least) / np.linalg.norm(np.cross(normal, least))
+    return across
+
+
+@dataclass(frozen=True, eq=False)
+class _Flown:
+    """A body's path (point, 3) [m], where it is in shadow (point), and its osculating orbit at the start (point, 3) [m]."""
+
+    name: str
+    position_m: np.ndarray
+    dark: np.ndarray
+    orbit_m: np.ndarray
+
+
+def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> _Flown:
+    """Return the path of a body, filled in between instants that lie far apart, with the ends of shadow as points."""
+    time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
+    position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
+    if spans_s is None:
+        lit = np.broadcast_to(np.asarray(truth.sunlit.get(name, 1.0), dtype=float), time_s.shape)
+        spans_s = dark_spans_s(time_s, lit)
+    spans_s = list(spans_s)
+    chosen = evenly(time_s.size, DRAWN)
+    time_s, position_m, velocity_m_s = time_s[chosen], position_m[chosen], velocity_m_s[chosen]
+    whole = osculating_orbit_m(position_m[0], velocity_m_s[0])
+    turn = np.linalg.norm(velocity_m_s, axis=-1) / np.linalg.norm(position_m, axis=-1)  # at most [rad/s]
+    swept = np.maximum(turn[1:], turn[:-1]) * np.diff(time_s)
+    pieces = np.where(swept <= WIDEST, np.maximum(np.ceil(swept / STEP), 1.0), 1.0).astype(int)
+    between = [np.linspace(time_s[k], time_s[k + 1], pieces[k] + 1)[1:-1] for k in np.flatnonzero(pieces > 1)]
+    ends_s = [end for span in spans_s for end in span if time_s[0] < end < time_s[-1]]
+    at_s = np.unique(np.concatenate([time_s, *between, ends_s]))
+    dark = np.zeros(at_s.size, dtype=bool)
+    for begins_s, ends in spans_s:
+        dark |= (at_s >= begins_s) & (at_s <= ends)
+    return _Flown(name, _between(at_s, time_s, position_m, velocity_m_s), dark, whole)
+
+
+def _between(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+    """Return positions (time, 3) [m] between instants by Hermite's cubic through positions and velocities.
+
+    On a circle it is off by a^4 / 384 of the radius for instants that are an angle a apart: 0.5 % at 1.2 rad.
+    """
+    if time_s.size == 1:
+        return position_m
+    k = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, time_s.size - 2)
+    step_s = (time_s[k + 1] - time_s[k])[:, None]
+    s = (at_s - time_s[k])[:, None] / step_s
+    from_start = position_m[k] * (1 + 2 * s) + velocity_m_s[k] * step_s * s
+    from_end = position_m[k + 1] * (3 - 2 * s) - velocity_m_s[k + 1] * step_s * (1 - s)
+    between: np.ndarray = from_start * (1 - s) ** 2 + from_end * s**2
+    return between
+
+
+def _draw(axes: Axes, paths: Sequence[_Flown], view: _View, sun: np.ndarray) -> None:
+    """Draw Earth, orbits and Sun as one view has them, in km; what is behind the Earth is hidden by its disc."""
+    _earth(axes, view, sun)
+    reach = EARTH_RADIUS_M
+    for k, flown in enumerate(paths):
+        colour = COLOURS[k % len(COLOURS)]
+        wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is seen on the first where both are near
+        path, whole = flown.position_m, flown.orbit_m
+        _line(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
+        _line(axes, view, path, color=colour, lw=wide, label=flown.name)
+        for at, marker in ((0, "o"), (-1, "s")):
+            right, up, depth = view.seen(path[at])
+            order = 6 if depth > 0 else 1.5
+            axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc="white", mec=colour, mew=1.3, zorder=order)
+        reach = max(reach, *(float(np.abs(v).max()) for v in view.seen(np.vstack([path, whole]))[:2]))
+    for flown in paths:  # over the colours of all, which often cover one another
+        dark = np.where(flown.dark[:, None], flown.position_m, np.nan)
+        _line(axes, view, dark, color=hexed(INK), lw=1.6)
+    x, y, _ = (float(v) for v in view.seen(sun))
+    along = np.hypot(x, y)
+    if along > 0.05:
+        tail, head = 1.12 * reach / KM, (1.12 + 0.22 * along) * reach / KM
+        start, tip = (tail * x / along, tail * y / along), (head * x / along, head * y / along)
+        arrow = {"arrowstyle": "-|>", "color": hexed(MARK), "lw": 2.0, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", xy=tip, xytext=start, arrowprops=arrow, zorder=7)
+        axes.annotate(
+            "Sun", tip, xytext=(12 * x / along, 12 * y / along), textcoords="offset points", ha="center", va="center",
+            fontsize=9, color=hexed(MARK), zorder=7,
+        )  # fmt: skip
+    axes.set_aspect("equal", adjustable="box")
+    edge = 1.55 * reach / KM
+    axes.set_xlim(-edge, edge)
+    axes.set_ylim(-edge, edge)
+    axes.locator_params(nbins=6)
+    in_thousands(axes.xaxis, axes.yaxis)
+
+
+def _line(axes: Axes, view: _View, points: np.ndarray, **style: object) -> None:
+    """Draw a path in two: what is behind the plane through the Earth's centre under the disc, the rest above it."""
+    x, y, depth = view.seen(points)
+    label = style.pop("label", None)
+    near = depth >= -1e-3 * EARTH_RADIUS_M
+    far = ~near
+    far[:-1] |= ~near[1:]  # no gap where the path passes from one to the other
+    far[1:] |= ~near[:-1]
+    for shown, order, name in ((far, 1.0, None), (near, 5.0, label)):
+        right_km, up_km = np.where(shown, x, np.nan) / KM, np.where(shown, y, np.nan) / KM
+        axes.plot(right_km, up_km, zorder=order, label=name, solid_capstyle="butt", **style)  # type: ignore[arg-type]
+
+
+def _earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
+    """Draw the Earth's disc with its lit side, and its parallels and meridians in inertial axes every 30 degrees."""
+    from matplotlib.patches import Circle
+
+    grid = (np.arange(DISC) + 0.5) / DISC * 2.0 - 1.0
+    x, y = np.meshgrid(grid, grid)
+    inside = x**2 + y**2 <= 1.0
+    z = np.sqrt(np.maximum(1.0 - x**2 - y**2, 0.0))
+    normal = x[..., None] * view.right + y[..., None] * view.up + z[..., None] * view.eye
+    height = np.einsum("...i,i->...", normal, sun)  # sine of the Sun's height
+    day = np.clip(0.5 + height / 0.12, 0.0, 1.0) * (0.55 + 0.45 * np.clip(height, 0.0, 1.0))
+    colour = NIGHT + (DAY - NIGHT) * day[..., None]
+    image = np.concatenate([colour, inside[..., None].astype(float)], axis=-1)
+    edge = EARTH_RADIUS_M / KM
+    shown = axes.imshow(image, extent=(-edge, edge, -edge, edge), origin="lower", zorder=2, interpolation="bilinear")
+    disc = Circle((0, 0), edge, transform=axes.transData, fc="none", ec=hexed(QUIET), lw=0.7, zorder=4)
+    axes.add_patch(disc)
+    shown.set_clip_path(disc)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    rings = [
+        np.stack([np.cos(lat) * np.cos(turn), np.cos(lat) * np.sin(turn), np.full_like(turn, np.sin(lat))], axis=-1)
+        for lat in np.arange(-60, 61, 30) * DEG
+    ]
+    rings += [
+        np.stack([np.cos(lon) * np.cos(turn), np.sin(lon) * np.cos(turn), np.sin(turn)], axis=-1)
+        for lon in np.arange(0, 180, 30) * DEG
+    ]
+    for ring in rings:
+        right, up, depth = view.seen(ring)
+        front = np.where(depth > 0, edge, np.nan)
+        axes.plot(right * front, up * front, color=hexed(LINE), lw=0.4, alpha=0.55, zorder=3)

@@ -1,0 +1,271 @@
+"""One encounter over time in one picture: panels over one axis, shaded in shadow and out of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hexed
+from rso_lidar.sight import dark_spans_s
+from rso_lidar.units import DEG
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, PINK, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5]
+_SHADOW, _OUTSIDE = "0.88", "#f3c4bc"
+_PANEL_IN = 1.42  # height of a panel [inches]
+_WHOLE = 0.999  # share of the bounds in the field, from which all of the target is
+_SOME = 1e-6  # below, none of it
+_DASHED = (0, (4, 3))
+_LEGEND = 0.22  # height of a legend of one line over that of a panel
+Table = Mapping[str, np.ndarray]
+
+
+def timeline_figure(
+    table: Table,
+    target: str,
+    title: str = "",
+    *,
+    half_field_rad: float | None = None,
+    travel_rad: Sequence[tuple[float, float]] | None = None,
+    max_rate_rad_s: float = np.inf,
+    shadow_s: Sequence[tuple[float, float]] | None = None,
+) -> Figure:
+    """Return a figure of an encounter: range, rates, Sun, PTU, field, pixels, photons and detection over time.
+
+    Parameters
+    ----------
+    table : columns (time) by name, as `study.conops.timeline` makes them; without a Sun or a PTU their panels are left out.
+    half_field_rad : half the side of the field of view [rad].
+    travel_rad : ends of pan and of tilt [rad], drawn where finite and near.
+    max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near.
+    shadow_s : spans [s] in which the Earth hides the Sun from the target (None: as `sunlit_fraction` has it).
+    """
+    time_s = table["time_s"]
+    panels: list[Callable[[Axes], None]] = [lambda axes: _range(axes, table), lambda axes: _rates(axes, table)]
+    if "phase_rad" in table:
+        panels.append(lambda axes: _sun(axes, table))
+    if "pan_demand_rad" in table:
+        panels.append(lambda axes: _angles(axes, table, travel_rad))
+        panels.append(lambda axes: _drive(axes, table, max_rate_rad_s))
+    panels += [
+        lambda axes: _field(axes, table, half_field_rad),
+        lambda axes: _pixels(axes, table),
+        lambda axes: _photons(axes, table),
+        lambda axes: _detection(axes, table),
+    ]
+    if shadow_s is None and "sunlit_fraction" in table:
+        shadow_s = dark_spans_s(time_s, table["sunlit_fraction"])
+    first_s, last_s = float(time_s[0]), float(time_s[-1])
+    dark_s = [(max(a, first_s), min(b, last_s)) for a, b in shadow_s or () if a <= last_s and b >= first_s]
+    part_s, outside_s = (
+        dark_spans_s(time_s, (table["in_field_fraction"] >= share).astype(float)) for share in (_WHOLE, _SOME)
+    )
+    note = f"from the lidar to {target}   ·   from {_instant(table)}   ·   {time_s.size:,} frames"
+    shades = [f"grey: {target} in the Earth's shadow"] if dark_s else []
+    shades += [f"pale red: {target} not wholly in the field"] if part_s != outside_s else []
+    shades += ["red: out of it" if part_s != outside_s else f"red: {target} out of the field"] if outside_s else []
+    cast = int(np.sum(table["cast"]))
+    shades.append(f"light: rays cast at {cast:,} frames" + (", carried to the others" if cast < time_s.size else ""))
+    height_in = 0.9 + 0.25 + _PANEL_IN * len(panels)
+    figure = new_figure(9.6, height_in, title or "Timeline", note, ("   ·   ".join(shades),))
+    rows = figure.subplots(len(panels), 1, sharex=True)
+    for axes, draw in zip(rows, panels, strict=True):
+        for begins_s, ends_s in dark_s:
+            axes.axvspan(begins_s, ends_s, color=_SHADOW, lw=0, zorder=0)
+        for begins_s, ends_s in (*part_s, *outside_s):  # what is out altogether twice, and so deeper
+            axes.axvspan(begins_s, ends_s, color=_OUTSIDE, lw=0, zorder=0, alpha=0.6)
+        draw(axes)
+    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hexed(QUIET))
+    in_thousands(rows[-1].xaxis)
+    rows[-1].set_xlim(first_s, last_s if time_s.size > 1 else first_s + 1.0)
+    figure.align_ylabels(rows)
+    return figure
+
+
+def _instant(table: Table) -> str:
+    return f"{table['utc'][0]}"[:19].replace("T", " ") + " UTC"
+
+
+# ------------------------------------------------------------------------------------------------------ the panels
+
+
+def _range(axes: Axes, table: Table) -> None:
+    axes.plot(table["time_s"], table["range_m"], color=BLUE, lw=1.4)
+    dress(axes, y="Range [m]")
+    axes.yaxis.label.set_color(BLUE)
+    axes.set_ylim(0.0, 1.06 * float(table["range_m"].max()) or 1.0)
+    in_thousands(axes.yaxis)
+    rate = _beside(axes, "Range rate [m/s]", ORANGE)
+    rate.plot(table["time_s"], table["range_rate_m_s"], color=ORANGE, lw=1.0)
+    _room(rate, 0.01)
+
+
+def _rates(axes: Axes, table: Table) -> None:
+    for name, word, colour, width in (
+        ("line_of_sight_rate_rad_s", "line of sight, inertial", hexed(QUIET), 2.6),
+        ("azimuth_rate_rad_s", "azimuth", BLUE, 1.2),
+        ("elevation_rate_rad_s", "elevation", GREEN, 1.2),
+    ):
+        axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=width, label=word)
+    dress(axes, y="Rates to the\ntarget [deg/s]")
+    _room(axes, 1e-4)
+    _entries(axes)
+
+
+def _sun(axes: Axes, table: Table) -> None:
+    axes.plot(table["time_s"], table["phase_rad"] / DEG, color=PINK, lw=1.2, label="phase, Sun-target-lidar")
+    axes.plot(
+        table["time_s"], table["sun_off_boresight_rad"] / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight"
+    )
+    dress(axes, y="Sun [deg]")
+    axes.set_ylim(-7, 187)
+    axes.set_yticks(range(0, 181, 60))
+    _entries(axes)
+
+
+def _angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
+    for word, colour in (("pan", BLUE), ("tilt", GREEN)):
+        axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=3.5, alpha=0.3)
+        axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=1.1, label=word)
+        _marked(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
+    dress(axes, y="PTU [deg]\npale: asked")
+    _room(axes, 0.01)
+    for (low, high), colour in zip(travel_rad or (), (BLUE, GREEN), strict=False):
+        _limit(axes, low / DEG, colour)
+        _limit(axes, high / DEG, colour)
+    _entries(axes)
+
+
+def _drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
+    for word, colour in (("pan", BLUE), ("tilt", GREEN)):
+        axes.plot(table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=3.5, alpha=0.3)
+        axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=1.1, label=word)
+        _marked(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
+    most = max_rate_rad_s / DEG
+    dress(axes, y="PTU rates\n[deg/s]")
+    _room(axes, 1e-3)
+    shown = [_limit(axes, value, hexed(INK)) for value in (-most, most)]
+    if np.isfinite(most):
+        beyond = "" if any(shown) else ", beyond the axis"
+        axes.plot([], [], color=hexed(INK), lw=0.9, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}")
+    _entries(axes)
+
+
+def _field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
+    off_deg = table["off_boresight_rad"] / DEG
+    axes.plot(table["time_s"], off_deg, color=RED, lw=1.2, label="target's origin")
+    greatest = float(np.nanmax(off_deg))
+    if half_field_rad is not None:
+        axes.axhline(half_field_rad / DEG, color=hexed(QUIET), lw=0.9, ls=_DASHED, label="half the field's side")
+        greatest = max(greatest, half_field_rad / DEG)
+    dress(axes, y="Off boresight\n[deg]")
+    axes.set_ylim(-0.04 * greatest, 1.08 * greatest or 1.0)
+    share = _beside(axes, "Of its bounds,\nin the field [%]", BLUE)
+    share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=BLUE, lw=1.0)
+    share.set_ylim(-4, 108)
+    share.set_yticks(range(0, 101, 25))
+    _headroom(share)
+    _entries(axes)
+
+
+def _pixels(axes: Axes, table: Table) -> None:
+    for name, word, colour, width in (
+        ("width_pixels", "width of its bounds", hexed(QUIET), 2.2),
+        ("height_pixels", "height of its bounds", ORANGE, 1.0),
+        ("target_pixels", "pixels on the target", BLUE, 1.4),
+    ):
+        axes.plot(table["time_s"], _positive(table[name]), color=colour, lw=width, label=word)
+    dress(axes, y="Pixels")
+    _decades(axes)
+    _entries(axes)
+
+
+def _photons(axes: Axes, table: Table) -> None:
+    axes.plot(table["time_s"], _positive(table["brightest_photons"]), color=RED, lw=1.2, label="brightest pixel")
+    axes.plot(table["time_s"], _positive(table["median_photons"]), color=BLUE, lw=1.2, label="median pixel")
+    dress(axes, y="Expected photons\nin a pixel")
+    _decades(axes)
+    _entries(axes)
+
+
+def _detection(axes: Axes, table: Table) -> None:
+    pixels = table["target_pixels"]
+    share = np.where(pixels > 0.0, table["expected_returns"] / np.maximum(pixels, 1e-9), np.nan)
+    axes.plot(table["time_s"], table["detection_probability"], color=RED, lw=1.2, label="of the best pixel")
+    axes.plot(table["time_s"], share, color=BLUE, lw=1.2, label="mean over the target's pixels")
+    dress(axes, y="Probability of\ndetection")
+    axes.set_ylim(-0.04, 1.06)
+    axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
+    _entries(axes)
+
+
+# ------------------------------------------------------------------------------------------------------- the parts
+
+
+def _beside(axes: Axes, label: str, colour: str) -> Axes:
+    """Return a second axis at the right, with its own colour."""
+    twin = axes.twinx()
+    dress(twin, y=label)
+    twin.grid(False)
+    twin.yaxis.label.set_color(colour)
+    return twin
+
+
+def _marked(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
+    """Mark where a drive stands at a limit."""
+    at = np.flatnonzero(table[where])
+    if at.size:
+        axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=hexed(FALSE), ms=4, label=label, zorder=4)
+
+
+def _limit(axes: Axes, value: float, colour: str) -> bool:
+    """Draw a limit that is finite and near to what is shown; return whether it is."""
+    low, high = axes.get_ylim()
+    reach = 0.6 * (high - low)
+    near = bool(np.isfinite(value) and low - reach <= value <= high + reach)
+    if near:
+        axes.axhline(value, color=colour, lw=0.9, ls=_DASHED)
+    return near
+
+
+def _positive(values: np.ndarray) -> np.ndarray:
+    """Return values with NaN where there is nothing, so that a logarithm has something to show."""
+    return np.where(values > 0.0, values, np.nan)
+
+
+def _decades(axes: Axes) -> None:
+    lines = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+    if any(np.isfinite(values).any() for values in lines):
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        if high < 10.0 * low:
+            axes.set_ylim(low / 2.5, high * 2.5)
+    else:
+        axes.text(0.5, 0.5, "nothing in the field", transform=axes.transAxes, ha="center", va="center", fontsize=9)
+
+
+def _room(axes: Axes, least: float) -> None:
+    """Widen an axis that shows next to nothing, so that rounding does not look like motion."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * least, middle + 0.5 * least)
+    axes.ticklabel_format(axis="y", useOffset=False)
+
+
+def _headroom(axes: Axes) -> None:
+    """Raise the upper end of an axis by the height of a legend of one line, so that no curve runs through that."""
+    low, high = axes.get_ylim()
+    more = 1.0 + _LEGEND
+    axes.set_ylim(low, low * (high / low) ** more if axes.get_yscale() == "log" else low + (high - low) * more)
+
+
+def _entries(axes: Axes) -> None:
+    _headroom(axes)
+    axes.legend(fontsize=7.5, frameon=False, loc="upper left", labelcolor=hexed(QUIET), ncols=4, borderaxespad=0.2)

@@ -1,0 +1,143 @@
+"""Reference trackers against truth in one picture: errors of centroid and filters, NIS with its bounds, and ICP's errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import dress, in_thousands, log_ticks, new_figure
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.units import DEG
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
+NAMES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
+COLOURS = {"cv": ORANGE, "cw": BLUE}
+_NIS_95 = (0.2158, 9.3484)  # chi-square of three degrees of freedom, two-sided
+_CUT = (1.0, 99.0)  # percentiles of errors that an axis shows, with room
+_PANEL_IN = 1.6  # height of a panel [inches], its legend above it counted
+_APART_IN = 0.08  # between panels
+
+
+def tracking_figure(
+    table: Mapping[str, np.ndarray], kinds: Sequence[str], target: str, title: str = "", note: str = ""
+) -> Figure:
+    """Return a figure of what reference trackers made of a recording, over time.
+
+    Parameters
+    ----------
+    table : columns (time) by name, as `study.tracking.tracking` makes them.
+    kinds : filters in it, ``cv`` or ``cw``.
+    note : small print beside the target's name.
+    """
+    time_s = table["time_s"]
+    poses = "icp_error_rad" in table
+    panels = 5 + 2 * poses
+    words = (
+        f"{target}   ·   {time_s.size:,} frames   ·   errors: estimate − truth of the target's origin, in lidar axes"
+    )
+    height_in = 1.1 + _PANEL_IN * panels
+    figure = new_figure(9.6, height_in, title or "Tracking", words, (note,) if note else ())
+    rows = list(figure.subplots(panels, 1, sharex=True))
+    _range(rows[0], table)
+    for axes, axis in zip(rows[1:4], ("right", "down", "ahead"), strict=True):
+        _errors(axes, table, kinds, axis)
+    _above(rows[1], *rows[1].get_legend_handles_labels())
+    _nis(rows[4], table, kinds)
+    if poses:
+        turn, place = rows[5:]
+        _logged(
+            turn, table, (("icp_error_rad", "turn", RED), ("icp_long_axis_error_rad", "long axis", BLUE)), 1.0 / DEG
+        )
+        dress(turn, y="ICP, turn [deg]")
+        _logged(place, table, (("icp_error_m", "place", RED), ("icp_rms_m", "rms of points to facets", GREEN)), 1.0)
+        dress(place, y="ICP, place [m]")
+        for axes in (turn, place):
+            _above(axes, *axes.get_legend_handles_labels())
+    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hexed(QUIET))
+    in_thousands(rows[-1].xaxis)
+    rows[-1].set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
+    for axes in rows:
+        _sparse(axes)
+    figure.get_layout_engine().set(h_pad=_APART_IN)  # type: ignore[union-attr, call-arg]
+    figure.align_ylabels(rows)
+    return figure
+
+
+def _above(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
+    """Put a legend on one line above a panel, where it covers no point."""
+    axes.legend(
+        handles, words, fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
+        labelcolor=hexed(QUIET), borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def _sparse(axes: Axes) -> None:
+    """Put few ticks on the values of a panel, none at its ends, where they meet those of its neighbours."""
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+
+    low, high = axes.get_ylim()
+    if axes.get_yscale() != "log":
+        axes.yaxis.set_major_locator(MaxNLocator(4, prune="both", steps=[1, 2, 2.5, 5, 10]))
+    elif high / low >= 100.0:
+        axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.yaxis.set_minor_locator(NullLocator())
+    else:
+        log_ticks(axes.yaxis, low, high)
+
+
+def _range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
+    axes.plot(table["time_s"], table["true_range_m"], color=hexed(LINE), lw=3.5, label="true range")
+    axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3, label="range of the centroid")
+    dress(axes, y="Range [m]")
+    axes.yaxis.label.set_color(BLUE)
+    in_thousands(axes.yaxis)
+    points = axes.twinx()
+    points.plot(table["time_s"], table["points"], color=ORANGE, lw=1.0, label="points (right)")
+    dress(points, y="Points")
+    points.grid(False)
+    points.set_ylim(bottom=0.0)
+    in_thousands(points.yaxis)
+    points.yaxis.label.set_color(ORANGE)
+    entries = [one.get_legend_handles_labels() for one in (axes, points)]
+    _above(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
+
+
+def _errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
+    shown = [table[f"centroid_error_{axis}_m"]]
+    axes.axhline(0, color=hexed(LINE), lw=0.8)
+    axes.plot(table["time_s"], shown[0], ".", color=hexed(QUIET), ms=3, label="centroid")
+    for kind in kinds:
+        shown.append(table[f"{kind}_error_{axis}_m"])
+        axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=1.1, label=NAMES[kind])
+    dress(axes, y=f"Error {axis} [m]")
+    values = np.concatenate(shown)
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = np.percentile(values, _CUT)
+        room = 0.35 * (high - low) + 1e-3
+        axes.set_ylim(low - room, high + room)
+
+
+def _nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
+    low, high = _NIS_95
+    axes.axhspan(low, high, color=hexed(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
+    axes.axhline(3.0, color=hexed(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
+    for kind in kinds:
+        axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=NAMES[kind])
+    dress(axes, y="NIS")
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], 1e-3))
+    _above(axes, *axes.get_legend_handles_labels())
+
+
+def _logged(axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float) -> None:
+    for name, word, colour in lines:
+        axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=0.7, label=word)
+    axes.set_yscale("log")

@@ -1,0 +1,320 @@
+"""A trade study drawn: each figure of merit along each axis, over pairs of axes, and against the others."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.picture.style.figures import dress, new_figure, with_minus
+from rso_lidar.picture.style.palette import INK, LINE, NO_RETURN, PARTS, QUIET, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_PAGE_IN, _ONE_IN = 11.8, 8.8  # width of a figure of several panels, as the report's page is wide, and of one panel
+_COLUMNS = 3
+_BINS = 8  # stretches, at most, of an axis with many values
+_OF_A_BIN, _FEWEST_BINS = 5, 3  # drawn values in a stretch, and stretches, from which a line says more than its dots
+_MOST_LEVELS = 24  # values of an axis that are told apart
+_HEAD_IN = 0.75
+_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hexed(QUIET), "ms": 4.0, "mew": 0.7}
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """One column of a trade (row): its name in words, its values, numbers or texts, and whether it spans decades.
+
+    `drawn` is how many points were drawn, where the axes' values were drawn and not a grid's. `unranked` (row) marks values
+    that are shown and ranked no point, such as a range error of the few pixels that reported at all.
+    """
+
+    name: str
+    values: np.ndarray
+    log: bool = False
+    drawn: int = 0
+    unranked: np.ndarray | None = None
+
+    @property
+    def ranked(self) -> np.ndarray:
+        """Return which rows have a value that ranks them."""
+        known: np.ndarray = np.isfinite(self.values)
+        return known if self.unranked is None else known & ~self.unranked
+
+    @property
+    def numeric(self) -> bool:
+        """Return whether the values are numbers."""
+        return self.values.dtype.kind in "fiu"
+
+    def levels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distinct values in order (texts: of appearance) and which of them each row has."""
+        levels, first, which = np.unique(self.values, return_index=True, return_inverse=True)
+        if self.numeric:
+            return levels, which
+        order = np.argsort(first)
+        return levels[order], np.argsort(order)[which]
+
+
+def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure:
+    """Return a figure of one figure of merit along each axis: a dot a run, and what each value or stretch gives.
+
+    The line is the mean of each value of a grid. Of drawn values it is the median of stretches that hold enough of them,
+    and there is none where these are few: a line from dot to dot would show noise as shape.
+    """
+    columns = _columns(len(along))
+    rows = math.ceil(len(along) / columns)
+    lines = [_line(axis, merit) for axis in along]
+    line = f", the line their {'median, in stretches' if along[0].drawn else 'mean'}" if any(map(len, lines)) else ""
+    held = (
+        "   ·   hollow: too little detected to be ranked" if np.any(np.isfinite(merit.values) & ~merit.ranked) else ""
+    )
+    note = f"{better} is better   ·   a dot a run{line}; the spread is what the other axes do{held}"
+    figure = new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for axes, axis, points in zip(panels.flat, along, lines, strict=False):
+        _effect(axes, axis, merit, points)
+    for axes in panels.flat[len(along) :]:
+        axes.set_axis_off()
+    for row in panels:
+        row[0].set_ylabel(merit.name, fontsize=9, color=hexed(QUIET))
+    return figure
+
+
+def _effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
+    known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
+    levels, which = axis.levels()
+    place = axis.values if axis.numeric else which.astype(float)
+    if held.any():
+        axes.plot(place[held], merit.values[held], "o", **_HOLLOW)
+    axes.plot(place[known], merit.values[known], "o", color=PARTS[4], ms=4.5, alpha=0.6, mew=0)
+    if len(points):
+        axes.plot(*points.T, "o-", color=PARTS[0], lw=1.5, ms=4)
+    dress(axes, x=_wrapped(axis.name))
+    _scaled(axes, axis, levels)
+    if np.isfinite(merit.values).any():
+        _roomy(axes, merit)
+
+
+def _line(axis: Quantity, merit: Quantity) -> np.ndarray:
+    """Return the points (point, [place, value]) of the line through a panel; none where it would only join dots."""
+    levels, which = axis.levels()
+    if axis.drawn and axis.drawn < 3 * len(levels):  # else of a list, each drawn some times
+        count = min(_BINS, len(levels) // _OF_A_BIN)
+        if not axis.numeric or count < _FEWEST_BINS:
+            return np.empty((0, 2))
+        group, middle = _binned(axis, count)
+    elif len(levels) <= _MOST_LEVELS or not axis.numeric:
+        group, middle = which, np.asarray(levels, dtype=float) if axis.numeric else np.arange(len(levels), dtype=float)
+    else:
+        group, middle = _binned(axis, min(_BINS, len(levels) // 3))
+    each = [merit.values[(group == k) & merit.ranked] for k in range(len(middle))]
+    of = np.median if axis.drawn else np.mean
+    return np.array([(place, of(values)) for place, values in zip(middle, each, strict=True) if values.size]).reshape(
+        -1, 2
+    )
+
+
+def _binned(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return which of so many stretches, with as many values in each, each row is in, and their middles."""
+    levels, which = axis.levels()
+    group = np.arange(len(levels)) * count // len(levels)
+    shown = np.log(levels) if axis.log else levels
+    mean = np.array([np.mean(shown[group == k]) for k in range(count)])
+    return group[which], np.exp(mean) if axis.log else mean
+
+
+def _scaled(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
+    """Scale an axis, with its values as ticks where they are few."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    if not axis.numeric:
+        axes.set_xticks(
+            range(len(levels)), [_short(str(level)) for level in levels], rotation=20 if len(levels) > 3 else 0
+        )
+        axes.set_xlim(-0.5, len(levels) - 0.5)
+        return
+    if axis.log:
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.xaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+    if len(levels) <= 7:
+        axes.xaxis.set_major_locator(FixedLocator(levels.astype(float).tolist()))
+        axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: said(value)))
+
+
+def _roomy(axes: Axes, merit: Quantity) -> None:
+    from matplotlib.ticker import FuncFormatter
+
+    low, high = float(np.nanmin(merit.values)), float(np.nanmax(merit.values))
+    if merit.log:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.3, high * 1.3)
+    else:
+        room = 0.06 * (high - low) or 0.06 * abs(high) or 1.0
+        axes.set_ylim(low - room, high + room)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: said(value)))
+
+
+def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure | None:
+    """Return a figure of one figure of merit over each pair of axes, the mean over all others; None without a pair."""
+    import matplotlib
+    from matplotlib.colors import LogNorm, Normalize
+
+    few = [axis for axis in along if 2 <= len(axis.levels()[0]) <= _MOST_LEVELS]
+    pairs = [(one, other) for k, one in enumerate(few) for other in few[k + 1 :]]
+    if not pairs or not merit.ranked.any():
+        return None
+    tables = [_mean_over(merit, *pair) for pair in pairs]
+    shown = np.concatenate([table.ravel() for table in tables])
+    if not np.isfinite(shown).any():
+        return None
+    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    columns = _columns(len(pairs))
+    rows = math.ceil(len(pairs) / columns)
+    note = f"{better} is better   ·   the mean of the ranked runs that share both values   ·   dark: none"
+    figure = new_figure(
+        _width_in(columns),
+        _HEAD_IN + 3.2 * rows,
+        merit.name,
+        note,
+    )
+    panels = figure.subplots(rows, columns, squeeze=False)
+    norm: Any = (
+        LogNorm(low, high) if merit.log and high > low > 0.0 else Normalize(low, high if high > low else low + 1.0)
+    )
+    colours = matplotlib.colormaps["viridis" if better == "more" else "viridis_r"].with_extremes(bad=hexed(NO_RETURN))
+    drawn: Any = None
+    for axes, (one, other), table in zip(panels.flat, pairs, tables, strict=False):
+        drawn = axes.imshow(np.ma.masked_invalid(table), origin="lower", aspect="auto", norm=norm, cmap=colours)
+        dress(axes, x=_wrapped(other.name), y=_wrapped(one.name, 30))
+        axes.grid(False)
+        for put, axis in ((axes.set_xticks, other), (axes.set_yticks, one)):
+            levels = axis.levels()[0]
+            put(range(len(levels)), [said(x) if axis.numeric else _short(str(x)) for x in levels])
+        if table.size <= 80:
+            _told(axes, table, norm, colours)
+    for axes in panels.flat[len(pairs) :]:
+        axes.set_axis_off()
+    bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
+    bar.ax.tick_params(labelsize=8, labelcolor=hexed(QUIET), color=hexed(LINE))
+    bar.outline.set_visible(False)
+    return figure
+
+
+def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
+    """Return the mean (one, other) of what is known, NaN where nothing is."""
+    (rows, row), (cols, col) = one.levels(), other.levels()
+    known = merit.ranked
+    cell = (row * len(cols) + col)[known]
+    count = np.bincount(cell, minlength=len(rows) * len(cols))
+    total = np.bincount(cell, merit.values[known], len(rows) * len(cols))
+    mean: np.ndarray = np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(len(rows), len(cols))
+    return mean
+
+
+def _told(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
+    """Write each cell's value into it, dark on light."""
+    for (row, col), value in np.ndenumerate(table):
+        if np.isfinite(value):
+            red, green, blue, _ = colours(norm(value))
+            ink = hexed(INK) if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
+            axes.text(col, row, said(value, 3), ha="center", va="center", fontsize=8, color=ink)
+
+
+def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quantity, best: np.ndarray) -> Figure | None:
+    """Return a figure of the other figures of merit against the first, coloured by an axis; None where there is but one.
+
+    `best` (row) marks with a ring those that none beats in every figure of merit.
+    """
+    if len(merits) < 2 or not np.isfinite(merits[0].values).any():
+        return None
+    others = list(zip(merits[1:], better[1:], strict=True))
+    columns = _columns(len(others))
+    rows = math.ceil(len(others) / columns)
+    hollow = any(np.any(np.isfinite(one.values) & ~one.ranked) for one in merits)
+    held = "   ·   hollow: not ranked" if hollow else ""
+    figure = new_figure(
+        _width_in(columns),
+        _HEAD_IN + 2.9 * rows,
+        f"What {merits[0].name[0].lower()}{merits[0].name[1:]} costs",
+        f"coloured by {by.name}   ·   ringed: beaten by none in all figures of merit{held}",
+    )
+    panels = figure.subplots(rows, columns, squeeze=False)
+    levels, which = by.levels()
+    shade: np.ndarray = np.asarray(by.values, dtype=float) if by.numeric else which.astype(float)
+    shade = np.log10(shade) if by.log else shade
+    drawn: Any = None
+    for axes, (other, word) in zip(panels.flat, others, strict=False):
+        ranked = merits[0].ranked & other.ranked
+        if not ranked.all():
+            axes.plot(merits[0].values[~ranked], other.values[~ranked], "o", **_HOLLOW)
+        drawn = axes.scatter(
+            merits[0].values[ranked],
+            other.values[ranked],
+            c=shade[ranked],
+            cmap="plasma",
+            s=20,
+            lw=0,
+            alpha=0.85,
+            vmin=shade.min(),
+            vmax=shade.max(),
+        )
+        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hexed(INK), ms=8, mew=0.9)
+        dress(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
+        if np.isfinite(other.values).any():
+            _roomy(axes, other)
+        if merits[0].log:
+            axes.set_xscale("log")
+    for axes in panels.flat[len(others) :]:
+        axes.set_axis_off()
+    ticks = np.asarray(levels, dtype=float) if by.numeric else np.arange(len(levels), dtype=float)
+    few = len(levels) <= 7
+    bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
+    if few:
+        bar.set_ticks((np.log10(ticks) if by.log else ticks).tolist())
+        bar.set_ticklabels([said(x) if by.numeric else _short(str(x)) for x in levels])
+    elif by.log:
+        bar.ax.yaxis.set_major_formatter(lambda value, _: said(10.0**value))
+    bar.ax.tick_params(labelsize=8, labelcolor=hexed(QUIET), color=hexed(LINE))
+    bar.outline.set_visible(False)
+    return figure
+
+
+def said(value: float, digits: int = 4) -> str:
+    """Return a number in few digits, with a comma at thousands and a true minus.
+
+    >>> said(12345.678), said(-0.25), said(float("nan"))
+    ('12,350', '−0.25', '–')
+    """
+    if not math.isfinite(value):
+        return "–"
+    rounded = float(f"{value:.{digits}g}")
+    return with_minus(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
+
+
+def _width_in(columns: int) -> float:
+    """Return the width of a figure [inches]: that of the page, or less for a panel alone."""
+    return _PAGE_IN if columns > 1 else _ONE_IN
+
+
+def _columns(count: int) -> int:
+    """Return how many panels stand side by side: four as two and two."""
+    return 2 if count == 4 else min(count, _COLUMNS)
+
+
+def _short(text: str) -> str:
+    """Return a text as a tick: of a table its values alone."""
+    if text.startswith("{"):
+        text = re.sub(r"[\w-]+ = ", "", text).strip("{ }").replace('"', "").replace(",", "")
+    return text if len(text) <= 18 else text[:17] + "…"
+
+
+def _wrapped(name: str, width: int = 38) -> str:
+    return "\n".join(textwrap.wrap(name, width)) or name

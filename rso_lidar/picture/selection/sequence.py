@@ -1,0 +1,171 @@
+"""Frames chosen from a sequence, and the little of each that a small picture needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.picture.selection.window import Window, around, grown
+from rso_lidar.records import Frame
+
+T = TypeVar("T")
+
+
+@runtime_checkable
+class Counted(Protocol):
+    """What holds frames and knows how many: a list, a recording."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Frame: ...
+
+
+def evenly(n: int, count: int) -> list[int]:
+    """Return at most `count` indices below `n`, evenly spread, both ends included.
+
+    >>> evenly(10, 4)
+    [0, 3, 6, 9]
+    >>> evenly(3, 10)
+    [0, 1, 2]
+    """
+    if count < 1:
+        raise RecordingError(f"a picture of {count} frames: ask for 1 or more")
+    if n <= count:
+        return list(range(n))
+    if count == 1:
+        return [0]
+    return [(2 * k * (n - 1) + count - 1) // (2 * (count - 1)) for k in range(count)]
+
+
+def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
+    """Return what `look` sees in at most `count` evenly chosen frames, and how many frames there were.
+
+    A sequence (a list, a recording) is read only where it is looked at. Of an iterator, such as `simulate` gives, every
+    s-th frame and the last are kept, s doubling whenever too many are held: memory does not grow with its length.
+    """
+    evenly(0, count)
+    if isinstance(frames, Counted):
+        total = len(frames)
+        chosen = [look(frames[k]) for k in evenly(total, count)]
+    else:
+        chosen, total = _thinned(frames, count, look)
+    if not chosen:
+        raise RecordingError("nothing to draw: the recording holds no frames")
+    return chosen, total
+
+
+def _thinned(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
+    kept: list[T] = []
+    stride, total = 1, 0
+    last: Frame | None = None
+    for frame in frames:
+        last = frame
+        if total % stride == 0:
+            if len(kept) == 4 * count:
+                kept, stride = kept[::2], 2 * stride
+            if total % stride == 0:
+                kept.append(look(frame))
+        total += 1
+    if last is not None and (total - 1) % stride:
+        kept.append(look(last))
+    return [kept[k] for k in evenly(len(kept), count)], total
+
+
+def on_target(frame: Frame) -> np.ndarray:
+    """Return where a return came from a target (row, col): by the labels, or where these know none, by its neighbours.
+
+    Without labels a return with fewer than two returns around it is taken for a false one.
+    """
+    labelled = frame.labels.target >= 0
+    if labelled.any():
+        return np.asarray(frame.valid & labelled)
+    valid = frame.valid
+    padded = np.pad(valid.astype(np.int8), 1)
+    n_rows, n_cols = valid.shape
+    around_it = sum(padded[r : r + n_rows, c : c + n_cols] for r in range(3) for c in range(3)) - valid
+    return np.asarray(valid & (around_it >= 2))
+
+
+def sighted(frame: Frame) -> np.ndarray:
+    """Return where to look (row, col): the targets by the labels, else returns with neighbours, else any return."""
+    for mask in (frame.labels.target >= 0, on_target(frame), frame.valid):
+        if mask.any():
+            return np.asarray(mask)
+    return np.ones(frame.valid.shape, dtype=bool)
+
+
+def target_ranges_m(frame: Frame) -> dict[str, float]:
+    """Return the true range [m] of each target's origin by name; targets that the truth lacks are left out."""
+    return {
+        entry.name: float(np.linalg.norm(frame.truth.pose("lidar", entry.name).translation))
+        for entry in frame.source.targets
+        if entry.name in frame.truth.poses
+    }
+
+
+def started(frame: Frame) -> str:
+    """Return when `time_s` is zero, in words that end in Z."""
+    return frame.source.start_utc.replace("+00:00", "Z")
+
+
+def pixel_rad(frame: Frame) -> float:
+    """Return the angle [rad] between the lines of sight of two neighbours in the middle of the field."""
+    n_rows, n_cols = frame.valid.shape
+    row, col = n_rows // 2, n_cols // 2
+    one, other = frame.line_of_sight[row, col], frame.line_of_sight[row, max(col - 1, 0)]
+    return float(2 * np.arcsin(0.5 * np.linalg.norm(one - other)))
+
+
+@dataclass(frozen=True, eq=False)
+class Glimpse:
+    """The little of a frame that one cell of a sheet, or one picture of an animation, needs."""
+
+    time_s: float
+    title: str
+    start_utc: str
+    range_m: np.ndarray
+    intensity_counts: np.ndarray
+    on_target: np.ndarray
+    bounds: Window
+    true_range_m: float  # nearest target's, NaN where unknown
+    pixel_rad: float
+
+    @staticmethod
+    def of(frame: Frame) -> Glimpse:
+        """Return a glimpse of a frame."""
+        ranges_m = target_ranges_m(frame)
+        returned, bounds = on_target(frame), around(sighted(frame))
+        if returned.any():  # of a target that is mostly too faint, show what came back
+            bounds = grown(around(returned), bounds)
+        return Glimpse(
+            time_s=frame.time_s,
+            title=frame.source.title,
+            start_utc=started(frame),
+            range_m=np.array(frame.range_m),
+            intensity_counts=np.array(frame.intensity_counts),
+            on_target=returned,
+            bounds=bounds,
+            true_range_m=min(ranges_m.values(), default=float("nan")),
+            pixel_rad=pixel_rad(frame),
+        )
+
+    @property
+    def median_m(self) -> float:
+        """Return the median range [m] of the target's returns, NaN where none came back."""
+        seen = self.range_m[self.on_target]
+        return float(np.median(seen)) if seen.size else float("nan")
+
+    @property
+    def pixel_m(self) -> float:
+        """Return how wide a pixel is at the target [m], NaN where no range is known."""
+        median_m = self.median_m
+        return self.pixel_rad * (median_m if np.isfinite(median_m) else self.true_range_m)
+
+    @property
+    def returns(self) -> int:
+        """Return how many pixels reported a return."""
+        return int(np.isfinite(self.range_m).sum())

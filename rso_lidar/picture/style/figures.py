@@ -1,0 +1,94 @@
+"""The page that all figures share: an Agg canvas, a heading, and axes in quiet ink."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rso_lidar.picture.style.palette import INK, LINE, QUIET, hexed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+LINE_IN = 0.17  # height of a line of small print [inches]
+
+
+def new_figure(
+    width_in: float, height_in: float, title: str, note: str = "", small_print: tuple[str, ...] = ()
+) -> Figure:
+    """Return an empty figure of that size [inches] with its own Agg canvas, a heading, and small print at the foot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    head_in = 0.42 + (0.24 if note else 0.0)
+    foot_in = 0.12 + LINE_IN * len(small_print) if small_print else 0.05
+    rect = (0.0, foot_in / height_in, 1.0, 1.0 - (head_in + foot_in) / height_in)
+    figure = Figure(figsize=(width_in, height_in), dpi=100, layout=ConstrainedLayoutEngine(rect=rect))
+    FigureCanvasAgg(figure)
+    most = int(width_in * 8.2)  # letters of the title that fit
+    title = title if len(title) <= most else title[: most - 1] + "…"
+    left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
+    figure.text(left, top, title, fontsize=14, weight="bold", color=hexed(INK), va="top", in_layout=False)
+    figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hexed(QUIET), va="top", in_layout=False)
+    for k, line in enumerate(reversed(small_print)):
+        y = (0.07 + LINE_IN * k) / height_in
+        figure.text(left, y, line, fontsize=8.5, color=hexed(QUIET), va="bottom", in_layout=False)
+    return figure
+
+
+def dress(axes: Axes, title: str = "", x: str = "", y: str = "", note: str = "") -> None:
+    """Give a plot its title, a note at the right of it, its labels, a faint grid and quiet ink."""
+    axes.set_title(title, loc="left", fontsize=11, color=hexed(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
+    axes.set_xlabel(x, fontsize=9, color=hexed(QUIET))
+    axes.set_ylabel(y, fontsize=9, color=hexed(QUIET))
+    axes.tick_params(which="both", labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+    axes.grid(color=hexed(LINE), lw=0.4, alpha=0.6)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(hexed(LINE))
+
+
+def in_thousands(*several: Axis) -> None:
+    """Write the ticks of some axes with a comma at each thousand and a true minus."""
+    from matplotlib.ticker import FuncFormatter
+
+    for axis in several:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus(f"{value:,.10g}")))
+
+
+def log_ticks(axis: Axis, low: float, high: float) -> None:
+    """Put ticks on a log axis from `low` to `high`, at least three of them with numbers, however short the axis is."""
+    from matplotlib.ticker import (
+        FixedLocator,
+        LogFormatterMathtext,
+        LogLocator,
+        MaxNLocator,
+        NullFormatter,
+    )
+
+    decades = float(np.log10(high / low))
+    axis.set_minor_formatter(NullFormatter())
+    if decades > 5.0:
+        axis.set_major_locator(LogLocator(base=10, numticks=8))
+        axis.set_major_formatter(LogFormatterMathtext())
+        return
+    powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    for steps in ((1.0,), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)):
+        ticks = np.outer(powers, steps).ravel()
+        ticks = ticks[(ticks >= low * (1.0 - 1e-9)) & (ticks <= high * (1.0 + 1e-9))]
+        if len(ticks) >= 3:
+            break
+    else:
+        ticks = np.asarray(MaxNLocator(5, steps=(1, 2, 5, 10)).tick_values(low, high))
+    axis.set_major_locator(FixedLocator(ticks.tolist()))
+    in_thousands(axis)
+
+
+def with_minus(number: str) -> str:
+    """Return a number in words with a true minus for its hyphen."""
+    return number.replace("-", "−")

@@ -1,0 +1,1 @@
+"""Recordings in a window: the player of matplotlib, and scenes for the viewer Rerun."""

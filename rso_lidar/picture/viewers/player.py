@@ -1,0 +1,276 @@
+"""A recording in a window: range and intensity side by side, the cloud in space with the true edges of the target.
+
+Only the frame that is shown is read. Keys: left and right (page up and down: ten at once; home, end), space plays, c changes
+what the colour of the cloud means. The slider under the pictures goes anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.files import free
+from rso_lidar.picture.frames.frame import intensity_panel, range_limits_m, range_panel, summary
+from rso_lidar.picture.selection.scale import Scale
+from rso_lidar.picture.selection.sequence import Glimpse, evenly, on_target, sighted
+from rso_lidar.picture.selection.window import around, crop
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.picture.style.palette import (
+    INK,
+    INTENSITY_RAMP,
+    LINE,
+    MARK,
+    NO_RETURN,
+    QUIET,
+    RANGE_RAMP,
+    hexed,
+    paint,
+)
+from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.records import Frame
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Colour = Literal["range", "intensity"]
+SIZE_IN = (14.0, 5.8)
+STILL_IN = (14.0, 5.2)  # without the slider
+STEP_MS = 100  # from frame to frame while it plays
+FAR = 10  # frames of a page
+_STEPS = {"left": -1, "right": 1, "pageup": -FAR, "pagedown": FAR}
+_OURS = ("keymap.back", "keymap.forward", "keymap.home")  # what matplotlib binds to keys that are ours here
+_LOOKED_AT = 12
+_MANY = 600  # points, above which they are drawn small
+_TRUTH = "#5f86b3"  # of the edges; neither ramp has it
+_HINT = "left, right: frame    space: play    c: colour    drag the cloud to turn it"
+
+
+class Player:
+    """Frames in a figure, one at a time; `shown` is the place of the one in it, `playing` whether it moves by itself."""
+
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        shapes: Iterable[Shape] = (),
+        colour: Colour = "range",
+        *,
+        figure: Figure | None = None,
+        first: int = 0,
+        controls: bool = True,
+    ) -> None:
+        """Draw one frame into a figure (None: a new one on an Agg canvas); without `controls` no slider, nor the keys."""
+        from matplotlib.widgets import Slider
+
+        if not len(frames):
+            raise RecordingError("nothing to draw: the recording holds no frames")
+        self.frames, self.shapes, self.colour = frames, tuple(shapes), colour
+        self.figure = figure or _figure(SIZE_IN if controls else STILL_IN)
+        self.playing = False
+        self.shown = first
+        left, wide = 0.045, 0.245
+        low, high, under, over = (0.17, 0.66, 0.13, 0.74) if controls else (0.09, 0.73, 0.05, 0.82)
+        self._range = self.figure.add_axes((left, low, wide, high))
+        self._intensity = self.figure.add_axes((left + 0.325, low, wide, high))
+        space: Any = self.figure.add_axes((0.675, under, 0.31, over), projection="3d", computed_zorder=False)
+        space.view_init(elev=14, azim=-72)
+        self._space = space
+        self._title = self.figure.text(0.01, 0.975, "", fontsize=14, weight="bold", color=hexed(INK), va="top")
+        self._note = self.figure.text(0.01, 0.918, "", fontsize=9.5, color=hexed(QUIET), va="top")
+        if controls:
+            self.figure.text(0.99, 0.975, _HINT, fontsize=8.5, color=hexed(QUIET), va="top", ha="right")
+        self.slider = None
+        if controls and len(frames) > 1:
+            place = self.figure.add_axes((0.09, 0.03, 0.78, 0.035))
+            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=hexed(MARK))
+            self.slider.drawon = False  # the frame it leads to is drawn anyway
+            self.slider.label.set_color(hexed(QUIET))
+            self.slider.valtext.set_color(hexed(QUIET))
+            self.slider.on_changed(lambda place: self._show(round(place)))
+        self.figure.canvas.mpl_connect("key_press_event", self._on_key)
+        self.figure.canvas.mpl_connect("close_event", lambda event: self._play(on=False))
+        self._timer = self.figure.canvas.new_timer(interval=STEP_MS)
+        self._timer.add_callback(self.tick)
+        self._show(first)
+
+    def go(self, place: int) -> None:
+        """Show the frame at a place, or the nearest there is."""
+        place = min(max(place, 0), len(self.frames) - 1)
+        if self.slider is None:
+            self._show(place)
+        elif place != self.shown:
+            self.slider.set_val(place)  # which shows it
+
+    def tick(self) -> None:
+        """Go on by a frame while it plays, and stop at the last."""
+        if not self.playing:
+            return
+        if self.shown + 1 < len(self.frames):
+            self.go(self.shown + 1)
+        else:
+            self._play(on=False)
+
+    def _on_key(self, event: Any) -> None:
+        if event.key in _STEPS:
+            self.go(self.shown + _STEPS[event.key])
+        elif event.key in ("home", "end"):
+            self.go(0 if event.key == "home" else len(self.frames) - 1)
+        elif event.key == " ":
+            if not self.playing and self.shown == len(self.frames) - 1:
+                self.go(0)
+            self._play(on=not self.playing)
+        elif event.key == "c":
+            self.colour = "intensity" if self.colour == "range" else "range"
+            self._show(self.shown)
+
+    def _play(self, *, on: bool) -> None:
+        self.playing = on
+        if on:
+            self._timer.start()
+        else:
+            self._timer.stop()
+
+    def _show(self, place: int) -> None:
+        self.shown = place
+        frame = self.frames[place]
+        window = crop(around(sighted(frame)))
+        for axes, draw in ((self._range, range_panel), (self._intensity, intensity_panel)):
+            axes.clear()
+            draw(axes, frame, window)
+            axes.tick_params(labelsize=8, colors=hexed(QUIET))
+            for spine in axes.spines.values():
+                spine.set_color(hexed(QUIET))
+        self._draw_space(frame)
+        self._title.set_text(frame.source.title)
+        self._note.set_text(summary(frame))
+        if self.slider is not None:
+            self.slider.valtext.set_text(f"{frame.index}, {place + 1} of {len(self.frames)}")
+        self.figure.canvas.draw_idle()
+
+    def _draw_space(self, frame: Frame) -> None:
+        """Draw the cloud and the true edges in lidar axes, turned so that up is up."""
+        from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+        axes = self._space
+        axes.clear()
+        points_m, colours = _cloud(frame, self.colour)
+        edges_m = [_in_lidar(frame, shape) for shape in self.shapes if shape.axes in frame.truth.poses]
+        middle, half_m = _bounds(frame, self.shapes, edges_m)
+        near = (np.abs(points_m - middle) <= half_m).all(axis=-1)
+        for lines in edges_m:
+            axes.add_collection3d(Line3DCollection(_turned(lines), colors=[_TRUTH], linewidths=0.5, zorder=1))
+        x, y, z = _turned(points_m[near]).T
+        size = 5.0 if len(x) > _MANY else 14.0
+        axes.scatter(x, y, z, c=colours[near] / 255.0, s=size, depthshade=False, lw=0, zorder=2)
+        for low, set_limits in zip(_turned(middle), (axes.set_xlim, axes.set_ylim, axes.set_zlim), strict=True):
+            set_limits(low - half_m, low + half_m)
+        axes.set_box_aspect((1, 1, 1), zoom=1.08)
+        for axis, name in ((axes.xaxis, "right"), (axes.yaxis, "ahead"), (axes.zaxis, "up")):
+            axis.set_pane_color(hexed(NO_RETURN))
+            axis._axinfo["grid"].update({"color": "#5b5e66", "linewidth": 0.4})
+            axis.set_label_text(f"{name} [m]", fontsize=8.5, color=hexed(QUIET))
+            axis.set_tick_params(labelsize=7.5, colors=hexed(QUIET))
+            axis.set_major_locator(_few())
+            axis.get_major_formatter().set_useOffset(False)
+        beyond = int((~near).sum())
+        note = f", {beyond:,} return{'s' * (beyond > 1)} elsewhere" if beyond else ""
+        truth = "; edges: truth" if edges_m else ""
+        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=10, color=hexed(INK), y=1.02, pad=0)
+
+
+def save_view(
+    frames: Sequence[Frame], path: str | Path, shapes: Iterable[Shape] = (), colour: Colour = "range"
+) -> Path:
+    """Return the path of a picture of what the window shows, of the frame with most returns among a dozen of them."""
+    place = free(path, FIGURE_SUFFIXES, overwrite=True)
+    if not len(frames):
+        raise RecordingError("nothing to draw: the recording holds no frames")
+    return save_figure(Player(frames, shapes, colour, first=richest(frames), controls=False).figure, place)
+
+
+def richest(frames: Sequence[Frame]) -> int:
+    """Return the place of the frame with most returns among a dozen of them."""
+    return max(evenly(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
+
+
+def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range") -> Player:
+    """Return the player, once its window has been closed; in a notebook at once."""
+    import matplotlib
+    from matplotlib import pyplot
+
+    free: dict[Any, Any] = {name: [] for name in _OURS}
+    with matplotlib.rc_context(free):
+        player = Player(frames, shapes, colour, figure=pyplot.figure(figsize=SIZE_IN))
+        pyplot.show()
+    return player
+
+
+def window_backend() -> str | None:
+    """Return the name of matplotlib's backend if it opens windows here and now, None where it draws into files alone."""
+    from matplotlib import pyplot
+    from matplotlib.backends.registry import backend_registry
+
+    try:
+        name = str(pyplot.get_backend())
+        registry: Any = backend_registry
+        canvas = registry.load_backend_module(name).FigureCanvas
+    except (ImportError, ValueError, AttributeError):  # one that was asked for, and is not there
+        return None
+    return name if canvas.required_interactive_framework is not None else None
+
+
+def _figure(size_in: tuple[float, float]) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size_in, dpi=100)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _few() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(4)
+
+
+def _turned(lidar_m: np.ndarray) -> np.ndarray:
+    """Return places (…, right_down_ahead) as (…, right_ahead_up), of which matplotlib draws the last upward."""
+    return np.stack([lidar_m[..., 0], lidar_m[..., 2], -lidar_m[..., 1]], axis=-1)
+
+
+def _in_lidar(frame: Frame, shape: Shape) -> np.ndarray:
+    """Return the ends (edge, 2, xyz) [m] of a shape's edges in lidar axes."""
+    lidar_from_axes = frame.truth.pose("lidar", shape.axes)
+    return np.asarray(lidar_from_axes.apply(shape.edges_m.reshape(-1, 3))).reshape(-1, 2, 3)
+
+
+def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points (point, xyz) [m] in lidar axes, and their colours (point, rgb)."""
+    valid = frame.valid
+    if colour == "range":
+        low, high = range_limits_m(frame)
+        return frame.points_m[valid], paint((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
+    scale = Scale.of([Glimpse.of(frame)])
+    return frame.points_m[valid], paint(scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, LINE)
+
+
+def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+    """Return the middle (xyz) and half the side [m] of a cube around the target: where it is, else what came back."""
+    if edges_m:
+        held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])
+    else:
+        held = frame.points_m[on_target(frame)]
+        held = held if len(held) else frame.points_m[frame.valid]
+    if not len(held):
+        return np.array([0.0, 0.0, 1.0]), 1.0
+    low, high = held.min(axis=0), held.max(axis=0)
+    return 0.5 * (low + high), max(0.52 * float((high - low).max()), 0.1)
+
+
+def _of_one_target(shapes: Sequence[Shape]) -> int:
+    """Return how many of the shapes, from the first on, are of the same target."""
+    return next((k for k, shape in enumerate(shapes) if shape.target != shapes[0].target), len(shapes))

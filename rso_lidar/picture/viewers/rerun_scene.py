@@ -1,0 +1,327 @@
+"""A recording as a scene for the viewer Rerun: axes, clouds, images and true meshes over time, in one file (.rrd).
+
+Rerun holds places in float32, which at the distance of an orbit is metres: the scene's origin is the first target's, and
+the inertial root has no place in it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.files import beside
+from rso_lidar.interruption import temporary_folder
+from rso_lidar.picture.selection.scale import Scale
+from rso_lidar.picture.selection.sequence import Glimpse, on_target, pick
+from rso_lidar.picture.style.palette import NO_RETURN
+from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
+from rso_lidar.records import Frame
+
+Colour = Literal["range", "intensity"]
+APPLICATION = "rso_lidar"
+TIME, FRAME = "time", "frame"  # the two time lines: seconds since start_utc, and the frame's number
+RANGE, INTENSITY = "images/range", "images/intensity"
+_COVER = "no_return"
+_SHOWN_S = 20.0  # a recording that lasts longer than a minute is played in about so long
+_LOOKED_AT = 24  # frames that the limits of colour are made from
+_GREY = (168, 172, 180)  # of a true mesh
+_POINT = 2.5  # size of a point on the screen
+_PAPER = (24, 26, 30)
+_CONFIG = "XDG_CONFIG_HOME"
+_HERE = "127.0.0.1"
+_NOWHERE = f"http://{_HERE}:9"  # the port for what is thrown away
+
+
+def installed() -> bool:
+    """Return whether the extra ``view`` is installed."""
+    return find_spec("rerun") is not None
+
+
+def need_rerun(what: str) -> Any:
+    """Return the module rerun, for `what`; the extra has to be installed."""
+    try:
+        import rerun
+    except ImportError:
+        raise RecordingError(
+            f"{what}: Rerun is an extra: pip install rso-lidar[view], or choose a window or files"
+        ) from None
+    return rerun
+
+
+def write_rerun(
+    frames: Sequence[Frame],
+    path: str | Path,
+    shapes: Iterable[Shape] = (),
+    *,
+    colour: Colour = "range",
+    each: Iterable[Frame] | None = None,
+) -> Path:
+    """Return the path of a scene (.rrd) of some frames, written frame by frame, whole or not at all.
+
+    Parameters
+    ----------
+    frames : a recording, or some of its frames.
+    path : of the file.
+    shapes : true meshes, each in axes that the truth knows.
+    colour : what the points' colour means, with one scale for all frames.
+    each : the same frames as `frames`, where somebody counts them as they are read.
+    """
+    place = Path(path)
+    rerun = need_rerun(str(place))
+    glimpses, _ = pick(frames, _LOOKED_AT, Glimpse.of)
+    lasts_s = glimpses[-1].time_s - glimpses[0].time_s
+    scene = _Scene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(glimpses), colour)
+    with beside(place) as draft:
+        stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(frames[0]), send_properties=False)
+        stream.save(draft, default_blueprint=scene.blueprint())
+        stream.set_log_time_enabled(False)
+        stream.set_log_tick_enabled(False)
+        try:
+            scene.begin(stream)
+            for frame in frames if each is None else each:
+                scene.add(stream, frame)
+            _flush(stream, place)
+        finally:
+            stream.disconnect()
+        _readable(draft, place)
+    return place
+
+
+def open_rerun(path: str | Path) -> None:
+    """Show a scene (.rrd) in Rerun's viewer, and return when its window is closed.
+
+    The viewer listens on this machine alone, and is given a way out that leads nowhere: it would look for newer versions
+    and send usage data. On Linux a configuration of its own also tells it to collect none; elsewhere
+    `rerun analytics disable` does.
+    """
+    need_rerun(str(path))
+    with quiet() as environment:
+        left = subprocess.run(viewer_command(path), env=environment, check=False)
+    if left.returncode:
+        raise RunError(
+            f"{path}: Rerun's viewer left with status {left.returncode}; see `rerun --help`, or take a window"
+        )
+
+
+def viewer_command(path: str | Path) -> list[str]:
+    """Return the command that shows a scene: in a viewer of its own, whose port no other machine reaches."""
+    return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[dict[str, str]]:
+    """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
+    with temporary_folder() as folder:
+        config = Path(folder, "rerun", "analytics.json")
+        config.parent.mkdir()
+        config.write_text(
+            json.dumps(
+                {
+                    "analytics_enabled": False,
+                    "analytics_id": "",
+                    "metadata": {},
+                    "config_file_path": str(config),
+                    "data_dir_path": str(config.parent),
+                }
+            ),
+            encoding="utf-8",
+        )
+        yield {**os.environ, _CONFIG: folder, "HTTPS_PROXY": _NOWHERE, "https_proxy": _NOWHERE}
+
+
+def _identity(frame: Frame) -> str:
+    """Return a name of the recording that is the same whenever it is written."""
+    import hashlib
+
+    source = frame.source
+    return hashlib.sha256(f"{source.scenario} {source.seed} {dict(source.versions)}".encode()).hexdigest()[:32]
+
+
+def _flush(stream: Any, place: Path) -> None:
+    """Wait until all is in the file: it is written by a thread of Rerun's, and only here one learns how that went."""
+    try:
+        stream.flush()
+    except (RuntimeError, ValueError, OSError) as error:
+        raise RunError(f"{place}: could not be written ({error}); check the disk and run again") from None
+
+
+def _readable(draft: Path, place: Path) -> None:
+    """Make sure that a file is whole, to its last part, which tells where all the others are."""
+    from rerun.chunk import RrdReader
+
+    try:
+        RrdReader(draft).store()
+    except Exception as error:
+        what = " ".join(str(error).split())[:120]
+        raise RunError(f"{place}: could not be written ({what}); check the disk and run again") from None
+
+
+def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
+    """Return where in the scene each of the axes hangs, by name: under its parent in the truth, or under the world.
+
+    What hangs on the inertial root hangs on the world instead; the root itself is left out.
+    """
+    paths = {world: [world]}
+    for name in poses:
+        chain = [name]
+        while chain[-1] != world and poses.parent(chain[-1]) not in (ROOT, world):
+            chain.append(poses.parent(chain[-1]))
+        if chain[-1] != world:
+            paths[name] = [world, *reversed(chain)]
+    return paths
+
+
+def world_of(frame: Frame) -> str:
+    """Return the axes that a scene stands in: at the first target, not turning with it; else at the follower."""
+    poses = frame.truth.poses
+    names = [entry.name for entry in frame.source.targets if entry.name in poses]
+    names += [name for name in ("follower", "lidar") if name in poses]
+    return poses.parent(names[0]) if names else ROOT
+
+
+class _Scene:
+    """One scene being written: where its axes hang, its scale of colours, its meshes."""
+
+    def __init__(
+        self, rerun: Any, first: Frame, lasts_s: float, shapes: tuple[Shape, ...], scale: Scale, colour: Colour
+    ) -> None:
+        self.rr, self.first, self.shapes, self.scale, self.colour = rerun, first, shapes, scale, colour
+        self.world = world_of(first)
+        self.paths = paths_of(first.truth.poses, self.world)
+        known = [shape.radius_m for shape in shapes]
+        if not known:  # no mesh: about as large as what was seen, or a hundredth of the way
+            known = [max(0.01 * float(np.linalg.norm(first.truth.pose(self.world, "lidar").translation)), 1e-3)]
+        self.size_m = max(known)
+        self.speed = max(1.0, round(lasts_s / _SHOWN_S)) if lasts_s > 60.0 else 1.0
+        self.lens: tuple[float, int, int] | None = None
+
+    def begin(self, stream: Any) -> None:
+        """Write what does not change: how the axes are drawn, the meshes, and which way is up."""
+        rr = self.rr
+        stream.log(self.paths[self.world], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        bodies = {shape.target for shape in self.shapes}
+        for name, path in self.paths.items():
+            share = 1.2 if name in bodies else 0.6 if name == self.world else 0.3
+            stream.log(path, rr.TransformAxes3D(share * self.size_m), static=True)
+        for shape in self.shapes:
+            stream.log(
+                [*self.paths[shape.axes], "mesh"],
+                rr.Mesh3D(
+                    vertex_positions=shape.corners_m.reshape(-1, 3).astype(np.float32),
+                    vertex_normals=np.repeat(shape.normals, 3, axis=0).astype(np.float32),
+                    albedo_factor=_GREY,
+                ),
+                static=True,
+            )
+        covered = [rr.AnnotationInfo(0, color=(0, 0, 0, 0)), rr.AnnotationInfo(1, "no return", NO_RETURN)]
+        stream.log(f"{RANGE}/{_COVER}", rr.AnnotationContext(covered), static=True)
+        source = self.first.source
+        stream.log(
+            "recording",
+            rr.TextDocument(f"{source.title}\n\nstart {source.start_utc}, seed {source.seed}"),
+            rr.AnyValues(scenario=source.scenario, start_utc=source.start_utc, world_axes=self.world),
+            static=True,
+        )
+
+    def add(self, stream: Any, frame: Frame) -> None:
+        """Write one frame."""
+        rr, poses = self.rr, frame.truth.poses
+        stream.set_time(TIME, duration=frame.time_s)
+        stream.set_time(FRAME, sequence=frame.index)
+        for name, path in self.paths.items():
+            if name == self.world:
+                continue
+            parent = path[-2]
+            parent_from = poses.pose(parent, name)
+            turn = rr.Quaternion(xyzw=quaternion_xyzw(parent_from.rotation))
+            stream.log(path, rr.Transform3D(translation=parent_from.translation, quaternion=turn))
+        self._cloud(stream, frame)
+        self._images(stream, frame)
+
+    def _cloud(self, stream: Any, frame: Frame) -> None:
+        rr, lidar = self.rr, self.paths["lidar"]
+        valid = frame.valid
+        range_m, counts = frame.range_m[valid], frame.intensity_counts[valid]
+        colours = (
+            self.scale.range_rgb(range_m, _median_m(frame))
+            if self.colour == "range"
+            else self.scale.intensity_rgb(counts)
+        )
+        pixel = np.flatnonzero(valid).astype(np.int32)
+        stream.log(
+            [*lidar, "cloud"],
+            rr.Points3D(frame.points_m[valid].astype(np.float32), colors=colours, radii=rr.Radius.ui_points(_POINT)),
+            rr.AnyValues(drop_untyped_nones=False, range_m=range_m, intensity_counts=counts, pixel=pixel),
+        )
+        n_rows, n_cols = valid.shape
+        lens = (_focal_pixels(frame), n_rows, n_cols)
+        if lens != self.lens:
+            self.lens = lens
+            field = rr.Pinhole(
+                focal_length=lens[0],
+                resolution=(n_cols, n_rows),
+                camera_xyz=rr.ViewCoordinates.RDF,
+                image_plane_distance=2.0 * self.size_m,
+            )
+            stream.log([*lidar, "field"], field)
+
+    def _images(self, stream: Any, frame: Frame) -> None:
+        """Write what the sensor said, in metres and counts; where it said nothing lies a cover."""
+        rr = self.rr
+        middle_m = _median_m(frame) if self.scale.relative else 0.0
+        middle_m = middle_m if np.isfinite(middle_m) else 0.0
+        limits = (max(middle_m + self.scale.low_m, 0.0), max(middle_m + self.scale.high_m, 0.0))
+        stream.log(RANGE, rr.DepthImage(frame.range_m, meter=1.0, colormap="Viridis", depth_range=limits))
+        stream.log(f"{RANGE}/{_COVER}", rr.SegmentationImage((~frame.valid).astype(np.uint8), opacity=1.0))
+        stream.log(INTENSITY, rr.Image(frame.intensity_counts, color_model="L"))
+
+    def blueprint(self) -> Any:
+        """Return how the viewer is laid out: space on the left, looked at from the lidar's side; images on the right."""
+        import rerun.blueprint as layout
+
+        toward = self.first.truth.pose(self.world, "lidar").translation
+        toward = toward / max(float(np.linalg.norm(toward)), 1e-12)
+        eye = 2.7 * self.size_m * (toward + np.array([0.0, 0.0, 0.45]))
+        space = layout.Spatial3DView(
+            origin=self.world,
+            name="in space",
+            background=_PAPER,
+            line_grid=False,
+            eye_controls=layout.EyeControls3D(position=eye, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0)),
+        )
+        words, low, high = self.scale.range_words
+        images = layout.Vertical(
+            layout.Spatial2DView(origin=RANGE, name=f"{words}: {low} to {high}"),
+            layout.Spatial2DView(origin=INTENSITY, name="Intensity [counts]"),
+        )
+        return layout.Blueprint(
+            layout.Horizontal(space, images, column_shares=[2.2, 1.0]),
+            layout.TimePanel(timeline=TIME, playback_speed=self.speed),
+            collapse_panels=True,
+        )
+
+
+def _median_m(frame: Frame) -> float:
+    """Return the median range [m] of the target's returns, NaN where none came back."""
+    seen = frame.range_m[on_target(frame)]
+    return float(np.median(seen)) if seen.size else float("nan")
+
+
+def _focal_pixels(frame: Frame) -> float:
+    """Return the focal length in pixels, from the lines of sight of the field's first and last columns."""
+    n_rows, n_cols = frame.valid.shape
+    sight = frame.line_of_sight[n_rows // 2]
+    tangent = sight[:, 0] / sight[:, 2]
+    across = float(tangent[-1] - tangent[0])
+    return (n_cols - 1) / across if across > 0 else float(n_cols)

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rso_lidar.picture.selection.scale import Scale, nice_down, nice_up
+from rso_lidar.picture.selection.sequence import Glimpse
+from rso_lidar.picture.style.palette import FAINTEST, NO_RETURN, fixed_palette, paint, ramp
+
+
+@given(st.floats(1e-6, 1e9))
+def test_nice_numbers_bracket_a_value_closely(value):
+    assert value * (1 - 1e-6) <= nice_up(value) <= 1.5 * value * (1 + 1e-6)
+    assert value / 2.5 * (1 - 1e-6) <= nice_down(value) <= value * (1 + 1e-6)
+
+
+def test_nice_up_of_nothing_is_one():
+    assert nice_up(0.0) == nice_up(float("nan")) == 1.0
+
+
+def test_paint_clips_and_marks_what_is_missing():
+    colours = paint(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.nan]), "viridis", NO_RETURN)
+    assert (colours[0] == colours[1]).all()
+    assert (colours[3] == colours[4]).all()
+    assert (colours[3] == ramp("viridis")[255]).all()
+    assert tuple(colours[5]) == NO_RETURN
+    # A missing return cannot be taken for a range: its grey is well off every colour of the ramp.
+    assert np.abs(ramp("viridis").astype(int) - NO_RETURN).max(axis=1).min() > 25
+
+
+def test_greys_of_intensity_begin_above_black():
+    assert (ramp("gray")[0] == FAINTEST).all()
+    assert (ramp("gray")[255] == 255).all()
+
+
+def test_the_fixed_palette_has_256_colours_near_all_that_is_drawn():
+    palette = np.array(fixed_palette()).reshape(-1, 3)
+    assert len(palette) == 256
+    for name in ("viridis", "gray"):
+        gaps = np.abs(ramp(name)[:, None].astype(int) - palette[None]).max(axis=-1).min(axis=1)
+        assert gaps.max() <= 4
+
+
+def test_an_approach_is_drawn_about_each_median(handmade, coming):
+    scale = Scale.of([Glimpse.of(frame) for frame in coming])
+    assert scale.relative
+    assert scale.low_m == -scale.high_m
+    assert 1.0 < scale.high_m <= 10.0  # the satellite reaches 6.5 m from its origin
+    assert scale.logarithmic
+    middle = scale.range_rgb(np.array([1000.0]), 1000.0)
+    assert np.abs(middle[0].astype(int) - ramp("viridis")[128]).max() <= 2
+    assert scale.range_words[1].startswith("≤ −")
+
+
+def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):
+    glimpses = [Glimpse.of(handmade.make_frame(10.0 * k, 500.0, 64, index=k)) for k in range(4)]
+    scale = Scale.of(glimpses)
+    assert not scale.relative
+    seen = np.concatenate([g.range_m[g.on_target] for g in glimpses])
+    assert ((seen >= scale.low_m) & (seen <= scale.high_m)).mean() > 0.97
+    assert not scale.logarithmic
+    assert scale.low_counts == 0
+
+
+def test_nothing_seen_still_has_a_scale(handmade):
+    dark = handmade.make_frame(0.0, 500.0, 32, photons_at_km=0.0, false_returns=0)
+    scale = Scale.of([Glimpse.of(dark)])
+    assert (scale.range_rgb(dark.range_m, float("nan")) == NO_RETURN).all()
+    assert (scale.intensity_rgb(dark.intensity_counts) == 0).all()
+
+
+def strays(handmade, seed):
+    """A frame of false returns alone, far from one another."""
+    frame = handmade.make_frame(0.0, 500.0, 64, photons_at_km=0.0, labelled=False, false_returns=6, index=seed)
+    return Glimpse.of(frame)
+
+
+def test_stray_returns_alone_have_a_scale_of_their_own(handmade):
+    glimpses = [strays(handmade, seed) for seed in range(4)]
+    assert not any(glimpse.on_target.any() for glimpse in glimpses)
+    scale = Scale.of(glimpses)
+    ranges_m = np.concatenate([g.range_m[np.isfinite(g.range_m)] for g in glimpses])
+    counts = np.concatenate([g.intensity_counts[g.intensity_counts > 0] for g in glimpses])
+    assert not scale.relative
+    assert scale.low_m <= np.percentile(ranges_m, 5) < np.percentile(ranges_m, 95) <= scale.high_m
+    assert scale.high_counts >= np.percentile(counts, 95) > 20  # the false returns made by hand have 20 to 60 counts
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_intensity_runs_from_faint_to_white(logarithmic):
+    scale = Scale(True, -1, 1, 10.0, 1000.0, logarithmic)
+    faint, middle, bright, none = scale.intensity_rgb(np.array([10, 100, 1000, 0]))[:, 0]
+    assert (faint, bright, none) == (FAINTEST, 255, 0)
+    share = 0.5 if logarithmic else 90 / 990
+    assert middle == pytest.approx(FAINTEST + share * (255 - FAINTEST), abs=1.5)
