@@ -10,12 +10,13 @@ from __future__ import annotations
 import datetime
 import re
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self, cast, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Strict, ValidationError
 from pydantic.functional_validators import AfterValidator
+from pydantic_core import core_schema
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 
@@ -123,6 +124,93 @@ class Part(BaseModel, metaclass=_PartMeta):
         """
         fields = {name: getattr(self, name) for name in self.model_fields_set}
         return type(self)(**{**fields, **changes})
+
+
+class Seam:
+    """Annotation of a field that takes one of some parts, or any Python object that follows a protocol.
+
+    What a TOML file can say stays the closed, checked set of parts. From Python, an object of any other class passes as
+    it is when it has the protocol's methods. Materials, motions, attitudes and detectors are such fields::
+
+        AnyMaterial = Annotated[DescribedMaterial | Material, Seam(DescribedMaterial, Material)]
+
+        class Target(Part):
+            material: AnyMaterial | None = None
+
+    A dump of the part, and so the text that a recording keeps, holds ``{ type = "python", object = "module.Class(...)" }``
+    in the object's place. Reading such a table is an error that asks for the object again; see `python_objects` for how to
+    find the objects before a dump.
+
+    Parameters
+    ----------
+    described : the annotation of the closed set: a union of parts, with its discriminator and validators.
+    protocol : a protocol decorated with `typing.runtime_checkable`.
+    """
+
+    def __init__(self, described: Any, protocol: type) -> None:
+        self.described, self.protocol = described, protocol
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        """Return the schema of the described parts, with a way past it for objects."""
+        serialize = core_schema.wrap_serializer_function_ser_schema(self._serialize, info_arg=True)
+        described = handler.generate_schema(self.described)
+        return core_schema.no_info_wrap_validator_function(self._validate, described, serialization=serialize)
+
+    def _is_described(self, value: Any) -> bool:
+        return isinstance(value, (*_TOML_TYPES, *_part_classes(self.described)))
+
+    def _validate(self, value: Any, validate: Callable[[Any], Any]) -> Any:
+        if isinstance(value, Mapping) and value.get("type") == _PYTHON:
+            raise ValueError(
+                f"stands for the Python object {value.get('object', '')!s:.60}, which a text cannot hold; "
+                "give the object again in Python, with replace(...)"
+            )
+        if self._is_described(value):
+            return validate(value)
+        if isinstance(value, type) and isinstance(value, self.protocol):  # the class has the methods too
+            raise ValueError(f"is the class {value.__name__}; give an object of it, such as {value.__name__}()")
+        if not isinstance(value, self.protocol):
+            members = {**self.protocol.__annotations__, **vars(self.protocol)}
+            methods = ", ".join(sorted(name for name in members if not name.startswith("_")))
+            raise ValueError(
+                f"needs a table with a 'type', a part, or an object with {methods} (the protocol "
+                f"{self.protocol.__name__}), not {_show(value)}"
+            )
+        return value
+
+    def _serialize(self, value: Any, serialize: Callable[[Any], Any], info: core_schema.SerializationInfo) -> Any:
+        if self._is_described(value):
+            return serialize(value)
+        if isinstance(info.context, _Objects):
+            info.context.append(value)
+        return {"type": _PYTHON, "object": name_object(value)}
+
+
+_PYTHON = "python"  # the type of the table that stands for a Python object
+_TOML_TYPES = (str, int, float, list, tuple, Mapping, datetime.date, datetime.time, types.NoneType)
+
+
+class _Objects(list[object]):
+    """Collects the objects that a dump meets."""
+
+
+def python_objects(part: BaseModel) -> list[object]:
+    """Return the Python objects that a part and all parts in it hold in fields marked with `Seam`."""
+    found = _Objects()
+    part.model_dump(context=found)
+    return list(found)
+
+
+def name_object(value: object) -> str:
+    """Return a text for an object without its address in memory, such as ``velvet.Velvet(sheen=0.2)``."""
+    cls = type(value)
+    text = " ".join(repr(value).split())
+    if " at 0x" in text or len(text) > _LONGEST_REPR:
+        text = f"{cls.__qualname__}(...)"
+    return text if text.startswith(f"{cls.__module__}.") else f"{cls.__module__}.{text}"
+
+
+_LONGEST_REPR = 200  # characters
 
 
 def explain(error: ValidationError, part: type[BaseModel], raw: Any) -> str:

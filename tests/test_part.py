@@ -3,7 +3,7 @@
 import datetime
 import math
 import tomllib
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import pytest
 from hypothesis import given
@@ -23,10 +23,12 @@ from rso_lidar.part import (
     Part,
     Positive,
     Quaternion,
+    Seam,
     Text,
     Vector,
     Whole,
     explain,
+    python_objects,
 )
 
 NOON = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -270,3 +272,83 @@ def test_a_part_survives_its_own_table(natural_hz, position_m, start_utc):
     )
     assert Machine.model_validate(machine.model_dump()) == machine
     assert machine.replace() == machine
+
+
+# ------------------------------------------------------------------------------------------------------------- seams
+
+
+@runtime_checkable
+class Noisy(Protocol):
+    """What a voice in `Machine`'s place answers."""
+
+    def loudness(self) -> float: ...
+
+
+class Hum(Part):
+    type: Literal["hum"] = "hum"
+    level: Number = 1.0
+
+
+class Click(Part):
+    type: Literal["click"] = "click"
+
+
+class Whistle:
+    def loudness(self):
+        return 3.0
+
+
+class Chord(Part):
+    tones: Whole = 3
+
+    def loudness(self):
+        return 4.0
+
+
+DescribedVoice = Annotated[Hum | Click, Field(discriminator="type")]
+Voice = Annotated[DescribedVoice | Noisy, Seam(DescribedVoice, Noisy)]
+
+
+class Choir(Part):
+    lead: Voice | None = None
+    others: dict[str, Voice] = Field(default_factory=dict)
+    row: tuple[Voice, ...] = ()
+
+
+def test_a_seam_takes_tables_parts_and_objects():
+    whistle = Whistle()
+    choir = Choir(lead=whistle, others={"a": {"type": "hum"}, "b": Chord()}, row=(Click(), whistle))
+    assert choir.lead is whistle
+    assert choir.others == {"a": Hum(), "b": Chord()}
+    assert choir.row == (Click(), whistle)
+    assert python_objects(choir) == [whistle, Chord(), whistle]
+    assert python_objects(choir.replace(lead=Hum(), others={}, row=())) == []
+
+
+def test_a_dump_names_the_objects_and_cannot_be_read_again():
+    dump = Choir(lead=Whistle(), row=(Chord(tones=4), Hum())).model_dump(exclude_none=True)
+    assert dump["lead"] == {"type": "python", "object": f"{__name__}.Whistle(...)"}
+    assert dump["row"] == ({"type": "python", "object": f"{__name__}.Chord(tones=4)"}, {"type": "hum", "level": 1.0})
+    with pytest.raises(ScenarioError, match=r"Choir: lead: stands for the Python object .*Whistle.*; give the object"):
+        Choir(**dump)
+
+
+@pytest.mark.parametrize(
+    ("voice", "message"),
+    [
+        (Whistle, r"lead: is the class Whistle; give an object of it, such as Whistle\(\)"),
+        (object(), r"lead: needs a table with a 'type', a part, or an object with loudness \(the protocol Noisy\)"),
+        ({"type": "hun"}, r"lead: unknown type 'hun'; did you mean 'hum'"),
+        (5, "lead: needs a table"),
+        (Choir(), "lead: needs a table with a 'type', a part, or an object with loudness"),
+    ],
+)
+def test_what_fits_no_seam_is_told(voice, message):
+    with pytest.raises(ScenarioError, match=message):
+        Choir(lead=voice)
+
+
+def test_a_seam_leaves_the_schema_closed():
+    schema = Choir.model_json_schema()
+    assert set(schema["$defs"]) == {"Hum", "Click"}
+    assert "python" not in str(schema)
