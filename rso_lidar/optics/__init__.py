@@ -1,13 +1,13 @@
 """Light out, light back: the laser, the receiver, the rays between them and the photons that return."""
 
-from rso_lidar.optics.distortion import BrownConrady, ZemaxDistortion
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.lens import read_files
+from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
+from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
 from rso_lidar.optics.oversampled import oversampled
-from rso_lidar.optics.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
-from rso_lidar.optics.radiometry import collect
-from rso_lidar.optics.rays import pixel_rays
+from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
+from rso_lidar.optics.returns.blur import read_files
+from rso_lidar.optics.returns.radiometry import collect
 
 __all__ = [
     "AiryPsf",

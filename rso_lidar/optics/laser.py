@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.measured import full_width_s, read_pattern, read_pulse
-from rso_lidar.optics.zemax import stamp
+from rso_lidar.optics.tables.laser_profiles import full_width_s, read_pattern, read_pulse
+from rso_lidar.optics.tables.number_text import stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector
 
 Divergence = Annotated[Positive, Field(lt=180)]

@@ -3,8 +3,8 @@
 import numpy as np
 
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.radiometry import collect
 from rso_lidar.optics.receiver import Receiver
+from rso_lidar.optics.returns.radiometry import collect
 from rso_lidar.records import Hits, Oversampled
 
 

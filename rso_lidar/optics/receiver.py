@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.optics.distortion import Distortion
-from rso_lidar.optics.psf import Psf
+from rso_lidar.optics.lens.distortion import Distortion
+from rso_lidar.optics.lens.psf import Psf
 from rso_lidar.part import Count, Part, Positive, Whole
 
 FieldOfView = Annotated[Positive, Field(lt=180)]

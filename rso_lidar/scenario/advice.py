@@ -10,8 +10,9 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.detector import Gsfl
 from rso_lidar.motion import Slew
-from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf, zemax
-from rso_lidar.optics.background import sun_photons_per_s_m2
+from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf
+from rso_lidar.optics.sunlight import sun_photons_per_s_m2
+from rso_lidar.optics.tables import zemax
 from rso_lidar.orbit import Numerical
 from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.compliance import broken

@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import free, write_columns
-from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel
 from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, cross, dot, turned

@@ -13,7 +13,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.optics.measured import read_pattern
+from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.scene import Scatterer
 
 _SLICES = 256  # of a pixel, where the rim of a round beam crosses it

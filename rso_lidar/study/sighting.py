@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel
 from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.environment import (
     angle_rad,

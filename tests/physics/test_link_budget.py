@@ -235,7 +235,7 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
 
 def test_the_light_of_the_description_is_the_same():
     """What `check` prints of a filled pixel, and the seed's 1000 photons at 3 km."""
-    from rso_lidar.optics.budget import filled_pixel
+    from rso_lidar.optics.link_budget import filled_pixel
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)
     for range_m in (30.0, 3000.0):

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
-from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel
 from rso_lidar.orbit import teme
 from rso_lidar.orbit.catalog import Catalog
 from rso_lidar.orbit.element_set import ElementSet

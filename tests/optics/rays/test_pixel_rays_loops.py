@@ -101,7 +101,8 @@ def test_narrow_beams_and_sunlight(laser, filter_width_nm):
 @pytest.mark.parametrize("grid", [1, 7, 64])
 def test_covering_cells_agrees_for_any_polygon(grid):
     """Triangles, lines level and upright, points, and corners far outside, at any slack."""
-    from rso_lidar.optics import rays, rays_loops
+    from rso_lidar.optics.rays import pixel_rays as rays
+    from rso_lidar.optics.rays import pixel_rays_loops as rays_loops
 
     rng = np.random.default_rng(grid)
     polygons = [rng.uniform(-3, 12, (3, 2)) for _ in range(30)]
@@ -122,7 +123,7 @@ def test_covering_cells_agrees_for_any_polygon(grid):
 
 
 def test_the_loops_are_compiled_once():
-    from rso_lidar.optics.rays_loops import cover, laid, parts
+    from rso_lidar.optics.rays.pixel_rays_loops import cover, laid, parts
 
     rng = np.random.default_rng(0)
     for distortion in (None, BENT):

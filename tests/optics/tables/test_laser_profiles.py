@@ -11,7 +11,7 @@ import rso_lidar as rl
 from rso_lidar.cli import main
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser
-from rso_lidar.optics.measured import full_width_s, read_pattern, read_pulse
+from rso_lidar.optics.tables.laser_profiles import full_width_s, read_pattern, read_pulse
 
 # ------------------------------------------------------------------------------------------------------------ patterns
 

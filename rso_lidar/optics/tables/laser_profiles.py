@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
-from rso_lidar.optics.zemax import points_for_commas, stamp
+from rso_lidar.optics.tables.number_text import points_for_commas, stamp
 
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar.arithmetic import compiled
-from rso_lidar.optics.cells import Outlines, boxes_in_cells, outlines_in_cells, tangents_of_cells, touched
 from rso_lidar.optics.laser import Laser
+from rso_lidar.optics.rays.cells import Outlines, boxes_in_cells, outlines_in_cells, tangents_of_cells, touched
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Extent, Rays
 
@@ -58,7 +58,7 @@ def _owned(boxes: np.ndarray, fineness: list[int], outlines: Outlines, receiver:
     -1: nobody; 0: any target of one ray a cell; t + 1: target t, of finer ones. The finest wins a cell.
     """
     if compiled():
-        from rso_lidar.optics.rays_loops import cover
+        from rso_lidar.optics.rays.pixel_rays_loops import cover
     else:
         cover = _cover
     k = receiver.rays_per_side
@@ -89,7 +89,7 @@ def _fine_rays(
     grid `_STEP` times finer than the cells, so that a speck before a wall costs no million rays.
     """
     if compiled():
-        from rso_lidar.optics.rays_loops import cover, parts
+        from rso_lidar.optics.rays.pixel_rays_loops import cover, parts
     else:
         cover, parts = _cover, _parts
     k = receiver.rays_per_side
@@ -131,7 +131,7 @@ def _rays(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return direction (ray, xyz), pixel and weight of the rays of a window of cells and of finer ones, by pixel."""
     if compiled():
-        from rso_lidar.optics.rays_loops import laid
+        from rso_lidar.optics.rays.pixel_rays_loops import laid
     else:
         laid = _laid
     none = np.empty(0), np.empty(0), np.empty(0, np.int32), 0.0

@@ -6,8 +6,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.arithmetic import loop
-from rso_lidar.optics.lens_loops import sort_by
-from rso_lidar.optics.radiometry import CIRCLE, SQUARE
+from rso_lidar.optics.returns.blur_loops import sort_by
+from rso_lidar.optics.returns.radiometry import CIRCLE, SQUARE
 
 LIGHT = units.SPEED_OF_LIGHT_M_S
 RANGE_PER_DELAY = units.RANGE_PER_DELAY_M_S

@@ -103,7 +103,7 @@ def test_no_hit_and_one_hit():
 
 @pytest.mark.parametrize(("n", "kinds"), [(0, 1), (1, 1), (16, 3), (17, 3), (33, 2), (1000, 7), (1000, 10**6)])
 def test_sorting_keeps_equal_ones_in_order(n, kinds):
-    from rso_lidar.optics.lens_loops import sort_by
+    from rso_lidar.optics.returns.blur_loops import sort_by
 
     value = np.random.default_rng(n).integers(0, kinds, n + 5).astype(float)
     ours, order = value.copy(), np.arange(n + 5)
@@ -113,7 +113,7 @@ def test_sorting_keeps_equal_ones_in_order(n, kinds):
 
 
 def test_each_loop_is_compiled_for_one_combination_of_types():
-    from rso_lidar.optics import lens_loops as loops
+    from rso_lidar.optics.returns import blur_loops as loops
 
     for changes in ({}, {"psf": FIELD}, {"distortion": BrownConrady(k1=20.0)}, {"filter_width_nm": 1.0}):
         lens = LENS.replace(**{"psf": KERNELS["gaussian"], **changes})

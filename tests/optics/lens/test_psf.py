@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.hats import encircled
-from rso_lidar.optics.psf import (
+from rso_lidar.optics.lens.hat_weights import encircled
+from rso_lidar.optics.lens.psf import (
     AiryPsf,
     FieldDependentPsf,
     FieldPsf,

@@ -14,7 +14,8 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import zemax
+from rso_lidar.optics.tables import zemax
+from rso_lidar.optics.tables.number_text import stamp
 from rso_lidar.part import Number, Part, Text
 
 WORST_FIT = 0.005  # rms residual of a fit over the field's radius beyond which five coefficients do not describe a lens
@@ -153,7 +154,7 @@ class ZemaxDistortion(DistortionPart):
     @property
     def fit(self) -> "Fit":
         """Return the fit, made once for each state of the file."""
-        return _fit(*zemax.stamp(self.file))
+        return _fit(*stamp(self.file))
 
     def residual_pixels(self, pixel_tangent: float) -> float:
         """Return the rms distance between the listing and the fit, in pixels of pitch / focal length."""

@@ -96,7 +96,7 @@ def test_returns_at_equal_depths_keep_their_order():
 
 
 def test_each_loop_is_compiled_for_one_combination_of_types():
-    from rso_lidar.optics import radiometry_loops as loops
+    from rso_lidar.optics.returns import radiometry_loops as loops
 
     agree(*both(some_hits(50, sunlight=True), Laser(), LENS.replace(filter_width_nm=1.0)))
     agree(*both(some_hits(50), Laser(footprint="circle"), LENS.replace(distortion=BrownConrady(k1=5.0))))

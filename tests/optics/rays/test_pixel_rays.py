@@ -309,7 +309,7 @@ def test_a_laser_beside_the_lens_gets_the_whole_field():
 
 def crafts():
     """Return the surfaces of shipped models, and of some real spacecraft where there are any."""
-    here = Path(__file__).parents[2] / "models"
+    here = Path(__file__).parents[3] / "models"
     found = [here / name for name in ("juno.glb", "rocket_body.glb", "sphere.glb", "cubesat_3u.glb")]
     shared = Path(os.environ.get("RSO_LIDAR_SHARED", ""), "meshes")
     found += [shared / f"{name}.stl" for name in ("tdrs", "mro", "voyager") if (shared / f"{name}.stl").is_file()]

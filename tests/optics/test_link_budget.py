@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.optics.budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel
 from tests.optics.bench_for_tests import look, place, plate
 
 

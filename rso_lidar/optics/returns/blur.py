@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.psf import FieldDependentPsf, pixel_shares, reach_of
+from rso_lidar.optics.lens.psf import FieldDependentPsf, pixel_shares, reach_of
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Hits
 from rso_lidar.ties import first_greatest, first_greatest_of_each
@@ -70,7 +70,7 @@ def _blurred_by_loops(
     hits: Hits, light: Light, receiver: Receiver, wavelength_m: float, pulse_fwhm_s: float, sub: int
 ) -> Light:
     """Return what `blurred` does: same light, same order."""
-    from rso_lidar.optics.lens_loops import gathered, grouped, places, spread
+    from rso_lidar.optics.returns.blur_loops import gathered, grouped, places, spread
 
     n_rows, n_cols = receiver.shape
     if receiver.distortion is None:

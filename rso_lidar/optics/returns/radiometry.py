@@ -4,10 +4,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.arithmetic import compiled, packed
-from rso_lidar.optics.background import sun_photons_per_s_m2
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.lens import Light, blurred
 from rso_lidar.optics.receiver import Receiver
+from rso_lidar.optics.returns.blur import Light, blurred
+from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Hits, Photons
 
 SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints that a loop knows
@@ -61,7 +61,7 @@ def _plain(laser: Laser) -> bool:
 
 def _looped(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
     """Return the light of each hit, and which hits are lit, as `_returned` does."""
-    from rso_lidar.optics.radiometry_loops import returned
+    from rso_lidar.optics.returns.radiometry_loops import returned
 
     seen = hits.weight
     if receiver.distortion is not None:
@@ -167,7 +167,7 @@ def _clusters(
     land, and a rim before a wall is not. Clusters are numbered by pixel, then from near to far. `pixel` never falls.
     """
     if compiled():
-        from rso_lidar.optics.radiometry_loops import clusters
+        from rso_lidar.optics.returns.radiometry_loops import clusters
 
         return clusters(packed(pixel), packed(delay_s), packed(depth_spread_s), gap_s)
     if not len(pixel):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.zemax import read_grid_distortion, read_huygens_psf
+from rso_lidar.optics.tables.zemax import read_grid_distortion, read_huygens_psf
 
 HEAD = [
     "Listing of Huygens PSF Data",

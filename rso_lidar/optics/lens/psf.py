@@ -17,8 +17,9 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import zemax
-from rso_lidar.optics.hats import At, airy_hats, gaussian_hats, grid_hats, halo_hats
+from rso_lidar.optics.lens.hat_weights import At, airy_hats, gaussian_hats, grid_hats, halo_hats
+from rso_lidar.optics.tables import zemax
+from rso_lidar.optics.tables.number_text import matrix, points_for_commas, read_text, stamp
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Text
 
 MOST_REACH = 16  # pixels to each side
@@ -92,11 +93,11 @@ class GridPsf(_Kernel):
 
     def read(self) -> None:
         """Read the table."""
-        _table(*zemax.stamp(self.file))
+        _table(*stamp(self.file))
 
     def core(self, at: At) -> np.ndarray:
         """Return the hat weights (row, col) of the table."""
-        values = _table(*zemax.stamp(self.file))
+        values = _table(*stamp(self.file))
         middle = (0.5 * (values.shape[0] - 1), 0.5 * (values.shape[1] - 1))
         return grid_hats(values, middle, self.spacing_um * units.UM, at)
 
@@ -195,7 +196,7 @@ def _kernels(psf: AnyPsf) -> list[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf]:
 
 
 def _stamps(psf: AnyPsf) -> tuple[tuple[str, int, int], ...]:
-    return tuple(zemax.stamp(file) for file in files_of(psf))
+    return tuple(stamp(file) for file in files_of(psf))
 
 
 @lru_cache(maxsize=512)
@@ -271,10 +272,10 @@ def _hats(psf: AnyPsf, at: At, field_rad: float, azimuth_rad: float) -> np.ndarr
 @lru_cache(maxsize=32)
 def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
     """Return the intensities (row, col) of a text file of numbers."""
-    text = zemax.points_for_commas(zemax.read_text(path))
+    text = points_for_commas(read_text(path))
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     lines = [(number, line.replace(",", " ").replace(";", " ")) for number, line in lines if line.strip()[0] != "#"]
-    values = zemax.matrix(path, lines)
+    values = matrix(path, lines)
     if min(values.shape) < 2:
         raise ScenarioError(f"{path}: has {values.shape[0]} rows of {values.shape[1]}: a kernel needs rows and columns")
     values.flags.writeable = False

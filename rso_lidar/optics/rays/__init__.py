@@ -1,0 +1,1 @@
+"""Light out: the rays of one flash, through the cells of the focal plane that a target covers."""

@@ -1,0 +1,1 @@
+"""Light back: photons of each hit, spread by the lens and grouped by depth."""

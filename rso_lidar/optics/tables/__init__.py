@@ -1,0 +1,1 @@
+"""Optics described in files: Zemax listings, tables of numbers, measured beams and pulses."""
