@@ -1,0 +1,1 @@
+"""How surfaces scatter light: BRDFs without the cosine."""

@@ -1,0 +1,1 @@
+"""Read mesh files: triangles in metres, by named parts."""
