@@ -18,7 +18,7 @@ from benchmarks.report import Findings, table
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.datasets import values
 from rso_lidar.export.growing import growth
-from rso_lidar.scene.library import model
+from rso_lidar.scene.library.catalogue import model
 
 FRAMES = 120_000
 RATE_HZ = 20

@@ -8,7 +8,7 @@ from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.formats import FORMATS
 from rso_lidar.orbit.catalog import REGIMES
 from rso_lidar.scenario.lidar import presets
-from rso_lidar.scene.library import models, own_models
+from rso_lidar.scene.library.catalogue import models, own_models
 from rso_lidar.shipped import shipped
 
 

@@ -10,8 +10,8 @@ from rso_lidar.cli.completion import class_names, own_model_names, shape_names, 
 from rso_lidar.cli.terminal import echo
 from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import MeshError, did_you_mean
-from rso_lidar.scene.adding import Wanted, add_model, remove_model
-from rso_lidar.scene.library import own_folder
+from rso_lidar.scene.library.adding import Wanted, add_model, remove_model
+from rso_lidar.scene.library.catalogue import own_folder
 
 MeshFile = Annotated[Path, typer.Argument(metavar="PATH", help="STL, OBJ, PLY, GLB, glTF or OFF; STEP or IGES.")]
 

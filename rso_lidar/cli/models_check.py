@@ -10,11 +10,11 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
-from rso_lidar.scene.adding import known_meshes
-from rso_lidar.scene.cad import is_cad, tessellated
-from rso_lidar.scene.doctor import examine
-from rso_lidar.scene.library import model
-from rso_lidar.scene.mesh import mended
+from rso_lidar.scene.library.adding import known_meshes
+from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.meshes.cad import is_cad, tessellated
+from rso_lidar.scene.meshes.mesh import mended
+from rso_lidar.scene.surfaces.examination import examine
 
 
 def check(

@@ -11,7 +11,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.files import free
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.scene.library import models, own_models
+from rso_lidar.scene.library.catalogue import models, own_models
 from rso_lidar.study.model_card import ModelCard, model_card
 
 WIDE = 112  # columns that the tables need: no number is cut off

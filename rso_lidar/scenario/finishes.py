@@ -14,7 +14,7 @@ from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import Material, Named, Scatterer, Surface, library
-from rso_lidar.scene.colours import facet_colours, hexed
+from rso_lidar.scene.meshes.colours import facet_colours, hexed
 
 _DIGITS = 12  # of a facet's number; no mesh has so many
 

@@ -11,8 +11,8 @@ from rso_lidar.craft import Hinge
 from rso_lidar.errors import ScenarioError, placed
 from rso_lidar.motion.joint import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
-from rso_lidar.scene.library import model
-from rso_lidar.scene.mesh import body_from_mesh
+from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target

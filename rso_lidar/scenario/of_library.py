@@ -6,7 +6,7 @@ from typing import Literal
 
 from rso_lidar.errors import MeshError
 from rso_lidar.part import Part, Positive, Text, Whole
-from rso_lidar.scene.library import ModelEntry
+from rso_lidar.scene.library.catalogue import ModelEntry
 
 
 class OfLibrary(Part):

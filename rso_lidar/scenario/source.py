@@ -20,8 +20,8 @@ from rso_lidar.scenario.files import files_of
 from rso_lidar.scenario.of_library import of_library
 from rso_lidar.scenario.surfaces import placed_in, taxonomy_of
 from rso_lidar.scene import Lambertian, Named, Scatterer
-from rso_lidar.scene.library import model
-from rso_lidar.scene.packets import engine
+from rso_lidar.scene.embree.engine import engine
+from rso_lidar.scene.library.catalogue import model
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.parts import Target

@@ -22,7 +22,7 @@ from rso_lidar.scene import (
     warn_of_repairs,
     warn_of_size,
 )
-from rso_lidar.scene.library import ModelEntry, model
+from rso_lidar.scene.library.catalogue import ModelEntry, model
 
 
 def surfaces_of(target: Target, number: int, file: Callable[[str], Path], wavelength_m: float) -> tuple[Surface, ...]:

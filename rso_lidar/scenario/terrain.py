@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
-from rso_lidar.scene.height_field import MOST_CELLS, height_field, load_height_field
-from rso_lidar.scene.mesh import Mesh
+from rso_lidar.scene.meshes.height_field import MOST_CELLS, height_field, load_height_field
+from rso_lidar.scene.meshes.mesh import Mesh
 
 _LARGEST_CRATER = 0.25  # of the side, where nothing else is said
 _SMALLEST_CRATER = 4.0  # cells

@@ -44,7 +44,7 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 
 def _spoken_by_loops(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
     """Do what `_spoken` does."""
-    from rso_lidar.scene.label_loops import Returns, Said, Struck, filled, spoken
+    from rso_lidar.scene.labels_loops import Returns, Said, Struck, filled, spoken
 
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()

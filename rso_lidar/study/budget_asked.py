@@ -21,7 +21,7 @@ from rso_lidar.scenario.lidar import presets
 from rso_lidar.scenario.preview import preview
 from rso_lidar.scenario.silhouette import silhouettes
 from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
-from rso_lidar.scene.library import materials
+from rso_lidar.scene.library.catalogue import materials
 
 _RANGES = 121
 _SPAN = 50.0  # greatest range over least, where none is asked for

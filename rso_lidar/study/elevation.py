@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.records import Frame
 from rso_lidar.scene import Surface
-from rso_lidar.scene.height_field import top_heights
+from rso_lidar.scene.surfaces.portrait import top_heights
 
 Pose = tuple[np.ndarray, np.ndarray]  # site_from_lidar: where the lidar is (xyz) [m], and the turn (3, 3)
 

@@ -18,8 +18,8 @@ from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.surfaces import surface_of, taxonomy_of
 from rso_lidar.scene import Surface
-from rso_lidar.scene.library import materials, model
-from rso_lidar.scene.portrait import portrait, viewer_axes
+from rso_lidar.scene.library.catalogue import materials, model
+from rso_lidar.scene.surfaces.portrait import portrait, viewer_axes
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform

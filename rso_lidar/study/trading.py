@@ -20,7 +20,7 @@ from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.files import hold_lock, write_cure
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
-from rso_lidar.scene.library import own_models
+from rso_lidar.scene.library.catalogue import own_models
 from rso_lidar.study.report import save
 from rso_lidar.study.trade_asked import Axis, Study, toml_of
 from rso_lidar.study.trade_plan import Plan, Row, plan_of

@@ -5,8 +5,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.cli.models import app
-from rso_lidar.scene.adding import COMMANDS
-from tests.scene.test_mesh import BOX, binary_stl
+from rso_lidar.scene.library.adding import COMMANDS
+from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 
 @pytest.fixture

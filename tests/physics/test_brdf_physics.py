@@ -11,12 +11,12 @@ from scipy import integrate, special
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Named, Phong
-from rso_lidar.scene.crinkle import Crinkled
-from rso_lidar.scene.measured import TableBrdf
-from rso_lidar.scene.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.retro import RetroReflector
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
+from rso_lidar.scene.materials.brdf import ByWavelength, Lambertian, Material, Named, Phong
+from rso_lidar.scene.materials.crinkle import Crinkled
+from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.retro import RetroReflector
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
 from tests.optics.bench_for_tests import look, place, plate
 
 DEG = math.pi / 180

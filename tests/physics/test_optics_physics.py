@@ -14,7 +14,7 @@ import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.optics import BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, Laser, Receiver
 from rso_lidar.scene import Phong
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from rso_lidar.simulate import DETECTION
 from tests.optics.bench_for_tests import box, place, plate, see, surface, truth_of, write_stl
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import Mesh, load_mesh
-from tests.scene.test_mesh import BOX, ascii_stl, binary_stl, glb, obj, off, ply
+from tests.scene.meshes.test_mesh import BOX, ascii_stl, binary_stl, glb, obj, off, ply
 
 ROOT = Path(__file__).resolve().parents[2]
 HUGE = 10**12
@@ -181,7 +181,7 @@ from pathlib import Path
 import PIL.Image, trimesh
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
-from tests.scene.test_mesh import BOX, binary_stl
+from tests.scene.meshes.test_mesh import BOX, binary_stl
 
 folder = Path(sys.argv[1])
 (folder / "first.stl").write_bytes(binary_stl(BOX))

@@ -6,7 +6,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.export.targets import tables, targets
 from rso_lidar.records import TargetEntry
-from rso_lidar.scene.library import model
+from rso_lidar.scene.library.catalogue import model
 
 FIXED = rl.Fixed(position_m=(0.0, 0.0, 0.0))
 NORTH = {"name": "solar_north", "angle": rl.FollowSun()}

@@ -116,7 +116,7 @@ def test_more_clusters_than_a_byte_counts():
 
 
 def test_each_loop_is_compiled_for_one_combination_of_types():
-    from rso_lidar.scene import label_loops as loops
+    from rso_lidar.scene import labels_loops as loops
 
     agree(*flash(50))
     agree(*flash(50, filled=True, spilt=True))

@@ -6,9 +6,9 @@ import pytest
 from rso_lidar import arithmetic
 from rso_lidar.optics import GaussianPsf, Receiver
 from rso_lidar.scene import Crinkled
-from rso_lidar.scene.crinkle import tilted
-from rso_lidar.scene.doctor import _median
-from rso_lidar.scene.light import _disc
+from rso_lidar.scene.casting.light import _disc
+from rso_lidar.scene.materials.crinkle import tilted
+from rso_lidar.scene.surfaces.examination import _median
 from tests.optics.bench_for_tests import SEED_LASER, place, plate, see, surface, truth_of
 
 DIRECTIONS = [(0, 0, 1), (1, 0, 0), (0, -1, 0), (1, 1, 0), (1, -1, 1), (0, 1, 1)]  # of which two components are equal

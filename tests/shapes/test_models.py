@@ -9,7 +9,7 @@ import trimesh
 from rso_lidar.craft import size_class
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import material_named
-from rso_lidar.scene.library import materials, models
+from rso_lidar.scene.library.catalogue import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
 from rso_lidar.shapes.solids import Solid
 from rso_lidar.shapes.write import glb, write

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rso_lidar.scene.height_field import height_field
-from rso_lidar.scene.surface import build_surface
+from rso_lidar.scene.meshes.height_field import height_field
+from rso_lidar.scene.surfaces.surface import build_surface
 from rso_lidar.study.elevation import (
     HAZARD,
     SAFE,

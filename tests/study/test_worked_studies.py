@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.scene.library import models
+from rso_lidar.scene.library.catalogue import models
 from rso_lidar.study.trade_asked import Study
 from rso_lidar.study.trade_plan import plan_of
 

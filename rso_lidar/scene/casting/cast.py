@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 from rso_lidar import pose
 from rso_lidar.arithmetic import packed
 from rso_lidar.records import Hits, Rays, Truth
-from rso_lidar.scene import packets
-from rso_lidar.scene.bands import BAND_RAYS, NEAREST_M, at_once, bands_of
-from rso_lidar.scene.brdf import Lambertian
-from rso_lidar.scene.light import from_laser, from_sun, seen
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M, at_once, bands_of
+from rso_lidar.scene.casting.light import from_laser, from_sun, seen
+from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.materials.brdf import Lambertian
+from rso_lidar.scene.surfaces.surface import Surface
 
 if TYPE_CHECKING:
-    from rso_lidar.scene.cast_loops import Targets
+    from rso_lidar.scene.casting.cast_loops import Targets
 
 
 def cast(
@@ -144,7 +144,7 @@ class _First(NamedTuple):
 @lru_cache(maxsize=4)
 def _targets(surfaces: tuple[Surface, ...], engine: packets.Engine) -> tuple[tuple[packets.PacketScene, ...], Targets]:
     """Return the surfaces of a scenario as the loops want them, once for all its frames, and the scenes that these name."""
-    from rso_lidar.scene.cast_loops import Targets
+    from rso_lidar.scene.casting.cast_loops import Targets
 
     scenes = tuple(surface.packets(engine) for surface in surfaces)
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
@@ -174,7 +174,7 @@ def _in_packets(
     rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: packets.Engine
 ) -> _First:
     """Return the first hits on all surfaces, by the loops."""
-    from rso_lidar.scene.cast_loops import Columns, cast_rays
+    from rso_lidar.scene.casting.cast_loops import Columns, cast_rays
 
     _held, targets = _targets(tuple(surfaces), engine)  # scenes are good while they are held
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar.arithmetic import loop
-from rso_lidar.scene.bands import NEAREST_M
-from rso_lidar.scene.packets_loops import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
+from rso_lidar.scene.casting.bands import NEAREST_M
+from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
 
 BLOCK_RAYS = 256
 # Words of a placed target: the turn row by row, the lidar's place, the sphere as the lidar sees it, where rays start.

@@ -7,8 +7,8 @@ import numpy as np
 
 from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.records import Extent, Truth
-from rso_lidar.scene.pieces import pieces
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.surfaces.pieces import pieces
+from rso_lidar.scene.surfaces.surface import Surface
 
 _Outlines = tuple[np.ndarray, ...]
 
@@ -19,7 +19,7 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
     A target that reaches behind the lidar's plane has no finite bounds; one that is wholly behind has none at all.
     """
     if compiled():
-        from rso_lidar.scene.extent_loops import outlined
+        from rso_lidar.scene.casting.extent_loops import outlined
     else:
         outlined = _outlined
     outlines: list[_Outlines | None] = [None] * len(surfaces)

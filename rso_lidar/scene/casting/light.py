@@ -10,10 +10,10 @@ import numpy as np
 
 from rso_lidar.pose import ROOT, turned
 from rso_lidar.records import Truth
-from rso_lidar.scene import packets
-from rso_lidar.scene.crinkle import Crinkled, tilted, unhidden
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.materials.crinkle import Crinkled, tilted, unhidden
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
+from rso_lidar.scene.surfaces.surface import Surface
 
 _TIE = 1e-6  # components of a direction that differ by less are equal, whatever rounding says
 _OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so that no facet shades itself
@@ -220,7 +220,7 @@ def _met_in_packets(
     hits: Seen, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray, off_m: float, engine: packets.Engine
 ) -> np.ndarray:
     """Return what `_shaded` does, by the loops."""
-    from rso_lidar.scene.packets_loops import add_met
+    from rso_lidar.scene.embree.packets import add_met
 
     met = np.zeros(len(asked), dtype=bool)
     point, facing, toward = (np.ascontiguousarray(vectors) for vectors in (hits.point, hits.facing, toward))

@@ -18,10 +18,7 @@ import numpy as np
 from rso_lidar.craft import Taxonomy, size_class
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.files import beside, hold_lock
-from rso_lidar.scene.cad import CHORD_MM, is_cad, tessellated
-from rso_lidar.scene.doctor import counted, helper_cube
-from rso_lidar.scene.group_names import materials_of
-from rso_lidar.scene.library import (
+from rso_lidar.scene.library.catalogue import (
     ModelEntry,
     materials,
     model,
@@ -32,8 +29,10 @@ from rso_lidar.scene.library import (
     read_own_index,
     read_table,
 )
-from rso_lidar.scene.mesh import Mesh, likely_units, load_mesh, mended, plausible
-from rso_lidar.scene.surface import FARTHEST_M
+from rso_lidar.scene.library.material_names import materials_of
+from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellated
+from rso_lidar.scene.meshes.components import counted, helper_cube
+from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, likely_units, load_mesh, mended, plausible
 from rso_lidar.shipped import shipped
 
 COMMANDS = (

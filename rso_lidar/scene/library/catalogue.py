@@ -16,7 +16,7 @@ from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, told, warn
 from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
-from rso_lidar.scene.mesh import Mesh, load_mesh, mended
+from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, mended
 from rso_lidar.shipped import shipped
 from rso_lidar.toml_text import MOST_BYTES, parse_toml
 

@@ -9,12 +9,12 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 from rso_lidar import units
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
 from rso_lidar.part import Fraction, NotNegative, Positive, Text
-from rso_lidar.scene import library
-from rso_lidar.scene.crinkle import Crinkled
-from rso_lidar.scene.measured import TableBrdf
-from rso_lidar.scene.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.retro import RetroReflector
-from rso_lidar.scene.scatter import Scatterer, both_ways, phong_per_sr
+from rso_lidar.scene.library import catalogue
+from rso_lidar.scene.materials.crinkle import Crinkled
+from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.retro import RetroReflector
+from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, phong_per_sr
 
 _NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
 _NEAR_FRACTION = 0.05  # of the wavelength: materials hold so far
@@ -126,7 +126,7 @@ class Named(Scatterer):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        known = library.materials()
+        known = catalogue.materials()
         if self.name not in known:
             guess = did_you_mean(self.name, known)
             raise ValueError(f"no material '{self.name}'{guess or ';'} (known: {', '.join(known)})")
@@ -158,7 +158,7 @@ Material = Annotated[_Described, BeforeValidator(_by_name, json_schema_input_typ
 
 def material_named(name: str, wavelength_m: float) -> Scatterer:
     """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
-    fields = library.materials().get(name)
+    fields = catalogue.materials().get(name)
     if fields is None:
         raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")
     if wavelength_m > _BETWEEN_M:

@@ -11,7 +11,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import Fraction, NotNegative, Positive, Whole
-from rso_lidar.scene.scatter import Scatterer, both_ways, phong_per_sr
+from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees

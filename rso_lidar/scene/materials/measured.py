@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import NotNegative
-from rso_lidar.scene.scatter import Scatterer, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, half_way
 from rso_lidar.units import DEG
 
 _COARSE_DEG = 2.5  # wider steps of the table are cut for the sum over the hemisphere

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import Fraction
-from rso_lidar.scene.scatter import Scatterer, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, half_way
 from rso_lidar.units import DEG
 
 _NARROW_ROUGHNESS = 0.1  # above it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak

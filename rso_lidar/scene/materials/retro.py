@@ -9,8 +9,8 @@ from pydantic import Field, Strict, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, Positive
-from rso_lidar.scene.diffraction import mean_irradiance
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD, Scatterer, both_ways
+from rso_lidar.scene.materials.diffraction import mean_irradiance
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer, both_ways
 
 
 class RetroReflector(Scatterer):

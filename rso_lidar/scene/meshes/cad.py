@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rso_lidar.errors import MeshError
 from rso_lidar.interruption import removing, temporary_folder
-from rso_lidar.scene.mesh import CAD_SUFFIXES, checked_file
+from rso_lidar.scene.meshes.mesh import CAD_SUFFIXES, checked_file
 
 CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
 _MM = 1e-3

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.gltf import check_gltf
-from rso_lidar.scene.mesh import Mesh, silence_trimesh
+from rso_lidar.scene.meshes.gltf import check_gltf
+from rso_lidar.scene.meshes.mesh import Mesh, silence_trimesh
 
 SUFFIXES = (".glb", ".ply")
 

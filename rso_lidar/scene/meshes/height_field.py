@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.mesh import Mesh
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.meshes.mesh import Mesh
 
 SUFFIXES = (".npy", ".npz", ".png")
 MOST_CELLS = 4_000_000  # two facets each; the acceleration structure of so many takes some 2 GB
 _CURE = "crop or thin it"
-_ABOVE_M = 1.0
 
 
 def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
@@ -130,18 +128,3 @@ def height_field(
         names = ("ground", "boulders")
     number = np.arange(len(facets), dtype=np.int32)
     return Mesh(path, sha256, vertices, facets, part, names, number, len(facets), 0)
-
-
-def top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Return the height [m] of the topmost facet over points, in body axes; NaN where there is none.
-
-    Good to some 1e-7 of the surface's size, which is what float32 holds.
-    """
-    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
-    above = float(surface.corners[..., 2].max()) + _ABOVE_M
-    start = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, above)]).astype(np.float32)
-    down = np.zeros((x.size, 3), np.float32)
-    down[:, 2] = -1.0
-    met = surface.embree.run(start, down, query="INTERSECT", output=1)
-    height = np.where(met["primID"] >= 0, above - met["tfar"].astype(float), np.nan)
-    return height.reshape(x.shape)

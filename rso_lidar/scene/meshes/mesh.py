@@ -15,8 +15,8 @@ import numpy as np
 
 from rso_lidar.errors import MeshError, RsoLidarWarning, told, warn
 from rso_lidar.files import check_regular, read_bytes
-from rso_lidar.scene.gltf import MOST_FACETS, check_gltf
-from rso_lidar.scene.obj import read_obj
+from rso_lidar.scene.meshes.gltf import MOST_FACETS, check_gltf
+from rso_lidar.scene.meshes.obj import read_obj
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
 CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
@@ -25,6 +25,7 @@ CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
 _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
 _MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
+FARTHEST_M = 1e7  # float32 still resolves a metre there
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
 _told_of: set[tuple[Path, str]] = set()  # files, with their SHA-256, of whose repairs it has been said
 

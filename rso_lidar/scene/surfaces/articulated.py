@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.surfaces.surface import Surface
 
 
 @dataclass(frozen=True)

@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.scene.mesh import Mesh, likely_units, plausible
-from rso_lidar.scene.surface import Surface, build_surface
+from rso_lidar.scene.meshes.components import (
+    Component,
+    counted,
+    describe_component,
+    directed_edges,
+    helper_cube,
+    merge_vertices,
+    number_components,
+    split_components,
+)
+from rso_lidar.scene.meshes.mesh import Mesh, likely_units, plausible
+from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 _DIRECTIONS = 60
 _GRID = 96  # rays along each side of the square that they are cast from
 _GRAZING = 0.05  # cosine below which a facet is not looked at: a ray would start inside its own rounding
 _TIE = 1e-9  # of the weight: a sum that comes so near to half of it is half
 _STRAY = 2.0  # times as far from the middle as 95 % of the surface
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A component: how many facets, the first of them in the file, its middle (xyz) and its largest side [m]."""
-
-    facets: int
-    first_facet: int
-    center_m: tuple[float, float, float]
-    size_m: float
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Examination:
     duplicates: int
     parts: int
     components: int
-    strays: tuple[Piece, ...]
+    strays: tuple[Component, ...]
     boundary_edges: int
     nonmanifold_edges: int
     turned_edges: int
@@ -56,7 +56,7 @@ class Examination:
     hidden: int
     hidden_area_share: float
     area_m2: float
-    cube: Piece | None
+    cube: Component | None
 
     @property
     def largest_m(self) -> float:
@@ -108,12 +108,12 @@ class Examination:
 def examine(mesh: Mesh) -> Examination:
     """Return what is to be said of a mesh (in metres, where units are to make sense)."""
     surface = build_surface("mesh", mesh)  # first: it refuses what reaches beyond all numbers
-    facets = _merged(mesh)
-    edges, ends = np.sort(_edges(facets), axis=1), _edges(facets)
+    facets = merge_vertices(mesh)
+    edges, ends = np.sort(directed_edges(facets), axis=1), directed_edges(facets)
     _, number, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     number = number.reshape(-1)
     forward = np.bincount(number, weights=ends[:, 0] < ends[:, 1], minlength=len(count))
-    component = _components(number, len(facets))
+    component = number_components(number, len(facets))
     area = surface.areas_m2
     strays = _strays(surface.corners, component, area)
     front_share, hidden = _looked_at(surface)
@@ -126,7 +126,7 @@ def examine(mesh: Mesh) -> Examination:
         duplicates=len(facets) - len(np.unique(np.sort(facets, axis=1), axis=0)),
         parts=len(mesh.part_names),
         components=int(component.max()) + 1,
-        strays=tuple(_piece(mesh, of) for of in _members(component, strays)),
+        strays=tuple(describe_component(mesh, of) for of in split_components(component, strays)),
         boundary_edges=int(np.count_nonzero(count == 1)),
         nonmanifold_edges=int(np.count_nonzero(count > 2)),
         turned_edges=int(np.count_nonzero((count == 2) & (forward != 1))),
@@ -138,72 +138,11 @@ def examine(mesh: Mesh) -> Examination:
     )
 
 
-def helper_cube(mesh: Mesh) -> Piece | None:
-    """Return the component of twelve facets that is a cube along the axes about the origin, or None."""
-    facets = _merged(mesh)
-    _, number = np.unique(np.sort(_edges(facets), axis=1), axis=0, return_inverse=True)
-    component = _components(number.reshape(-1), len(facets))
-    for of in _members(component, np.flatnonzero(np.bincount(component) == 12)):
-        points = mesh.vertices[np.unique(mesh.facets[of])]
-        low, high = points.min(axis=0), points.max(axis=0)
-        side = float((high - low).max())
-        at_corners = np.minimum(np.abs(points - low), np.abs(points - high)).max()
-        uneven = (high - low).max() - (high - low).min()
-        if max(uneven, at_corners, np.abs(low + high).max()) < 1e-3 * side:
-            return _piece(mesh, of)
-    return None
-
-
-def counted(count: int, what: str) -> str:
-    """Return a count in words, such as "1 facet" or "2,000 facets"."""
-    return f"{count:,} {what}{'s' * (count != 1)}"
-
-
-def _at(piece: Piece) -> str:
+def _at(piece: Component) -> str:
     x, y, z = piece.center_m
     about = ", ".join(f"{value + 0.0:.2f}" for value in (round(x, 2), round(y, 2), round(z, 2)))
     facets = counted(piece.facets, "facet")
     return f"{facets} from facet {piece.first_facet} on, {piece.size_m:.4g} m across, about ({about}) m"
-
-
-def _merged(mesh: Mesh) -> np.ndarray:
-    """Return the facets (facet, 3) by places instead of vertices: equal corners have one number."""
-    _, place = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
-    merged: np.ndarray = place.reshape(-1)[mesh.facets]
-    return merged
-
-
-def _edges(facets: np.ndarray) -> np.ndarray:
-    """Return the directed edges (3 * facet, 2), those of a facet one after the other."""
-    return np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2)
-
-
-def _components(edge: np.ndarray, facets: int) -> np.ndarray:
-    """Return the component of each facet (facet), from the number of each of its three edges."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    order = np.argsort(edge, kind="stable")
-    same = np.flatnonzero(np.diff(edge[order]) == 0)
-    one, other = order[same] // 3, order[same + 1] // 3
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(facets, facets))
-    component: np.ndarray = connected_components(graph, directed=False)[1]
-    return component
-
-
-def _members(component: np.ndarray, wanted: np.ndarray) -> list[np.ndarray]:
-    """Return the facets of each component of some."""
-    of = np.flatnonzero(np.isin(component, wanted))
-    of = of[np.argsort(component[of], kind="stable")]
-    return np.split(of, np.flatnonzero(np.diff(component[of])) + 1) if len(of) else []
-
-
-def _piece(mesh: Mesh, of: np.ndarray) -> Piece:
-    points = mesh.vertices[mesh.facets[of]].reshape(-1, 3)
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, y, z = (float(value) for value in 0.5 * (low + high))
-    numbers = mesh.source_facet[of]
-    return Piece(len(numbers), int(numbers.min()), (x, y, z), float((high - low).max()))
 
 
 def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.ndarray:

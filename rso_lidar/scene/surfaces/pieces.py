@@ -11,7 +11,7 @@ from threading import Lock
 import numpy as np
 
 from rso_lidar.arithmetic import compiled, packed
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.surfaces.surface import Surface
 
 _KEPT = 64  # geometries
 _MOST = 128  # pieces looked at
@@ -68,7 +68,7 @@ def _split(surface: Surface) -> Pieces:
 def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
     """Return the facets, given by their bounds (facet, xyz), split box by box, the largest first, into at most `_MOST`."""
     if compiled():
-        from rso_lidar.scene.pieces_loops import divided
+        from rso_lidar.scene.surfaces.pieces_loops import divided
     else:
         divided = _divided
     low, high = packed(low), packed(high)

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.scene.surface import Surface
+from rso_lidar.scene.surfaces.surface import Surface
+
+_ABOVE_M = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,3 +70,18 @@ def portrait(
     normal = np.stack([surface.planes[axis][facet] for axis in range(3)])
     cosine = np.where(facet >= 0, np.abs(np.einsum("i,irc->rc", ahead, normal)), 0.0)
     return Portrait(facet, cosine, side / cells)
+
+
+def top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Return the height [m] of the topmost facet over points, in body axes; NaN where there is none.
+
+    Good to some 1e-7 of the surface's size, which is what float32 holds.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
+    above = float(surface.corners[..., 2].max()) + _ABOVE_M
+    start = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, above)]).astype(np.float32)
+    down = np.zeros((x.size, 3), np.float32)
+    down[:, 2] = -1.0
+    met = surface.embree.run(start, down, query="INTERSECT", output=1)
+    height = np.where(met["primID"] >= 0, above - met["tfar"].astype(float), np.nan)
+    return height.reshape(x.shape)

@@ -12,18 +12,17 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
-from rso_lidar.scene.brdf import Lambertian
-from rso_lidar.scene.crinkle import Crinkled
-from rso_lidar.scene.mesh import Mesh, body_from_mesh
-from rso_lidar.scene.packets import Engine, PacketScene
-from rso_lidar.scene.scatter import Scatterer
-from rso_lidar.scene.shading import corner_normals, interpolated
+from rso_lidar.scene.embree.engine import Engine, PacketScene
+from rso_lidar.scene.materials.brdf import Lambertian
+from rso_lidar.scene.materials.crinkle import Crinkled
+from rso_lidar.scene.materials.scatterer import Scatterer
+from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, body_from_mesh
+from rso_lidar.scene.surfaces.shading import corner_normals, interpolated
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _held: WeakValueDictionary[str, PacketScene] = WeakValueDictionary()
 _scenes_lock = Lock()
 _SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
-FARTHEST_M = 1e7  # float32 still resolves a metre there
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import arithmetic
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, Receiver, collect
 from rso_lidar.scene import Lambertian
-from rso_lidar.scene.retro import RetroReflector
+from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import SEED_LASER, box, place, plate, see, sphere, surface, truth_of
 
 pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
-from rso_lidar.scene.brdf import Lambertian, Phong
-from rso_lidar.scene.scatter import SUN_RADIUS_RAD
+from rso_lidar.scene.materials.brdf import Lambertian, Phong
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
 from tests.optics.bench_for_tests import SEED_LASER, box, look, place, plate, see, sphere, surface, truth_of
 
 SMALL = Receiver(fov_deg=20, f_number=2, n_rows=12, n_cols=12, rays_per_pixel=4, min_rays_per_target=0)

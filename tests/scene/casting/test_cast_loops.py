@@ -10,9 +10,9 @@ from rso_lidar import scene
 from rso_lidar.arithmetic import using
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
-from rso_lidar.scene import packets
-from rso_lidar.scene.brdf import Lambertian, Phong
-from rso_lidar.scene.retro import RetroReflector
+from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.materials.brdf import Lambertian, Phong
+from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 
 pytestmark = pytest.mark.skipif(
@@ -190,8 +190,8 @@ def test_many_targets_one_behind_the_other():
 
 @pytest.mark.parametrize("layout", ["C", "F", "strided"])
 def test_any_layout_of_rays_is_taken_and_compiled_once(layout):
-    from rso_lidar.scene.cast_loops import cast_rays
-    from rso_lidar.scene.packets_loops import add_met
+    from rso_lidar.scene.casting.cast_loops import cast_rays
+    from rso_lidar.scene.embree.packets import add_met
 
     targets, truth = some(n=2)
     rays = pixel_rays(LENS, Laser(divergence_deg=60), scene.extent(targets, truth))

@@ -68,7 +68,7 @@ def test_no_targets():
 
 
 def test_the_loops_are_compiled_once():
-    from rso_lidar.scene.extent_loops import outlined
+    from rso_lidar.scene.casting.extent_loops import outlined
 
     both([surface("a", box(1, 1, 1))], truth_of(a=place((0, 0, 10))))
     assert len(outlined.signatures) == 1

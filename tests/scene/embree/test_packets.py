@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.arithmetic import using
 from rso_lidar.errors import MeshError
-from rso_lidar.scene import packets
-from rso_lidar.scene import surface as surfaces
+from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.surfaces import surface as surfaces
 from tests.optics.bench_for_tests import box, place, see, sphere, surface, truth_of
 
 ENGINE = packets.engine()

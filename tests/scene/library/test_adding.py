@@ -15,11 +15,11 @@ import rso_lidar as rl
 from rso_lidar.errors import MeshError, RsoLidarWarning, ScenarioError
 from rso_lidar.files import hold_lock
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.adding import Wanted, add_model, known_meshes, remove_model
-from rso_lidar.scene.cad import tessellated
-from rso_lidar.scene.group_names import materials_of
-from rso_lidar.scene.library import model, models, own_folder, own_models
-from tests.scene.test_mesh import BOX, binary_stl, glb, obj
+from rso_lidar.scene.library.adding import Wanted, add_model, known_meshes, remove_model
+from rso_lidar.scene.library.catalogue import model, models, own_folder, own_models
+from rso_lidar.scene.library.material_names import materials_of
+from rso_lidar.scene.meshes.cad import tessellated
+from tests.scene.meshes.test_mesh import BOX, binary_stl, glb, obj
 
 SOLIDS = (
     Path(__file__).parent / "solids"
@@ -332,7 +332,7 @@ def test_what_is_known_of_meshes_cannot_be_changed_and_is_read_like_all_else(tmp
     for table in (known_meshes(), one):
         with pytest.raises(TypeError):
             table["name"] = "other"
-    monkeypatch.setattr("rso_lidar.scene.adding.shipped", lambda name: tmp_path)
+    monkeypatch.setattr("rso_lidar.scene.library.adding.shipped", lambda name: tmp_path)
     known_meshes.cache_clear()
     with pytest.raises(MeshError, match=r"known_meshes\.toml: cannot be read \(no such file\): install"):
         known_meshes()

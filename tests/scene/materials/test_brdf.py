@@ -5,10 +5,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene.brdf import ByWavelength, Lambertian, Material, Phong
-from rso_lidar.scene.measured import TableBrdf
-from rso_lidar.scene.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.retro import RetroReflector
+from rso_lidar.scene.materials.brdf import ByWavelength, Lambertian, Material, Phong
+from rso_lidar.scene.materials.measured import TableBrdf
+from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.retro import RetroReflector
 
 CUBES = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
 

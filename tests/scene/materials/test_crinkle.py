@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
-from rso_lidar.scene.crinkle import tilted
+from rso_lidar.scene.materials.crinkle import tilted
 from rso_lidar.study.link import light
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 

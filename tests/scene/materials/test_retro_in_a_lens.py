@@ -7,7 +7,7 @@ import pytest
 from scipy.special import j0, j1
 
 from rso_lidar.scene import RetroReflector
-from rso_lidar.scene.diffraction import mean_irradiance, transfer
+from rso_lidar.scene.materials.diffraction import mean_irradiance, transfer
 
 CUBES = RetroReflector(diameter_mm=10.0, reflectance=0.8, fill_fraction=0.5).at(1064e-9)
 PEAK_PER_SR = float(CUBES.brdf_per_sr(np.array(1.0)))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.height_field import MOST_CELLS, height_field, load_height_field, top_heights
-from rso_lidar.scene.surface import build_surface
+from rso_lidar.scene.meshes.height_field import MOST_CELLS, height_field, load_height_field
+from rso_lidar.scene.surfaces.portrait import top_heights
+from rso_lidar.scene.surfaces.surface import build_surface
 
 HEIGHTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])  # two rows from north to south, three columns from west to east
 

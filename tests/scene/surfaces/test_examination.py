@@ -7,11 +7,12 @@ import pytest
 
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
-from rso_lidar.scene.doctor import counted, examine, helper_cube
-from rso_lidar.scene.library import model
-from rso_lidar.scene.mesh import mended
+from rso_lidar.scene.library.catalogue import model
+from rso_lidar.scene.meshes.components import counted, helper_cube
+from rso_lidar.scene.meshes.mesh import mended
+from rso_lidar.scene.surfaces.examination import examine
 from tests.optics import bench_for_tests
-from tests.scene.test_mesh import binary_stl
+from tests.scene.meshes.test_mesh import binary_stl
 
 
 def box(*sides, at=(0.0, 0.0, 0.0)):

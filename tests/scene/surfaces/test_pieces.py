@@ -4,7 +4,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import scene
-from rso_lidar.scene.pieces import pieces
+from rso_lidar.scene.surfaces.pieces import pieces
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 
 BAR = np.array([[[0, 0, 0], [1, 1e-3, 0], [1, 0, 1e-3]]], dtype=float)

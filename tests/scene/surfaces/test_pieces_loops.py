@@ -5,8 +5,8 @@ import pytest
 
 from rso_lidar import arithmetic
 from rso_lidar.arithmetic import packed
-from rso_lidar.scene import pieces as module
-from rso_lidar.scene.pieces_loops import divided
+from rso_lidar.scene.surfaces import pieces as module
+from rso_lidar.scene.surfaces.pieces_loops import divided
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 
 SHAPES = {

@@ -5,8 +5,8 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import Hinged, Lambertian, Phong, articulated
-from rso_lidar.scene.brdf import ByWavelength
-from rso_lidar.scene.retro import RetroReflector
+from rso_lidar.scene.materials.brdf import ByWavelength
+from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 
 BOX = box(1.0, 2.0, 3.0)
