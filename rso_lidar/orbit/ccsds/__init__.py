@@ -1,0 +1,1 @@
+"""CCSDS navigation messages (OEM, AEM) and ephemeris tables, in and out."""

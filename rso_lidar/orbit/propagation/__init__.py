@@ -1,0 +1,1 @@
+"""Motion beyond two bodies: J2 mean elements, and numerical integration with forces and maneuvers."""

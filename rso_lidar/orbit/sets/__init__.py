@@ -1,0 +1,1 @@
+"""Element sets (TLE and OMM): their texts, catalogues, and SGP4."""

@@ -1,0 +1,1 @@
+"""Two-body motion: elements and states of a conic, Kepler's equation, and Lambert's problem."""
