@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.screening import screen
+from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
 
 WITHIN_M = 50e3
 

@@ -15,7 +15,7 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks.encounters import encounters
 from rso_lidar import motion, orbit
-from rso_lidar.orbit.sgp4_orbit import teme_states
+from rso_lidar.orbit.sets.teme import teme_states
 from rso_lidar.shipped import shipped
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -10,7 +10,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.scene.library.catalogue import model
 from rso_lidar.units import DEG, SPEED_OF_LIGHT_M_S
 

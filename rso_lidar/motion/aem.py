@@ -19,11 +19,20 @@ from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
 from rso_lidar.motion.attitude import rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
-from rso_lidar.orbit import ccsds
-from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000, known_frame
-from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.oem import EDGE_S
-from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
+from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
+from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
+from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, known_frame
+from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
+from rso_lidar.orbit.ccsds.message import (
+    Message,
+    Segment,
+    check_increasing,
+    parse_number,
+    select_segments,
+    usable_span_s,
+)
+from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps, utc_text
 from rso_lidar.part import Part, Text
 from rso_lidar.pose import quaternion_xyzw
 
@@ -82,7 +91,7 @@ class AttitudeTable(Part):
         return Turn(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)
 
     def _arcs(self) -> tuple[TurnArc, ...]:
-        path = ccsds.found(self.file)
+        path = find_table(self.file)
         try:
             status = path.stat()
         except OSError as error:
@@ -130,16 +139,16 @@ class TurnArc:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None) -> tuple[TurnArc, ...]:
-    text = ccsds.read_text(path)
-    if not ccsds.is_message(text):
+    text = read_table_text(path)
+    if not is_message(text):
         if wanted is not None:
             raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
         return (_from_csv(text, str(path), axes or "inertial"),)
     if axes is not None:
         raise ScenarioError(f"{path}: an AEM says itself what its axes are: leave out axes '{axes}'")
-    message = ccsds.read_message(text, "AEM", str(path))
+    message = read_message(text, "AEM", str(path))
     arcs: list[TurnArc] = []
-    for segment in ccsds.choose(message, wanted):
+    for segment in select_segments(message, wanted):
         arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
     if len({arc.in_origin for arc in arcs}) > 1:
         raise ScenarioError(f"{path}: has segments in inertial axes and in rtn: write them in one")
@@ -167,7 +176,7 @@ def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
     return Rotation.from_quat(unit_quaternions(where, quaternion, lines))
 
 
-def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> TurnArc:
+def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> TurnArc:
     from scipy.spatial.transform import Rotation
 
     at = f"{message.where}: line {segment.line}"
@@ -187,10 +196,10 @@ def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.dat
             raise ScenarioError(
                 f"{here}: has {len(cells)} words: a row of {kind.value} is an epoch and 4 numbers first"
             )
-        stamps.append(ccsds.stamp_ps(cells[0], system, here))
-        values.append([ccsds.number(here, "the quaternion", cell) for cell in cells[1:5]])
+        stamps.append(parse_epoch_ps(cells[0], system, here))
+        values.append([parse_number(here, "the quaternion", cell) for cell in cells[1:5]])
         lines.append(line)
-    ccsds.growing(message.where, stamps, lines)
+    check_increasing(message.where, stamps, lines)
     numbers = np.array(values)
     rotation = _rotation(message.where, np.roll(numbers, -1, axis=1) if scalar_first else numbers, lines)
     axes, reverse = _axes(message, segment)
@@ -199,11 +208,11 @@ def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.dat
     if axes == "eme2000":
         rotation = Rotation.from_matrix(gcrs_from_eme2000()) * rotation
     start, time_s = elapsed_from_ps(stamps, start_utc)
-    span = ccsds.useable_s(message, segment, system, stamps[0], time_s)
+    span = usable_span_s(message, segment, system, stamps[0], time_s)
     return TurnArc(at, start, *span, time_s, rotation, axes == "rtn")
 
 
-def _scalar_first(message: ccsds.Message, segment: ccsds.Segment) -> bool:
+def _scalar_first(message: Message, segment: Segment) -> bool:
     """Return whether the scalar stands first; from version 2.0 on it is last unless said."""
     entry = segment.meta.get("QUATERNION_TYPE")
     if entry is None:
@@ -217,7 +226,7 @@ def _scalar_first(message: ccsds.Message, segment: ccsds.Segment) -> bool:
     return entry.value.upper() == "FIRST"
 
 
-def _axes(message: ccsds.Message, segment: ccsds.Segment) -> tuple[str, bool]:
+def _axes(message: Message, segment: Segment) -> tuple[str, bool]:
     """Return "gcrs", "eme2000" or "rtn", and whether the quaternion goes from the body to those axes."""
     ends = {key: message.need(segment, f"REF_FRAME_{key}") for key in "AB"}
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
@@ -261,7 +270,7 @@ def write_aem(
     overwrite: bool = False,
 ) -> Path:
     """Write attitudes as one segment of an AEM (keyword = value; GCRF to SC_BODY_1, scalar last, UTC); return its path."""
-    rows, texts = _quaternions(epochs, inertial_from_body), ccsds.epoch_texts(epochs)
+    rows, texts = _quaternions(epochs, inertial_from_body), format_epochs(epochs)
     old = version == "1.0"
     meta = {
         "OBJECT_NAME": name,
@@ -277,13 +286,13 @@ def write_aem(
         **({"QUATERNION_TYPE": "LAST"} if old else {}),
     }
     lines = (f"{text} " + " ".join(f"{value:.15f}" for value in row) for text, row in zip(texts, rows, strict=True))
-    header = ccsds.header(originator, created_utc)
-    return write_text(path, ccsds.kvn_text("AEM", version, header, [(meta, lines)]), overwrite=overwrite)
+    header = make_header(originator, created_utc)
+    return write_text(path, format_kvn("AEM", version, header, [(meta, lines)]), overwrite=overwrite)
 
 
 def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:
     """Write attitudes as CSV (utc, qx, qy, qz, qw) as `AttitudeTable` reads it; return its path."""
-    rows, texts = _quaternions(epochs, axes_from_body), ccsds.epoch_texts(epochs)
+    rows, texts = _quaternions(epochs, axes_from_body), format_epochs(epochs)
     lines = [",".join(("utc", *_TURN[0]))]
     lines += [
         ",".join((f"{text}Z", *(f"{value:.15f}" for value in row))) for text, row in zip(texts, rows, strict=True)

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
 
 from rso_lidar.errors import PropagationError, RsoLidarError, ScenarioError, did_you_mean
-from rso_lidar.orbit.integrate import Solution
+from rso_lidar.orbit.propagation.integrator import Solution
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.shipped import find
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.orbit.timetable import read_timetable, unit_quaternions
+from rso_lidar.orbit.ccsds.csv_table import read_timetable, unit_quaternions
 from rso_lidar.part import Name, Part, Text, Vector
 from rso_lidar.shipped import find
 

@@ -11,7 +11,7 @@ from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitude import PARALLEL_RAD, look_at, rtn_from_lvlh_ccsds
 from rso_lidar.motion.situation import Situation, Turn
 from rso_lidar.orbit.epochs import utc_text
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, turned
 

@@ -20,8 +20,9 @@ from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.sunward import sun_line
 from rso_lidar.orbit import J2, Ephemeris
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.state_rates import derivative, state_rates, two_body_rates
-from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
+from rso_lidar.orbit.sky.eclipse import sunlit_fraction
+from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit.trajectory import derivative, state_rates, two_body_rates
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.hill import inertial_acceleration, rtn_matrix

@@ -1,19 +1,19 @@
 """Orbits about the Earth: time, catalogues, propagators, ephemerides, and what surrounds a body there."""
 
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.element_set import ElementSet
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.fleet import Fleet
-from rso_lidar.orbit.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.kepler import Kepler, State
-from rso_lidar.orbit.lambert import lambert, lambert_all
-from rso_lidar.orbit.maneuver import Burn, Impulse
-from rso_lidar.orbit.mean_elements import J2
-from rso_lidar.orbit.numerical import Numerical
-from rso_lidar.orbit.oem import Ephemeris, write_ephemeris_csv, write_oem
-from rso_lidar.orbit.omm import Omm
-from rso_lidar.orbit.sgp4_orbit import SeveralSets, Tle
+from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+from rso_lidar.orbit.propagation.j2 import J2
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
+from rso_lidar.orbit.propagation.numerical import Numerical
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.two_body.kepler import Kepler, State
+from rso_lidar.orbit.two_body.lambert import lambert, lambert_all
 
 __all__ = [
     "J2",

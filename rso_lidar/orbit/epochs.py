@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 import functools
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,15 @@ J2000_TT_JD = 2_451_545.0
 CENTURY_DAYS = 36_525.0
 TT_MINUS_TAI_S = 32.184
 
+PS_PER_S = 10**12
+TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
+_LABELS = {"CALENDAR": r"(\d{4})-(\d{2})-(\d{2})", "DAY OF YEAR": r"(\d{4})-(\d{3})"}
+_CLOCK = r"[T ](\d{2}):(\d{2}):(\d{2})(?:\.(\d*))?(Z?)"
+_CALENDAR = re.compile(_LABELS["CALENDAR"] + _CLOCK, re.ASCII)
+_DAY_OF_YEAR = re.compile(_LABELS["DAY OF YEAR"] + _CLOCK, re.ASCII)
+_START = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
+_FIRST_YEAR, _LAST_YEAR = 1972, 2200  # before 1972 UTC had other seconds
+_TAI_MINUS_GPS_S = 19  # fixed by GPS's start on 1980-01-06 (IS-GPS-200, 3.3.4)
 _MICROSECONDS = 1_000_000
 _UTC_ORIGIN = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)  # Julian day 2451545, as UTC counts days
 
@@ -165,3 +175,90 @@ def utc_text(start_utc: datetime.datetime, time_s: float) -> str:
     """
     text: str = Epochs(start_utc, np.array([time_s])).skyfield_time().utc_iso(places=3)[0]
     return text
+
+
+def parse_epoch_ps(text: str, system: str, where: str) -> int:
+    """Return the instant of an epoch [ps of TAI since the start of 2000 UTC]: calendar or day of year, UTC, TAI, TT or GPS.
+
+    >>> parse_epoch_ps("2017-01-01T00:00:00", "UTC", "-") - parse_epoch_ps("2016-12-31T23:59:60", "UTC", "-")
+    1000000000000
+    """
+    match = _CALENDAR.fullmatch(text) or _DAY_OF_YEAR.fullmatch(text)
+    if match is None:
+        raise ScenarioError(f"{where}: epoch '{text:.40}': write 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000")
+    *date, hour, minute, second, fraction, _zulu = match.groups()
+    year = int(date[0])
+    if not _FIRST_YEAR <= year <= _LAST_YEAR:
+        raise ScenarioError(f"{where}: epoch '{text}' is not between {_FIRST_YEAR} and {_LAST_YEAR}: correct the year")
+    try:
+        if len(date) == 3:
+            day = datetime.date(year, int(date[1]), int(date[2]))
+        else:
+            day = datetime.date(year, 1, 1) + datetime.timedelta(days=int(date[1]) - 1)
+            if day.year != year:
+                raise ValueError
+    except ValueError:
+        raise ScenarioError(f"{where}: epoch '{text}': there is no such day: correct the date") from None
+    in_day = int(hour) * 3600 + int(minute) * 60 + int(second)
+    leap = int(second) == 60 and system == "UTC" and in_day == 86_400 and _day_length_s(day) == 86_401
+    if int(hour) > 23 or int(minute) > 59 or (int(second) > 59 and not leap):
+        raise ScenarioError(f"{where}: epoch '{text}': there is no such time of day: correct it")
+    ps = int(f"{fraction or '':0<12.12}")
+    if system == "UTC":
+        return (_midnight_s(day) + in_day) * PS_PER_S + ps
+    return ((day - _START.date()).days * 86_400 + in_day) * PS_PER_S + ps - _lead_ps(system)
+
+
+@functools.lru_cache(maxsize=4096)
+def _midnight_s(day: datetime.date) -> int:
+    """Return the TAI seconds from the start of 2000 (UTC) to the start of a UTC day."""
+    midnight = datetime.datetime(day.year, day.month, day.day, tzinfo=datetime.UTC)
+    return round(float(Epochs(midnight, np.zeros(1)).since(_START)[0]))
+
+
+def _day_length_s(day: datetime.date) -> int:
+    return _midnight_s(day + datetime.timedelta(days=1)) - _midnight_s(day)
+
+
+@functools.cache
+def _lead_ps(system: str) -> int:
+    """Return by how much a clock of TAI, TT or GPS is ahead of UTC at the start of 2000 [ps]."""
+    whole, fraction = Epochs(_START, np.zeros(1)).tt_julian()
+    tt_ps = round(((float(whole[0]) - 2_451_544.0) + (float(fraction[0]) - 0.5)) * 86_400_000) * 10**9
+    tai_ps = tt_ps - round(TT_MINUS_TAI_S * 1000) * 10**9
+    return {"TT": tt_ps, "TAI": tai_ps, "GPS": tai_ps - _TAI_MINUS_GPS_S * PS_PER_S}[system]
+
+
+def start_near(ps: int) -> tuple[datetime.datetime, int]:
+    """Return a UTC instant within a second at or before one [ps], to count epochs from, and its own [ps]."""
+    day = _START.date() + datetime.timedelta(days=ps // (86_400 * PS_PER_S))
+    while _midnight_s(day) * PS_PER_S > ps:
+        day -= datetime.timedelta(days=1)
+    in_day = min(ps // PS_PER_S - _midnight_s(day), 86_399)
+    start = datetime.datetime(day.year, day.month, day.day, tzinfo=datetime.UTC) + datetime.timedelta(seconds=in_day)
+    return start, (_midnight_s(day) + in_day) * PS_PER_S
+
+
+def tai_ps(instant: datetime.datetime) -> int:
+    """Return an aware datetime as picoseconds of TAI since the start of 2000 (UTC)."""
+    utc = instant.astimezone(datetime.UTC)
+    in_day = utc.hour * 3600 + utc.minute * 60 + utc.second
+    return (_midnight_s(utc.date()) + in_day) * PS_PER_S + utc.microsecond * 1_000_000
+
+
+def format_epochs(epochs: Epochs) -> list[str]:
+    """Return the instants as ISO calendar text in UTC, leap seconds as 23:59:60, to the picosecond, at least to the ms."""
+    start_ps = tai_ps(epochs.start_utc)
+    texts = []
+    for time_s in epochs.time_s.tolist():
+        whole = int(time_s // 1.0)
+        texts.append(format_epoch_ps(start_ps + whole * PS_PER_S + round((time_s - whole) * PS_PER_S)))
+    return texts
+
+
+def format_epoch_ps(ps: int) -> str:
+    """Return an instant [ps of TAI since the start of 2000 UTC] as ISO calendar text in UTC, without a Z."""
+    start, start_ps = start_near(ps)
+    seconds, rest = divmod(ps - start_ps, PS_PER_S)
+    digits = f"{rest:012d}".rstrip("0")
+    return f"{start:%Y-%m-%dT%H:%M}:{start.second + seconds:02d}.{digits:0<3}"

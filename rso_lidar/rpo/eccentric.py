@@ -14,9 +14,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.anomaly import starter
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.two_body.anomaly import starter
 from rso_lidar.part import Vector
 from rso_lidar.rpo.hill import FAR_M, GM, eccentricity, flattening, state_at_start
 from rso_lidar.rpo.relative import RelativeState

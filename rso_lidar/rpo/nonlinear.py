@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces
-from rso_lidar.orbit.kepler import propagate
-from rso_lidar.orbit.numerical import solution
-from rso_lidar.orbit.state_rates import state_rates
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.numerical import solution
+from rso_lidar.orbit.trajectory import Trajectory, state_rates
+from rso_lidar.orbit.two_body.kepler import propagate
 from rso_lidar.pose import cross, turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.hill import flattening, rtn_matrix, state_at_start

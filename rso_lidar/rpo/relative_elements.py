@@ -22,17 +22,10 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import propagate
-from rso_lidar.orbit.mean_elements import (
-    conic,
-    mean_from_osculating,
-    osculating_from_mean,
-    quasi_nonsingular,
-    secular,
-)
-from rso_lidar.orbit.pole import equator_axes
-from rso_lidar.orbit.state_rates import state_rates
-from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.propagation.j2 import conic, mean_from_osculating, osculating_from_mean, quasi_nonsingular, secular
+from rso_lidar.orbit.sky.precession import equator_axes
+from rso_lidar.orbit.trajectory import Trajectory, state_rates
+from rso_lidar.orbit.two_body.kepler import propagate
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState

@@ -14,10 +14,10 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, placed
-from rso_lidar.orbit import kepler
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.lambert import Branch, Transfer, Way, lambert
 from rso_lidar.orbit.trajectory import Trajectory
+from rso_lidar.orbit.two_body import kepler
+from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState

@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.environment import least, spans_below
+from rso_lidar.orbit.sky.event_search import least, spans_below
 from rso_lidar.pose import PoseTree
 from rso_lidar.scenario.constraints import Constraints, Corridor
 from rso_lidar.scenario.environment import share_text, surroundings

@@ -12,8 +12,8 @@ from rso_lidar import motion, units
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
-from rso_lidar.orbit.kepler import elements
-from rso_lidar.orbit.omm import Omm
+from rso_lidar.orbit.sets.sgp4_motion import Omm
+from rso_lidar.orbit.two_body.osculating_elements import elements
 from rso_lidar.rpo.operation import ProximityOperation
 from rso_lidar.scenario.advice import advice
 from rso_lidar.scenario.environment import environment_lines

@@ -15,19 +15,18 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.motion import Body
 from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.environment import (
-    Eclipse,
+from rso_lidar.orbit.sky.eclipse import Eclipse, eclipses
+from rso_lidar.orbit.sky.geometry import (
     angle_rad,
     beta_angle_rad,
     earth_limb_angle_rad,
     earth_lit,
     earth_radius_rad,
-    eclipses,
     line_height_m,
     outside_field_rad,
     phase_angle_rad,
 )
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import ROOT, turned
 from rso_lidar.ties import first_least
 
@@ -111,7 +110,7 @@ def surroundings(scenario: Scenario, seen: Preview) -> Surroundings:
         if scenario.world.sun_direction is not None:
             sun_m = position_m + units.ASTRONOMICAL_UNIT_M * seen.truth.sun_direction  # one direction from everywhere
         return Surroundings(position_m, turn, half_field, sun_m, None, False, np.full(shape[0], True))
-    from rso_lidar.orbit.moon import moon_position_m
+    from rso_lidar.orbit.sky.moon import moon_position_m
 
     sun_m, moon_m = sun_position_m(seen.epochs), moon_position_m(seen.epochs)
     return Surroundings(position_m, turn, half_field, sun_m, moon_m, True, seen.truth.sunlit["follower"] > 0.0)

@@ -19,7 +19,7 @@ from rso_lidar.export.recording import Recording
 from rso_lidar.export.stored import Frames
 from rso_lidar.files import free, path_of
 from rso_lidar.motion.aem import write_aem
-from rso_lidar.orbit.oem import write_oem
+from rso_lidar.orbit.ccsds.ephemeris import write_oem
 from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Frame, Source
 from rso_lidar.study.globe import globe

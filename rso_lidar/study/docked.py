@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.screening import Screened
+from rso_lidar.orbit.screening.conjunctions import Screened
 from rso_lidar.pose import turned
 from rso_lidar.rpo.hill import rtn_matrix
 from rso_lidar.study.sighting import TOGETHER_M, Encounter

@@ -12,10 +12,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.element_set import ElementSet, printable
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.fleet import Fleet
-from rso_lidar.orbit.teme import gcrs_from_teme
+from rso_lidar.orbit.sets.element_set import ElementSet, printable
+from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import turned
 from rso_lidar.rpo.hill import rtn_axes
 from rso_lidar.study.encounters import Encounters
@@ -204,7 +204,7 @@ def _motion(elements: ElementSet) -> str:
         named = f", name = {_quoted(elements.name)}" if elements.name else ""
         first, second = _quoted(elements.line1), _quoted(elements.line2)
         return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
-    from rso_lidar.orbit.omm import Omm
+    from rso_lidar.orbit.sets.sgp4_motion import Omm
 
     fields = Omm.of(elements).model_dump(exclude_none=True)
     return "{ " + ", ".join(f"{key} = {_quoted(value)}" for key, value in fields.items()) + " }"

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
 from rso_lidar.files import write_text
-from rso_lidar.orbit.catalog import Catalog, read_element_sets
-from rso_lidar.orbit.element_set import ElementSet, shown
-from rso_lidar.orbit.screening import screen
-from rso_lidar.orbit.teme import STALE_DAYS
+from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit.sets.catalog import Catalog, read_element_sets
+from rso_lidar.orbit.sets.element_set import ElementSet, shown
+from rso_lidar.orbit.sets.teme import STALE_DAYS
 from rso_lidar.study.docked import fold_docked
 from rso_lidar.study.sighting import SMALL_M2, Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 

@@ -10,21 +10,16 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.optics.link_budget import filled_pixel
-from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.environment import (
-    angle_rad,
-    beta_angle_rad,
-    earth_limb_angle_rad,
-    phase_angle_rad,
-    shadow_margins_rad,
-)
 from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.fleet import Flights
-from rso_lidar.orbit.moon import moon_position_m
-from rso_lidar.orbit.screening import Screened
-from rso_lidar.orbit.stays import Stay
-from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
-from rso_lidar.orbit.teme import gcrs_from_teme
+from rso_lidar.orbit.screening.close_approach import Stay
+from rso_lidar.orbit.screening.conjunctions import Screened
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.fleet import Flights
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
+from rso_lidar.orbit.sky.eclipse import shadow_margins_rad, sunlit_fraction
+from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.hill import rtn_matrix

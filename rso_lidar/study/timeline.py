@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.orbit.environment import eclipses
+from rso_lidar.orbit.sky.eclipse import eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.sight import truth_columns

@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.files import free, write_columns
-from rso_lidar.orbit.kepler import elements
+from rso_lidar.orbit.two_body.osculating_elements import elements
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned

@@ -10,7 +10,7 @@ from rso_lidar.cli import main
 from rso_lidar.cli.catalog import heights_km
 from rso_lidar.errors import CatalogError
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
-from rso_lidar.orbit.tle_text import checksum
+from rso_lidar.orbit.sets.tle_text import checksum
 from rso_lidar.shipped import shipped
 
 FLYBY = shipped("tle/flyby.tle")

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.cli import main
 from rso_lidar.errors import told
-from rso_lidar.orbit import ccsds
+from rso_lidar.orbit.ccsds.reader import read_message
 
 FLYBY = Path(__file__).resolve().parents[2] / "examples" / "tle_flyby.toml"
 SMALL = (
@@ -116,7 +116,7 @@ def test_trajectories(call, flyby, tmp_path):
 def test_an_ephemeris(call, flyby, tmp_path, target):
     path = tmp_path / "out.oem"
     assert call(flyby, "--to", path, *(("--target", target) if target else ()))[0] == 0
-    message = ccsds.read_message(path.read_text(), "OEM", "out.oem")
+    message = read_message(path.read_text(), "OEM", "out.oem")
     (segment,) = message.segments
     assert segment.meta["OBJECT_NAME"].value == (target or "follower")
     assert segment.rows[0][1][0] == "2024-09-17T11:58:30.000"
@@ -151,7 +151,7 @@ def test_impulses_break_an_ephemeris(call, tmp_path, monkeypatch):
     assert left(["run", example, "-o", path, "--frames", "0:12", *SMALL]) == 0
     monkeypatch.setattr(command, "breaks_s", lambda scenario, name: {0.0, 21.0, 1e6})
     assert call(path, "--to", tmp_path / "hop.oem")[0] == 0
-    segments = ccsds.read_message((tmp_path / "hop.oem").read_text(), "OEM", "hop.oem").segments
+    segments = read_message((tmp_path / "hop.oem").read_text(), "OEM", "hop.oem").segments
     assert [len(segment.rows) for segment in segments] == [5, 7]  # frames each 5 s
     monkeypatch.setattr(command, "breaks_s", lambda scenario, name: {3.0})
     status, _, errors = call(path, "--to", tmp_path / "hop.oem", "--overwrite")
@@ -163,7 +163,7 @@ def test_impulses_break_an_ephemeris(call, tmp_path, monkeypatch):
 def test_an_attitude(call, flyby, tmp_path):
     path = tmp_path / "out.aem"
     assert call(flyby, "--to", path, "--target", "lidar")[0] == 0
-    message = ccsds.read_message(path.read_text(), "AEM", "out.aem")
+    message = read_message(path.read_text(), "AEM", "out.aem")
     (segment,) = message.segments
     quaternions = np.array([cells[1:] for _, cells in segment.rows], dtype=float)
     with rl.open(flyby) as frames:

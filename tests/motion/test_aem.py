@@ -12,9 +12,9 @@ from rso_lidar.motion.attitude import LvlhCcsds, Tumble
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.ephemeris import Fixed
 from rso_lidar.motion.truth import truth
-from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler
+from rso_lidar.orbit.two_body.kepler import Kepler
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 ORBIT = Kepler(

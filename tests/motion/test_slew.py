@@ -14,7 +14,7 @@ from rso_lidar.motion.slew import Slew
 from rso_lidar.motion.sunward import Nadir, SunPointing
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler
+from rso_lidar.orbit.two_body.kepler import Kepler
 
 START = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
 ORBIT = Kepler(

@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.state_rates import STEP_S, derivative, state_rates
+from rso_lidar.orbit.trajectory import STEP_S, derivative, state_rates
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

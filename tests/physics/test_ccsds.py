@@ -13,11 +13,11 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.aem import AttitudeTable
 from rso_lidar.motion.body import Body
 from rso_lidar.motion.truth import truth
-from rso_lidar.orbit import ccsds
-from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.reader import read_message
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler
-from rso_lidar.orbit.oem import Ephemeris
+from rso_lidar.orbit.two_body.kepler import Kepler
 
 # 502.0-B, annex: the OEM example of two segments and a covariance, about Mars
 MARS = """CCSDS_OEM_VERS = 3.0
@@ -168,7 +168,7 @@ def saved(tmp_path, text):
 
 
 def test_the_example_about_mars_is_read_and_its_centre_refused(tmp_path):
-    message = ccsds.read_message(MARS, "OEM", "mars.oem")
+    message = read_message(MARS, "OEM", "mars.oem")
     assert message.version == "3.0" and [len(segment.rows) for segment in message.segments] == [4, 4]
     path = saved(tmp_path, MARS)
     with pytest.raises(ScenarioError, match="CENTER_NAME MARS BARYCENTER: only EARTH"):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from rso_lidar import units
-from rso_lidar.orbit.elements import elements
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces, RadiationPressure
-from rso_lidar.orbit.kepler import Kepler, propagate
-from rso_lidar.orbit.mean_elements import J2, secular_rates
-from rso_lidar.orbit.moon import ecliptic_of_date
-from rso_lidar.orbit.numerical import Numerical, solution
+from rso_lidar.orbit.propagation.forces import Forces, RadiationPressure
+from rso_lidar.orbit.propagation.j2 import J2, secular_rates
+from rso_lidar.orbit.propagation.numerical import Numerical, solution
+from rso_lidar.orbit.sky.moon import ecliptic_of_date
+from rso_lidar.orbit.two_body.kepler import Kepler, propagate
+from rso_lidar.orbit.two_body.osculating_elements import elements
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 from rso_lidar import rpo, units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler, State
-from rso_lidar.orbit.lambert import lambert, lambert_all
+from rso_lidar.orbit.two_body.kepler import Kepler, State
+from rso_lidar.orbit.two_body.lambert import lambert, lambert_all
 from rso_lidar.rpo.hill import clohessy_wiltshire, rtn_axes
 
 GM = units.EARTH_GM_M3_S2

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from rso_lidar import rpo, units
-from rso_lidar.orbit.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.elements import Elements, cartesian, elements
-from rso_lidar.orbit.environment import eclipses
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler, propagate
-from rso_lidar.orbit.lambert import lambert
-from rso_lidar.orbit.mean_elements import secular_rates
-from rso_lidar.orbit.moon import moon_position_m
-from rso_lidar.orbit.teme import states
+from rso_lidar.orbit.propagation.j2 import secular_rates
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.teme import states
+from rso_lidar.orbit.sky.eclipse import eclipses
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
+from rso_lidar.orbit.two_body.kepler import Kepler, propagate
+from rso_lidar.orbit.two_body.lambert import lambert
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.hill import clohessy_wiltshire
 from rso_lidar.rpo.nonlinear import rtn_difference

@@ -8,12 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rso_lidar import units
-from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces
-from rso_lidar.orbit.kepler import State
-from rso_lidar.orbit.mean_elements import conic, mean_from_osculating, osculating_from_mean
-from rso_lidar.orbit.pole import equator_axes
+from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.j2 import conic, mean_from_osculating, osculating_from_mean
+from rso_lidar.orbit.sky.precession import equator_axes
+from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.eccentric import YamanakaAnkersen

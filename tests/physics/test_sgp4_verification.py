@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.catalog import Catalog, parse_lines
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sgp4_orbit import states, teme_states
-from rso_lidar.orbit.teme import REASONS, failed, failure, teme
+from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
+from rso_lidar.orbit.sets.teme import REASONS, failed, failure, states, teme, teme_states
 
 SOURCE = "Vallado et al., AIAA 2006-6753, tcppver.out"
 # The sgp4 package's own list (its tests.py), in the order of the file: where his program breaks off, and why.

@@ -4,9 +4,9 @@ import datetime
 
 import numpy as np
 
+from rso_lidar.orbit.ccsds.ephemeris import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler
-from rso_lidar.orbit.oem import write_ephemeris_csv, write_oem
+from rso_lidar.orbit.two_body.kepler import Kepler
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 WHEN = "epoch_utc = 2024-09-17T12:00:00Z"

@@ -9,9 +9,9 @@ import rso_lidar as rl
 from rso_lidar import motion, units
 from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.motion.aim import driven, with_lidar
-from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import State
+from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.rpo.eccentric import YamanakaAnkersen
 from rso_lidar.rpo.hill import Hill, rtn_axes
 from rso_lidar.rpo.nonlinear import Nonlinear

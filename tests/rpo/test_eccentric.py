@@ -8,9 +8,9 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import State, propagate
+from rso_lidar.orbit.two_body.kepler import State, propagate
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.eccentric import YamanakaAnkersen, yamanaka_ankersen
 from rso_lidar.rpo.hill import clohessy_wiltshire

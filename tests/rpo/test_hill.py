@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import State
+from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.rpo import curvilinear
 from rso_lidar.rpo.hill import Hill, clohessy_wiltshire, mean_motion_rad_s, rtn_axes
 from rso_lidar.rpo.two_impulse import departure_m_s
@@ -182,7 +182,7 @@ def test_rtn_axes_of_a_known_state():
 
 
 def test_rtn_rate_is_the_turn_of_the_axes():
-    from rso_lidar.orbit.kepler import propagate
+    from rso_lidar.orbit.two_body.kepler import propagate
 
     r0, v0 = np.array([7e6, 1e6, -2e6]), np.array([-1000.0, 6000.0, 5500.0])
     times, h = np.linspace(0.0, 9000.0, 50), 0.05

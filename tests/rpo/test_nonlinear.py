@@ -6,10 +6,10 @@ import math
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces
-from rso_lidar.orbit.kepler import State, propagate
+from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.two_body.kepler import State, propagate
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.hill import rtn_axes
 from rso_lidar.rpo.nonlinear import Nonlinear, beside, rtn_difference

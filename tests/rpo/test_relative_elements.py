@@ -8,11 +8,11 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.elements import Elements, cartesian
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import State
-from rso_lidar.orbit.mean_elements import secular
-from rso_lidar.orbit.pole import equator_axes
+from rso_lidar.orbit.propagation.j2 import secular
+from rso_lidar.orbit.sky.precession import equator_axes
+from rso_lidar.orbit.two_body.kepler import State
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.nonlinear import Nonlinear, rtn_difference

@@ -13,12 +13,13 @@ import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
 from rso_lidar.optics.link_budget import filled_pixel
-from rso_lidar.orbit import teme
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.environment import angle_rad, earth_limb_angle_rad
-from rso_lidar.orbit.moon import moon_position_m
-from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
+from rso_lidar.orbit.sets import teme
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sky.eclipse import sunlit_fraction
+from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.scenario import Constraints, Corridor, Lidar
 from rso_lidar.shipped import shipped

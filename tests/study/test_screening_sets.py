@@ -9,11 +9,11 @@ import pytest
 
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.screening import screen
-from rso_lidar.orbit.several_sets import SeveralSets
-from rso_lidar.orbit.teme import teme
+from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.teme import teme
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.study import encounters, scenario_text
 

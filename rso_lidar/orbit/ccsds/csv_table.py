@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.orbit.ccsds import PS_PER_S, growing, instant_ps, number, stamp_ps, start_near
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.ccsds.message import check_increasing, parse_number
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, parse_epoch_ps, start_near, tai_ps
 from rso_lidar.part import UNIT_NORM_WITHIN
 
 TIMES = ("time_s", "utc", "epoch")
@@ -43,7 +43,7 @@ def elapsed_from_ps(
     if start_utc is None:
         start, start_ps = start_near(stamps[0])
     else:
-        start, start_ps = start_utc, instant_ps(start_utc)
+        start, start_ps = start_utc, tai_ps(start_utc)
     return start, np.array([(stamp - start_ps) / PS_PER_S for stamp in stamps])
 
 
@@ -73,14 +73,14 @@ def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed:
             raise ScenarioError(f"{at}: has {len(cells)} cells, the header {len(header)}: give one for each column")
         for name, cell in zip(header, cells, strict=True):
             if name != time_column:
-                columns[name].append(number(at, name, cell))
+                columns[name].append(parse_number(at, name, cell))
             elif name == "time_s":
-                times.append(number(at, name, cell))
+                times.append(parse_number(at, name, cell))
                 stamps.append(round(times[-1] * PS_PER_S))
             else:
-                stamps.append(stamp_ps(cell.strip(), "UTC", at))
+                stamps.append(parse_epoch_ps(cell.strip(), "UTC", at))
     lines = [line for line, _ in rows[1:]]
-    growing(where, stamps, lines)
+    check_increasing(where, stamps, lines)
     start, time_s = (None, np.array(times)) if times else elapsed_from_ps(stamps)
     return Timetable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
 

@@ -22,11 +22,20 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
-from rso_lidar.orbit import ccsds
-from rso_lidar.orbit.ccsds_frames import gcrs_from, known_frame
-from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.interpolation import GREATEST_DEGREE, hermite, lagrange
-from rso_lidar.orbit.timetable import elapsed_from_ps, elapsed_s, read_timetable
+from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_timetable
+from rso_lidar.orbit.ccsds.frames import gcrs_from, known_frame
+from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, hermite, lagrange
+from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
+from rso_lidar.orbit.ccsds.message import (
+    Message,
+    Segment,
+    check_increasing,
+    parse_number,
+    select_segments,
+    usable_span_s,
+)
+from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
+from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps, utc_text
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
@@ -117,7 +126,7 @@ class Ephemeris(Part):
         return BodyState(position, velocity)
 
     def _arcs(self) -> tuple[Arc, ...]:
-        path = ccsds.found(self.file)
+        path = find_table(self.file)
         try:
             status = path.stat()
         except OSError as error:
@@ -168,9 +177,9 @@ class Arc:
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[Arc, ...]:
-    text = ccsds.read_text(path)
-    if ccsds.is_message(text):
-        arcs = _from_message(ccsds.read_message(text, "OEM", str(path)), wanted)
+    text = read_table_text(path)
+    if is_message(text):
+        arcs = _from_message(read_message(text, "OEM", str(path)), wanted)
     elif wanted is not None:
         raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
     else:
@@ -194,14 +203,14 @@ def _from_csv(text: str, where: str) -> Arc:
     return Arc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
 
 
-def _from_message(message: ccsds.Message, wanted: str | None) -> list[Arc]:
+def _from_message(message: Message, wanted: str | None) -> list[Arc]:
     arcs: list[Arc] = []
-    for segment in ccsds.choose(message, wanted):
+    for segment in select_segments(message, wanted):
         arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
     return arcs
 
 
-def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.datetime | None) -> Arc:
+def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> Arc:
     at = f"{message.where}: line {segment.line}"
     center = message.need(segment, "CENTER_NAME")
     if center.value.upper() not in ("EARTH", "EARTH CENTER"):
@@ -223,12 +232,12 @@ def _arc(message: ccsds.Message, segment: ccsds.Segment, start_utc: datetime.dat
         here = f"{message.where}: line {line}"
         if len(cells) not in (7, 10):
             raise ScenarioError(f"{here}: has {len(cells)} words: a row is an epoch, 3 km, 3 km/s (and 3 km/s2)")
-        stamps.append(ccsds.stamp_ps(cells[0], system, here))
+        stamps.append(parse_epoch_ps(cells[0], system, here))
         names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
-        values.append([ccsds.number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
-    ccsds.growing(message.where, stamps, [line for line, _ in segment.rows])
+        values.append([parse_number(here, name, cell) for name, cell in zip(names, cells[1:7], strict=True)])
+    check_increasing(message.where, stamps, [line for line, _ in segment.rows])
     start, time_s = elapsed_from_ps(stamps, start_utc)
-    begin_s, end_s = ccsds.useable_s(message, segment, system, stamps[0], time_s)
+    begin_s, end_s = usable_span_s(message, segment, system, stamps[0], time_s)
     numbers = np.array(values) * units.KM
     method = segment.meta.get("INTERPOLATION")
     degree = segment.meta.get("INTERPOLATION_DEGREE")
@@ -265,7 +274,7 @@ def write_oem(
 
     A new segment begins at each of `breaks_s` [s], where the velocity jumps: what is interpolated must not cross them.
     """
-    rows, texts = _rows(epochs, states), ccsds.epoch_texts(epochs)
+    rows, texts = _rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
     segments = []
     for part in np.split(np.arange(len(rows)), np.unique(edges)):
@@ -288,8 +297,8 @@ def write_oem(
             "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(part) - 1)),
         }
         segments.append((meta, [_line(texts[k], rows[k].tolist()) for k in part]))
-    header = ccsds.header(originator, created_utc)
-    return write_text(path, ccsds.kvn_text("OEM", version, header, segments), overwrite=overwrite)
+    header = make_header(originator, created_utc)
+    return write_text(path, format_kvn("OEM", version, header, segments), overwrite=overwrite)
 
 
 def _line(text: str, row: list[float]) -> str:
@@ -300,7 +309,7 @@ def _line(text: str, row: list[float]) -> str:
 
 def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:
     """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s; return its path."""
-    rows, texts = _rows(epochs, states), ccsds.epoch_texts(epochs)
+    rows, texts = _rows(epochs, states), format_epochs(epochs)
     lines = [",".join(("utc", *_PLACES[0], *_SPEEDS[0]))]
     for text, row in zip(texts, rows.tolist(), strict=True):
         cells = [*(f"{value:.6f}" for value in row[:3]), *(f"{value:.9f}" for value in row[3:])]

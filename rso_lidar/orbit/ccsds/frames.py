@@ -7,6 +7,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
 
 _GCRS = ("GCRF", "GCRS", "ICRF", "ICRF1", "ICRF2", "ICRF3", "ICRS")  # equal axes; the centre is the Earth's here
 _EME2000 = ("EME2000", "J2000", "EMEJ2000", "J2000.0")
@@ -45,6 +46,4 @@ def gcrs_from(frame: str, epochs: Epochs) -> np.ndarray | None:
         return None
     if frame == "eme2000":
         return gcrs_from_eme2000()
-    from rso_lidar.orbit.sgp4_orbit import gcrs_from_teme
-
     return gcrs_from_teme(epochs)

@@ -7,7 +7,7 @@ from typing import Any
 from xml.parsers import expat
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.ccsds import Entry, Message, Segment
+from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
 
 # One data row: its cells are the leaves in it, by name, in the order that the other notation has.
 _ROWS = {

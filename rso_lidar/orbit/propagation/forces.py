@@ -18,8 +18,8 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky import Sky
-from rso_lidar.orbit.sun import sunlit_fraction
+from rso_lidar.orbit.sky.almanac import Sky
+from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2

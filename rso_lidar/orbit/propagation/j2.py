@@ -24,11 +24,11 @@ from pydantic import model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.anomaly import mean_from_true, true_from_mean
-from rso_lidar.orbit.elements import Elements, cartesian, elements
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import OrbitElements
-from rso_lidar.orbit.pole import equator_axes
+from rso_lidar.orbit.sky.precession import equator_axes
+from rso_lidar.orbit.two_body.anomaly import mean_from_true, true_from_mean
+from rso_lidar.orbit.two_body.kepler import OrbitElements
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
 from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
 

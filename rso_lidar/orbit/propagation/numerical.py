@@ -16,13 +16,12 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces
-from rso_lidar.orbit.integrate import Solution
-from rso_lidar.orbit.kepler import Kepler, State
-from rso_lidar.orbit.maneuver import Burn, Impulse
-from rso_lidar.orbit.mean_elements import J2
-from rso_lidar.orbit.omm import Omm
-from rso_lidar.orbit.sgp4_orbit import Tle
+from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.integrator import Solution
+from rso_lidar.orbit.propagation.j2 import J2
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
+from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+from rso_lidar.orbit.two_body.kepler import Kepler, State
 from rso_lidar.part import Part
 from rso_lidar.records import BodyState
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.fleet import SWITCH_S, Fleet, Flights
+from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, Flights
 
 ROOT_S = 1e-4
 BRIEF_S = 1e-3  # sets that fly for less are passed over

@@ -37,11 +37,11 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import utc_text
-from rso_lidar.orbit.fleet import Fleet, Flights
-from rso_lidar.orbit.stays import BRIEF_S, Pair, Stay, Times, joined, refined
-from rso_lidar.orbit.teme import reason
+from rso_lidar.orbit.screening.close_approach import BRIEF_S, Pair, Stay, Times, joined, refined
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.fleet import Fleet, Flights
+from rso_lidar.orbit.sets.teme import reason
 
 STEP_S = 300.0
 CUT = 8  # sub-intervals of a step

@@ -14,17 +14,15 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from rso_lidar.errors import CatalogError, did_you_mean
 from rso_lidar.files import MOST_BYTES, beside, read_bytes
-from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, printable, shown
-from rso_lidar.orbit.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
-from rso_lidar.orbit.tle_text import checksum, decoded, element_line, read_set, written_text
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, printable, shown
+from rso_lidar.orbit.sets.omm_text import Found, Kvn, is_csv, read_csv, read_json, read_xml, written_csv, written_json
+from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.tle_text import checksum, decoded, element_line, read_set, written_text
 from rso_lidar.shipped import find
-
-if TYPE_CHECKING:
-    from rso_lidar.orbit.several_sets import SeveralSets
 
 __all__ = ["Catalog", "ElementSet", "checksum", "choose", "parse_lines", "read_element_sets"]
 
@@ -142,8 +140,6 @@ class Catalog:
 
     def trajectory(self, which: int | str) -> SeveralSets:
         """Return the trajectory of one object, by number or name: the nearest of its sets at each instant."""
-        from rso_lidar.orbit.several_sets import SeveralSets
-
         name, number = (which, None) if isinstance(which, str) else (None, next(iter(_numbers([which]))))
         return SeveralSets(tuple(of_one(self.sets, self.where, name, number)))
 

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import MOST_AGE_S, TOO_OLD, failed
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, failed
 
 SWITCH_S = 1e-4  # a set ends so long before the next begins: an instant has one set
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.element_set import KEYS, KNOWN, REQUIRED, ElementSet, from_omm, printable
+from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, from_omm, printable
 
 Found = tuple[list[ElementSet], list[str]]
 

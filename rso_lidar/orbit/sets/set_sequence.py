@@ -12,9 +12,9 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, PropagationError, warn
-from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import failed, failure, gcrs_from_teme, teme, warn_stale
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.teme import failed, failure, gcrs_from_teme, teme, warn_stale
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 

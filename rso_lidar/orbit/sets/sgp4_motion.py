@@ -1,4 +1,4 @@
-"""Motion by the element sets of a catalogue and SGP4."""
+"""Motion by SGP4: from the element sets of a catalogue, or from a mean-elements message written inline."""
 
 from __future__ import annotations
 
@@ -12,17 +12,87 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import CatalogError, warn
 from rso_lidar.files import expanded
-from rso_lidar.orbit import catalog
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.omm import Omm
-from rso_lidar.orbit.several_sets import Jump, SeveralSets, of_sets
-from rso_lidar.orbit.teme import STALE_DAYS, age_days, gcrs_from_teme, states, teme_states
-from rso_lidar.orbit.teme import teme as _teme
-from rso_lidar.part import Part, Text, Whole
+from rso_lidar.orbit.sets import catalog
+from rso_lidar.orbit.sets.element_set import ElementSet, impossible
+from rso_lidar.orbit.sets.set_sequence import Jump, SeveralSets, of_sets
+from rso_lidar.orbit.sets.teme import age_days, states
+from rso_lidar.part import Instant, Number, Part, Text, Whole
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import find, shipped
 
-__all__ = ["STALE_DAYS", "Jump", "SeveralSets", "Tle", "_teme", "gcrs_from_teme", "states", "teme_states"]
+_SHARED = (
+    "mean_motion_rev_day",
+    "eccentricity",
+    "inclination_deg",
+    "raan_deg",
+    "argument_of_perigee_deg",
+    "mean_anomaly_deg",
+    "bstar_per_earth_radius",
+    "mean_motion_dot_rev_day2",
+    "mean_motion_ddot_rev_day3",
+)
+
+
+class Omm(Part):
+    """Motion by SGP4 from a mean-elements message written inline, with the numbers that its OMM gives.
+
+    They are SGP4's mean elements (TEME, WGS72), not osculating ones. Validity: about a kilometre, growing by one to three
+    a day. Beyond a week from the epoch there is a warning, beyond 5 years an error. For a rendezvous within kilometres,
+    give the chief so and the other by a relative motion about it.
+    """
+
+    type: Literal["omm"] = "omm"
+    object_name: Text | None = None
+    norad_id: Annotated[Whole, Field(ge=0, lt=10**9)] = 0
+    epoch_utc: Instant
+    epoch_rest_ns: Annotated[Number, Field(ge=0, lt=1000)] = 0.0
+    mean_motion_rev_day: Number
+    eccentricity: Number
+    inclination_deg: Number
+    raan_deg: Number
+    argument_of_perigee_deg: Number
+    mean_anomaly_deg: Number
+    bstar_per_earth_radius: Number = 0.0
+    mean_motion_dot_rev_day2: Number = 0.0
+    mean_motion_ddot_rev_day3: Number = 0.0
+
+    @model_validator(mode="after")
+    def _of_an_orbit(self) -> Self:
+        wrong = impossible(self.elements())
+        if wrong:
+            raise ValueError(f"{wrong}; correct the message")
+        return self
+
+    @classmethod
+    def of(cls, elements: ElementSet) -> Omm:
+        """Return the motion of an element set."""
+        return cls(
+            object_name=elements.name or None,
+            norad_id=elements.norad_id,
+            epoch_utc=elements.epoch_utc,
+            epoch_rest_ns=elements.epoch_rest_ns,
+            **{key: getattr(elements, key) for key in _SHARED},
+        )
+
+    def elements(self) -> ElementSet:
+        """Return the element set."""
+        return ElementSet(
+            name=self.object_name or "",
+            norad_id=self.norad_id,
+            where="omm",
+            epoch_utc=self.epoch_utc,
+            epoch_rest_ns=self.epoch_rest_ns,
+            **{key: getattr(self, key) for key in _SHARED},
+        )
+
+    def epoch_age_days(self, epochs: Epochs) -> float:
+        """Return the largest time between the elements' epoch and the epochs asked for [day]."""
+        return age_days(self.elements(), epochs)
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
+        return states(self.elements(), epochs)
 
 
 class Tle(Part):
@@ -59,13 +129,13 @@ class Tle(Part):
                 raise ValueError(f"lines: are of NORAD {chosen.norad_id}, not {self.norad_id}: correct norad_id")
         return self
 
-    def _inline_sets(self) -> tuple[catalog.ElementSet, ...]:
+    def _inline_sets(self) -> tuple[ElementSet, ...]:
         read = _of_lines(self.lines, self.name) if self.lines is not None else ()
         name = {"name": self.name} if self.name else {}
-        messages = (catalog.ElementSet(**{**omm.elements().__dict__, **name}) for omm in self.messages)
+        messages = (ElementSet(**{**omm.elements().__dict__, **name}) for omm in self.messages)
         return (*read, *messages)
 
-    def _read(self, folder: Path | None) -> tuple[tuple[catalog.ElementSet, ...], str]:
+    def _read(self, folder: Path | None) -> tuple[tuple[ElementSet, ...], str]:
         """Return the sets of the object, bad ones included, and their source's name in errors."""
         if self.file is None:
             return self._inline_sets(), "lines"
@@ -76,7 +146,7 @@ class Tle(Part):
             raise CatalogError(f"{self.file}: no such file{looked}: check the path")
         return catalog.read_object(path, self.file, self.name, self.norad_id), self.file
 
-    def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> catalog.ElementSet:
+    def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> ElementSet:
         """Return the element set to fly, checked: of several epochs the nearest to `near_utc`, else the newest.
 
         A relative `file` is looked up beside `folder` (the working folder if None), then among the shipped data.
@@ -136,7 +206,7 @@ class Tle(Part):
 
 
 @functools.lru_cache(maxsize=64)
-def _of_lines(lines: tuple[str, ...], name: str | None) -> tuple[catalog.ElementSet, ...]:
+def _of_lines(lines: tuple[str, ...], name: str | None) -> tuple[ElementSet, ...]:
     """Return the element sets of inline lines, under the name that the part gives."""
     read = catalog.parse_lines(lines, "lines")
-    return tuple(catalog.ElementSet(**{**entry.__dict__, "name": name or entry.name}) for entry in read)
+    return tuple(ElementSet(**{**entry.__dict__, "name": name or entry.name}) for entry in read)

@@ -18,8 +18,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
-from rso_lidar.orbit.element_set import ElementSet
 from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs, skyfield_tt
+from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 

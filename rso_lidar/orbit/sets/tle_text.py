@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError, warn
-from rso_lidar.orbit.element_set import NO_EPOCH, ElementSet, impossible
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, impossible
 
 LINE_LENGTH = 69
 _ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.moon import moon_position_m
-from rso_lidar.orbit.pole import pole_direction
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.sky.precession import pole_direction
+from rso_lidar.orbit.sky.sun import sun_position_m
 
 _STEP_S = 900.0
 _DAY = 96  # steps

@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sun import gcrs_from_mean_of_date
+from rso_lidar.orbit.sky.precession import gcrs_from_mean_of_date
 
 # Meeus, tables 47.A and 47.B: multiples of D, M, M', F; sine of longitude [1e-6 deg] and cosine of distance [m]
 _LONGITUDE_DISTANCE = """

@@ -15,11 +15,11 @@ from pydantic import model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.anomaly import starter
-from rso_lidar.orbit.elements import Elements, elements
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.state_rates import two_body_rates
-from rso_lidar.orbit.universal import inverse_axis, perigee_m, universal
+from rso_lidar.orbit.trajectory import two_body_rates
+from rso_lidar.orbit.two_body.anomaly import starter
+from rso_lidar.orbit.two_body.osculating_elements import Elements, elements
+from rso_lidar.orbit.two_body.universal_variables import inverse_axis, perigee_m, universal
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
 from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.anomaly import eccentric_from_true, mean_from_eccentric
+from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, mean_from_eccentric
 
 GM = units.EARTH_GM_M3_S2
 ROUND = 8.0 * float(np.finfo(float).eps)  # below this, an eccentricity or a sine of inclination is rounding: a zero

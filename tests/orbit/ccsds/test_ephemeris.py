@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.orbit.ccsds_frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
+from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
+from rso_lidar.orbit.ccsds.interpolation import hermite, lagrange
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.interpolation import hermite, lagrange
-from rso_lidar.orbit.kepler import Kepler
-from rso_lidar.orbit.oem import Ephemeris, write_ephemeris_csv, write_oem
-from rso_lidar.orbit.sgp4_orbit import gcrs_from_teme
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
+from rso_lidar.orbit.two_body.kepler import Kepler
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

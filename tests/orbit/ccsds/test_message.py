@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.orbit import ccsds
-from rso_lidar.orbit.ccsds import PS_PER_S, epoch_texts, stamp_ps, stamp_text
-from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.ccsds.kvn import format_kvn
+from rso_lidar.orbit.ccsds.reader import read_message
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, format_epoch_ps, format_epochs, parse_epoch_ps
 
 HEAD = "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2024-01-01T00:00:00\nORIGINATOR = TEST\n"
 META = "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2024-001A\nMETA_STOP\n"
@@ -16,29 +16,30 @@ META = "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2024-001A\nMETA_STOP\n"
 
 def test_time_systems_differ_as_the_standards_say():
     # TAI - UTC = 37 s since 2017 (IERS Bulletin C 52); TT = TAI + 32.184 s; GPS = TAI - 19 s (IS-GPS-200)
-    utc = stamp_ps("2024-09-17T12:00:00", "UTC", "-")
-    assert stamp_ps("2024-09-17T12:00:37", "TAI", "-") == utc
-    assert stamp_ps("2024-09-17T12:01:09.184", "TT", "-") == utc
-    assert stamp_ps("2024-09-17T12:00:18", "GPS", "-") == utc
+    utc = parse_epoch_ps("2024-09-17T12:00:00", "UTC", "-")
+    assert parse_epoch_ps("2024-09-17T12:00:37", "TAI", "-") == utc
+    assert parse_epoch_ps("2024-09-17T12:01:09.184", "TT", "-") == utc
+    assert parse_epoch_ps("2024-09-17T12:00:18", "GPS", "-") == utc
 
 
 def test_day_of_year_and_calendar_are_the_same_instant():
-    assert stamp_ps("2024-261T12:00:00.25Z", "UTC", "-") == stamp_ps("2024-09-17T12:00:00.250", "UTC", "-")
-    assert stamp_ps("2024-366T00:00:00", "UTC", "-") == stamp_ps("2024-12-31T00:00:00", "UTC", "-")
+    assert parse_epoch_ps("2024-261T12:00:00.25Z", "UTC", "-") == parse_epoch_ps("2024-09-17T12:00:00.250", "UTC", "-")
+    assert parse_epoch_ps("2024-366T00:00:00", "UTC", "-") == parse_epoch_ps("2024-12-31T00:00:00", "UTC", "-")
 
 
 def test_a_leap_second_is_a_second_of_its_own():
     before, leap, after = (
-        stamp_ps(text, "UTC", "-") for text in ("2016-12-31T23:59:59", "2016-12-31T23:59:60", "2017-01-01T00:00:00")
+        parse_epoch_ps(text, "UTC", "-")
+        for text in ("2016-12-31T23:59:59", "2016-12-31T23:59:60", "2017-01-01T00:00:00")
     )
     assert leap - before == after - leap == PS_PER_S
     epochs = Epochs(datetime.datetime(2016, 12, 31, 23, 59, 59, tzinfo=datetime.UTC), np.array([0.0, 1.5, 2.0]))
-    assert epoch_texts(epochs) == ["2016-12-31T23:59:59.000", "2016-12-31T23:59:60.500", "2017-01-01T00:00:00.000"]
+    assert format_epochs(epochs) == ["2016-12-31T23:59:59.000", "2016-12-31T23:59:60.500", "2017-01-01T00:00:00.000"]
 
 
 def test_every_digit_of_an_epoch_survives():
     for text in ("2026-03-01T00:00:00.000000000001", "1999-12-31T23:59:59.999999999999", "2150-06-30T06:07:08.123"):
-        assert stamp_text(stamp_ps(text, "UTC", "-")) == text
+        assert format_epoch_ps(parse_epoch_ps(text, "UTC", "-")) == text
 
 
 @pytest.mark.parametrize(
@@ -57,7 +58,7 @@ def test_every_digit_of_an_epoch_survives():
 )
 def test_bad_epochs_are_refused(text, system, says):
     with pytest.raises(ScenarioError, match=says) as error:
-        stamp_ps(text, system, "file: line 7")
+        parse_epoch_ps(text, system, "file: line 7")
     assert str(error.value).startswith("file: line 7: epoch") and "\n" not in str(error.value)
 
 
@@ -70,7 +71,7 @@ def test_blocks_comments_and_covariance():
         + "2024-001T00:01:00 3 4\n"
         + META
     )
-    message = ccsds.read_message(text, "OEM", "f")
+    message = read_message(text, "OEM", "f")
     assert [len(segment.rows) for segment in message.segments] == [2, 0]
     assert message.segments[0].rows[1] == (16, ["2024-001T00:01:00", "3", "4"])
     assert message.header["ORIGINATOR"].value == "TEST" and message.segments[0].meta["OBJECT_ID"].line == 8
@@ -103,11 +104,11 @@ def test_blocks_comments_and_covariance():
 )
 def test_broken_messages_are_refused_with_their_line(text, says):
     with pytest.raises(ScenarioError, match=says) as error:
-        ccsds.read_message(text, "OEM", "some.oem")
+        read_message(text, "OEM", "some.oem")
     assert str(error.value).startswith("some.oem: ") and "\n" not in str(error.value)
 
 
 def test_text_that_would_break_the_format_is_refused():
     for name in ("A\nMETA_STOP", "Ünit", " "):
         with pytest.raises(RecordingError, match="OBJECT_NAME"):
-            ccsds.kvn_text("OEM", "2.0", {}, [({"OBJECT_NAME": name}, [])])
+            format_kvn("OEM", "2.0", {}, [({"OBJECT_NAME": name}, [])])

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import (
+from rso_lidar.orbit.propagation.forces import (
     Drag,
     Forces,
     RadiationPressure,
@@ -20,8 +20,8 @@ from rso_lidar.orbit.forces import (
     _zonal,
     air_density_kg_m3,
 )
-from rso_lidar.orbit.pole import pole_direction
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.precession import pole_direction
+from rso_lidar.orbit.sky.sun import sun_position_m
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -3,8 +3,8 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.integrate import Solution
-from rso_lidar.orbit.kepler import propagate
+from rso_lidar.orbit.propagation.integrator import Solution
+from rso_lidar.orbit.two_body.kepler import propagate
 
 GM = units.EARTH_GM_M3_S2
 

@@ -9,9 +9,8 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Forces
-from rso_lidar.orbit.kepler import Kepler, State
-from rso_lidar.orbit.mean_elements import (
+from rso_lidar.orbit.propagation.forces import Forces
+from rso_lidar.orbit.propagation.j2 import (
     J2,
     conic,
     mean_from_osculating,
@@ -20,7 +19,8 @@ from rso_lidar.orbit.mean_elements import (
     secular,
     secular_rates,
 )
-from rso_lidar.orbit.numerical import Numerical
+from rso_lidar.orbit.propagation.numerical import Numerical
+from rso_lidar.orbit.two_body.kepler import Kepler, State
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -74,7 +74,7 @@ def test_against_an_integration_of_j2(a, e, i, allowed):
 def test_mean_elements_of_an_integrated_orbit_drift_as_they_should():
     start = State(epoch_utc=START, position_m=(6.9e6, 1e5, 2e5), velocity_m_s=(-2e2, 5.0e3, 5.8e3))
     epochs = Epochs(START, np.linspace(0.0, 86_400.0, 289))
-    from rso_lidar.orbit.pole import equator_axes
+    from rso_lidar.orbit.sky.precession import equator_axes
     from rso_lidar.pose import turned
 
     state = Numerical(initial=start).states(epochs)
@@ -102,7 +102,7 @@ def test_secular_rates_of_the_textbook():
 
 def test_second_order_rates_are_those_of_sgp4():
     """Brouwer's in J2 squared; SGP4 (Spacetrack Report 3) has them for a circle: 13 - 78 t^2 + 137 t^4 and so on."""
-    from rso_lidar.orbit.mean_elements import _K2, _rates
+    from rso_lidar.orbit.propagation.j2 import _K2, _rates
 
     a, i = 7000e3, 0.8
     t2 = math.cos(i) ** 2

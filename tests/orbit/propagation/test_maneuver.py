@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.maneuver import Burn, Impulse, in_inertial
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, in_inertial
 
 R, V = [7e6, 0.0, 0.0], [100.0, 0.0, 7.5e3]  # r x v is along -y
 

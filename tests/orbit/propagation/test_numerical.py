@@ -9,12 +9,12 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.kepler import Kepler, State, propagate
-from rso_lidar.orbit.maneuver import Burn, Impulse, in_inertial
-from rso_lidar.orbit.numerical import Flight, Numerical, solution
-from rso_lidar.orbit.pole import pole_direction
-from rso_lidar.orbit.sgp4_orbit import Tle
+from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, in_inertial
+from rso_lidar.orbit.propagation.numerical import Flight, Numerical, solution
+from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit.sky.precession import pole_direction
+from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -52,7 +52,7 @@ def test_an_instant_has_the_same_bits_in_any_company():
 
 
 def test_energy_and_momentum_about_the_pole_are_kept_by_zonals():
-    from rso_lidar.orbit.forces import _ZONALS
+    from rso_lidar.orbit.propagation.forces import _ZONALS
 
     rows = solution(R, V, START, Forces(zonal_degree=6))(np.linspace(0.0, 86_400.0, 201))
     pole = pole_direction(Epochs(START, np.linspace(0.0, 86_400.0, 201)))

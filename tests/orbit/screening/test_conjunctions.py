@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.element_set import ElementSet
-from rso_lidar.orbit.fleet import Fleet
-from rso_lidar.orbit.screening import Orbits, screen
+from rso_lidar.orbit.screening.conjunctions import Orbits, screen
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet
+from rso_lidar.orbit.sets.fleet import Fleet
 
 EPOCH = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 START = EPOCH + datetime.timedelta(hours=5, seconds=0.25)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit.catalog import Catalog, checksum, choose, parse_lines, read_element_sets
-from rso_lidar.orbit.sgp4_orbit import Tle
+from rso_lidar.orbit.sets.catalog import Catalog, checksum, choose, parse_lines, read_element_sets
+from rso_lidar.orbit.sets.sgp4_motion import Tle
 
 # Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
 ENVISAT_2013 = (

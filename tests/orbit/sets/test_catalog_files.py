@@ -6,8 +6,8 @@ import json
 import pytest
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.tle_text import checksum
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.tle_text import checksum
 
 # Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
 ENVISAT_2013 = (

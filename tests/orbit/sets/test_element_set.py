@@ -5,10 +5,10 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.orbit.catalog import parse_lines
-from rso_lidar.orbit.element_set import NO_EPOCH, epoch_of, from_omm
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import teme
+from rso_lidar.orbit.sets.catalog import parse_lines
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, epoch_of, from_omm
+from rso_lidar.orbit.sets.teme import teme
 
 # python-sgp4's sample_omm.csv: Vanguard 1, CelesTrak
 VANGUARD = {

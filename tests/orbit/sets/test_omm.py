@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, ScenarioError
-from rso_lidar.orbit.catalog import Catalog
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.omm import Omm
-from rso_lidar.orbit.sgp4_orbit import Tle, states
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+from rso_lidar.orbit.sets.teme import states
 
 UTC = datetime.UTC
 START = datetime.datetime(2026, 5, 7, tzinfo=UTC)

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from rso_lidar.orbit.catalog import Catalog
-from rso_lidar.orbit.omm_text import read_xml
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.omm_text import read_xml
 
 RECORD = {
     "OBJECT_NAME": "ONE",

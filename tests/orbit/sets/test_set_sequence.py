@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning
-from rso_lidar.orbit.catalog import Catalog, parse_lines
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sgp4_orbit import SeveralSets, Tle, states
-from rso_lidar.orbit.tle_text import checksum
+from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
+from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit.sets.teme import states
+from rso_lidar.orbit.sets.tle_text import checksum
 
 UTC = datetime.UTC
 # CelesTrak: TerraSAR-X; the later sets are made of it, 0.001 degree, about 120 m, ahead each.

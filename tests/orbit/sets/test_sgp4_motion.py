@@ -7,9 +7,9 @@ import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.fleet import Fleet
-from rso_lidar.orbit.sgp4_orbit import Tle, gcrs_from_teme
-from rso_lidar.orbit.teme import TOO_OLD, teme_states
+from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit.sets.teme import TOO_OLD, gcrs_from_teme, teme_states
 
 # CelesTrak: TerraSAR-X. A rocket body of Vallado's verification set decays within a day.
 LOW = (

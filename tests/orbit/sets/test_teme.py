@@ -5,10 +5,10 @@ import datetime
 import numpy as np
 import pytest
 
-from rso_lidar.orbit.catalog import parse_lines
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.teme import REASONS, failed, gcrs_from_teme, teme, teme_states
-from rso_lidar.orbit.tle_text import checksum
+from rso_lidar.orbit.sets.catalog import parse_lines
+from rso_lidar.orbit.sets.teme import REASONS, failed, gcrs_from_teme, teme, teme_states
+from rso_lidar.orbit.sets.tle_text import checksum
 
 UTC = datetime.UTC
 LINES = (

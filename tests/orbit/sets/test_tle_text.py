@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, RsoLidarWarning
-from rso_lidar.orbit.catalog import Catalog, parse_lines
-from rso_lidar.orbit.element_set import ElementSet, epoch_of
-from rso_lidar.orbit.tle_text import checksum, norad_id, written
+from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
+from rso_lidar.orbit.sets.element_set import ElementSet, epoch_of
+from rso_lidar.orbit.sets.tle_text import checksum, norad_id, written
 
 # CelesTrak: TerraSAR-X
 LINES = (

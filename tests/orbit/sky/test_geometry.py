@@ -8,23 +8,20 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.orbit import Epochs, State
-from rso_lidar.orbit.environment import (
-    Eclipse,
+from rso_lidar.orbit.sky.eclipse import Eclipse, eclipses, shadow_margins_rad, sunlit_fraction
+from rso_lidar.orbit.sky.event_search import least, spans_below
+from rso_lidar.orbit.sky.geometry import (
     angle_rad,
     beta_angle_rad,
     cone_angle_rad,
     earth_limb_angle_rad,
     earth_lit,
     earth_radius_rad,
-    eclipses,
-    least,
     line_height_m,
     outside_field_rad,
     phase_angle_rad,
-    shadow_margins_rad,
-    spans_below,
 )
-from rso_lidar.orbit.sun import sun_position_m, sunlit_fraction
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.records import BodyState
 
 START = datetime.datetime(2024, 3, 20, 3, 6, tzinfo=datetime.UTC)  # March equinox

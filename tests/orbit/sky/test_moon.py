@@ -8,10 +8,10 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.moon import ecliptic_of_date, moon_direction, moon_position_m
-from rso_lidar.orbit.pole import equator_axes, pole_direction
-from rso_lidar.orbit.sky import Sky
-from rso_lidar.orbit.sun import sun_position_m
+from rso_lidar.orbit.sky.almanac import Sky
+from rso_lidar.orbit.sky.moon import ecliptic_of_date, moon_direction, moon_position_m
+from rso_lidar.orbit.sky.precession import equator_axes, pole_direction
+from rso_lidar.orbit.sky.sun import sun_position_m
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 

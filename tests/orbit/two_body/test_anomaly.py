@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.orbit import anomaly
+from rso_lidar.orbit.two_body import anomaly
 
 
 @pytest.mark.parametrize("e", [1.05, 1.7, 6.0])

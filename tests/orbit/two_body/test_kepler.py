@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.kepler import Kepler, State, elements, propagate, propagate_each, semi_major_axis_m
-from rso_lidar.orbit.universal import inverse_axis, stumpff, universal
+from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate, propagate_each, semi_major_axis_m
+from rso_lidar.orbit.two_body.osculating_elements import elements
+from rso_lidar.orbit.two_body.universal_variables import inverse_axis, stumpff, universal
 
 GM = units.EARTH_GM_M3_S2
 EPOCH = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

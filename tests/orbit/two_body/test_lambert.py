@@ -7,8 +7,8 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.kepler import propagate
-from rso_lidar.orbit.lambert import lambert, lambert_all
+from rso_lidar.orbit.two_body.kepler import propagate
+from rso_lidar.orbit.two_body.lambert import lambert, lambert_all
 
 GM = units.EARTH_GM_M3_S2
 CIRCLE = 7e6
@@ -78,7 +78,7 @@ def test_low_has_the_smaller_axis():
 
 def test_number_of_orbits_is_what_a_scan_of_all_finds():
     # orbits with whole revolutions exist where the time is above the least one: count sign changes of a fine scan
-    from rso_lidar.orbit.lambert import _time
+    from rso_lidar.orbit.two_body.lambert import _time
 
     end, duration_s = on_circle(2.0), 4.1 * PERIOD
     chord = np.linalg.norm(end - START)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rso_lidar import units
-from rso_lidar.orbit.anomaly import (
+from rso_lidar.orbit.two_body.anomaly import (
     eccentric_from_mean,
     eccentric_from_true,
     mean_from_true,
@@ -16,7 +16,7 @@ from rso_lidar.orbit.anomaly import (
     true_from_eccentric,
     true_from_mean,
 )
-from rso_lidar.orbit.elements import Elements, cartesian, elements
+from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
 
 GM = units.EARTH_GM_M3_S2
 EPS = np.finfo(float).eps

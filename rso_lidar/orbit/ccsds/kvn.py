@@ -1,0 +1,88 @@
+"""CCSDS navigation messages as keyword = value text, read and written."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Iterable, Sequence
+
+from rso_lidar.errors import RecordingError, ScenarioError
+from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
+
+_KEYWORD = re.compile(r"([A-Z][A-Z0-9_]*)\s*=\s*(.*)", re.ASCII)
+Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and its lines
+
+
+def read_kvn(text: str, kind: str, where: str) -> Message:
+    """Read a message in keyword = value notation; `kind` is "OEM" or "AEM"."""
+    message = Message(where, "", {}, [])
+    inside = ""  # the block that is open: META, COVARIANCE or DATA
+    begun = 0
+    number = 0
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.strip()
+        if not line or line == "COMMENT" or line.startswith(("COMMENT ", "COMMENT\t")):
+            continue
+        if not message.version:
+            match = _KEYWORD.fullmatch(line)
+            if match is None or match[1] != f"CCSDS_{kind}_VERS":
+                raise ScenarioError(
+                    f"{where}: line {number}: begins with '{line:.40}': an {kind} begins with CCSDS_{kind}_VERS = ..."
+                )
+            message.version = match[2]
+            continue
+        block = re.fullmatch(r"(META|DATA|COVARIANCE)_(START|STOP)", line)
+        if block is not None:
+            name, edge = block[1], block[2]
+            if (edge == "START") == bool(inside) or (edge == "STOP" and inside != name):
+                open_one = f"{inside}_START of line {begun}" if inside else "no block"
+                raise ScenarioError(f"{where}: line {number}: {line} while {open_one} is open: pair START and STOP")
+            if name == "META" and edge == "START":
+                message.segments.append(Segment(number))
+            elif not message.segments:
+                raise ScenarioError(f"{where}: line {number}: {line} before any META_START: put metadata first")
+            inside, begun = (name, number) if edge == "START" else ("", 0)
+            continue
+        if inside == "COVARIANCE":
+            continue
+        match = _KEYWORD.fullmatch(line)
+        if match is not None:
+            if inside != "META" and message.segments:
+                raise ScenarioError(
+                    f"{where}: line {number}: keyword {match[1]} among the rows: put it between META_START and META_STOP"
+                )
+            into = message.segments[-1].meta if inside == "META" else message.header
+            if match[1] in into:
+                raise ScenarioError(f"{where}: line {number}: {match[1]} stands there twice: remove one")
+            into[match[1]] = Entry(match[2].strip(), number)
+        elif inside == "META" or not message.segments:
+            raise ScenarioError(f"{where}: line {number}: '{line:.40}' is no KEYWORD = value: correct the line")
+        else:
+            message.segments[-1].rows.append((number, line.split()))
+    if inside:
+        raise ScenarioError(f"{where}: line {begun}: {inside}_START is never closed: add {inside}_STOP")
+    return message
+
+
+def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
+    """Return a message of one or more segments in keyword = value notation."""
+    before, after = (["DATA_START"], ["DATA_STOP"]) if kind == "AEM" else ([], [])
+    lines = [f"CCSDS_{kind}_VERS = {version}", *_pairs(header), ""]
+    for meta, rows in segments:
+        lines += ["META_START", *_pairs(meta), "META_STOP", "", *before, *rows, *after, ""]
+    return "\n".join(lines[:-1]) + "\n"
+
+
+def _pairs(words: dict[str, str]) -> list[str]:
+    for key, value in words.items():
+        if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
+            raise RecordingError(
+                f"{key} {value!r:.60}: the format wants up to 200 printable ASCII characters: change it"
+            )
+    return [f"{key} = {value}" for key, value in words.items()]
+
+
+def make_header(originator: str, created_utc: datetime.datetime | None) -> dict[str, str]:
+    """Return the header of a message; it is created now, unless `created_utc` says otherwise."""
+    created = (created_utc or datetime.datetime.now(datetime.UTC)).astimezone(datetime.UTC)
+    return {"CREATION_DATE": f"{created:%Y-%m-%dT%H:%M:%S}", "ORIGINATOR": originator}

@@ -1,0 +1,52 @@
+"""Files of CCSDS messages, found, read and told apart: keyword = value, XML, or no message but CSV."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rso_lidar import files
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.ccsds.kvn import read_kvn
+from rso_lidar.orbit.ccsds.message import Message
+from rso_lidar.orbit.ccsds.xml import read_xml
+from rso_lidar.shipped import find
+
+
+def find_table(file: str) -> Path:
+    """Return the path of a file that a part names, looked up beside the working folder and among the shipped data."""
+    path = find(file)
+    if path is None:
+        raise ScenarioError(f"{file}: no such file: check the path")
+    return path
+
+
+def read_table_text(path: Path) -> str:
+    """Return the text of a file; what cannot be read is a `ScenarioError` that names it."""
+    text = files.read_text(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
+    if "\0" in text:
+        raise ScenarioError(f"{path}: is not UTF-8 text: name an OEM, AEM or CSV file")
+    if not text.strip():
+        raise ScenarioError(f"{path}: is empty: name a file with at least two rows")
+    return text
+
+
+def is_message(text: str) -> bool:
+    """Return whether a text is meant as a CCSDS message, and not as CSV."""
+    first = text.lstrip().splitlines()[0]
+    return first.startswith(("<", "CCSDS_", "COMMENT")) or "," not in first
+
+
+def read_message(text: str, kind: str, where: str) -> Message:
+    """Return the message of a KVN or XML text; `kind` is "OEM" or "AEM"."""
+    if text.lstrip().startswith("<"):
+        return _checked(read_xml(text, kind, where), kind)
+    return _checked(read_kvn(text, kind, where), kind)
+
+
+def _checked(message: Message, kind: str) -> Message:
+    if not re.fullmatch(r"[123]\.[0-9]+", message.version):
+        raise ScenarioError(f"{message.where}: CCSDS_{kind}_VERS {message.version} is not known: write 1.0, 2.0 or 3.0")
+    if not message.segments:
+        raise ScenarioError(f"{message.where}: has no segment: give META_START ... META_STOP and rows under it")
+    return message

@@ -1,0 +1,106 @@
+"""The Earth's shadow: how much of the Sun's disc is free, and when a body passes through penumbra and umbra.
+
+The Earth is a sphere of its equatorial radius, without air: in a low orbit an eclipse begins and ends up to 3 s off, more
+where it only grazes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sky.event_search import spans_below
+from rso_lidar.orbit.sky.geometry import angle_rad
+from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.orbit.trajectory import Trajectory
+
+
+def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.ndarray:
+    """Return the share (time) of the Sun's disc that a spherical Earth leaves free: 1 in full light, 0 in the umbra.
+
+    Overlapping discs on the sky (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2). Inside the Earth it is dark.
+
+    Parameters
+    ----------
+    position_m : (time, 3) from the Earth's centre [m].
+    sun_position_m : (time, 3) from the Earth's centre, in the same axes [m].
+    """
+    to_sun = sun_position_m - position_m
+    distance = np.linalg.norm(position_m, axis=-1)
+    sun = np.arcsin(units.SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1))  # a and b of the source: apparent radii
+    earth = np.arcsin(np.minimum(units.EARTH_RADIUS_M / np.maximum(distance, units.EARTH_RADIUS_M), 1.0))
+    across = np.linalg.norm(np.cross(position_m, to_sun), axis=-1)
+    apart = np.arctan2(across, -np.sum(position_m * to_sun, axis=-1))  # c: between the discs' centres
+    smaller = np.minimum(sun, earth)
+    clear, inside = apart >= sun + earth, apart <= np.abs(sun - earth)
+    partly = ~(clear | inside)
+    c = np.where(partly, apart, 1.0)
+    x = (c**2 + sun**2 - earth**2) / (2.0 * c)  # from the Sun's centre to the chord that the two rims share
+    y = np.sqrt(np.maximum(sun**2 - x**2, 0.0))
+    lens = sun**2 * np.arctan2(y, x) + earth**2 * np.arctan2(y, c - x) - c * y
+    hidden = np.where(clear, 0.0, np.where(inside, np.pi * smaller**2, lens)) / (np.pi * sun**2)
+    free: np.ndarray = np.where(distance < units.EARTH_RADIUS_M, 0.0, np.clip(1.0 - hidden, 0.0, 1.0))
+    return free
+
+
+@dataclass(frozen=True)
+class Eclipse:
+    """One passage through the Earth's shadow, in seconds since start_utc, good to the millisecond.
+
+    -inf: it had begun before the span that was asked for; inf: it lasts beyond it; NaN: there is no umbra in it.
+    """
+
+    penumbra_from_s: float
+    umbra_from_s: float
+    umbra_to_s: float
+    penumbra_to_s: float
+
+    @property
+    def total(self) -> bool:
+        """Return whether the Sun is hidden whole at some time."""
+        return not math.isnan(self.umbra_from_s)
+
+
+def shadow_margins_rad(position_m: np.ndarray, sun_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far (time) [rad] the Sun's disc is from being touched and from being covered by the Earth's disk.
+
+    The first is negative in penumbra and umbra, the second in the umbra: where the lines that touch both spheres meet
+    the place (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2). Below the Earth's surface both are.
+    """
+    to_sun = sun_m - position_m
+    distance = np.sqrt(np.sum(position_m**2, axis=-1))
+    earth = np.arcsin(np.minimum(units.EARTH_RADIUS_M / np.maximum(distance, units.EARTH_RADIUS_M), 1.0))
+    sun = np.arcsin(units.SUN_RADIUS_M / np.sqrt(np.sum(to_sun**2, axis=-1)))
+    apart = angle_rad(-position_m, to_sun)
+    below = distance < units.EARTH_RADIUS_M
+    touched: np.ndarray = np.where(below, -np.pi, apart - earth - sun)
+    covered: np.ndarray = np.where(below, -np.pi, apart - earth + sun)
+    return touched, covered
+
+
+def eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
+    """Return the passages through the Earth's shadow between the first and the last of the epochs, in order.
+
+    The orbit is scanned once a minute whatever epochs there are between, and grazing passages are searched for.
+    """
+    start_s, end_s = float(epochs.time_s.min()), float(epochs.time_s.max())
+
+    def margin(which: int) -> Callable[[np.ndarray], np.ndarray]:
+        def of(time_s: np.ndarray) -> np.ndarray:
+            at = Epochs(epochs.start_utc, time_s)
+            return shadow_margins_rad(trajectory.states(at).position_m, sun_position_m(at))[which]
+
+        return of
+
+    dark = spans_below(margin(1), start_s, end_s)
+    found = []
+    for begins, ends in spans_below(margin(0), start_s, end_s):
+        within = [span for span in dark if span[0] >= begins and span[1] <= ends]
+        umbra = (within[0][0], within[-1][1]) if within else (np.nan, np.nan)
+        found.append(Eclipse(begins, *umbra, ends))
+    return found
