@@ -16,8 +16,8 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks.report import Findings, table
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.datasets import values
-from rso_lidar.export.growing import growth
+from rso_lidar.export.layout.datasets import values
+from rso_lidar.export.reader.status import growth
 from rso_lidar.scene.library.catalogue import model
 
 FRAMES = 120_000

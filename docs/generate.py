@@ -21,7 +21,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import part, records
-from rso_lidar.export import hdf5_layout
+from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
 from rso_lidar.study.merits import MERITS
 from rso_lidar.study.trade_asked import Study

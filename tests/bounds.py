@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / "examples" / "tdrs_approach.toml"
 HEAVY = ("step", "view")  # extras of 0.1 and 0.5 GB, which --heavy installs too
 
-FORMATS = "from rso_lidar.export.formats import FORMATS; print(*(made.suffixes[0] for made in FORMATS.values()))"
+FORMATS = "from rso_lidar.export.registry import FORMATS; print(*(made.suffixes[0] for made in FORMATS.values()))"
 
 # Read by the package itself, frame by frame and as a whole, and by nothing but h5py.
 READ = """

@@ -5,7 +5,7 @@ from typing import get_args
 
 from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import RsoLidarError
-from rso_lidar.export.formats import FORMATS
+from rso_lidar.export.registry import FORMATS
 from rso_lidar.orbit.sets.catalog import REGIMES
 from rso_lidar.scenario.lidar import presets
 from rso_lidar.scene.library.catalogue import models, own_models

@@ -12,7 +12,7 @@ from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats import FORMATS, Format, format_for
+from rso_lidar.export.registry import FORMATS, Format, format_for
 from rso_lidar.study.conversion import save
 
 _OF_A_TARGET = ("tum", "kitti")

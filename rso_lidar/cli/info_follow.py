@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.growing import Growth, growth
+from rso_lidar.export.reader.status import Growth, growth
 from rso_lidar.toml_text import parse_toml
 
 _SILENCE_S = 30.0  # without a new frame, after which a line says so

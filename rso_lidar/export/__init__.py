@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.export.formats import SUFFIXES as WRITTEN
-from rso_lidar.export.formats import format_for, writer_for
-from rso_lidar.export.hdf5_file import TEMPORARY
-from rso_lidar.export.kept import PhotonImage, check_kept
-from rso_lidar.export.recorder import SUFFIXES, Recorder, check_output, run_id
-from rso_lidar.export.recording import Recording
-from rso_lidar.export.stored import Frames, Stored
+from rso_lidar.export.layout.intermediates import PhotonImage, check_kept
+from rso_lidar.export.reader.arrays import Stored
+from rso_lidar.export.reader.hdf5_file import TEMPORARY
+from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.registry import SUFFIXES as WRITTEN
+from rso_lidar.export.registry import format_for, writer_for
+from rso_lidar.export.writer.recorder import SUFFIXES, Recorder, check_output, run_id
 from rso_lidar.files import path_of
 from rso_lidar.records import Frame
 

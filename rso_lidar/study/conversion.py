@@ -12,11 +12,10 @@ import numpy as np
 
 from rso_lidar import orbit
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
-from rso_lidar.export.course import Course, courses, source_of, whole
-from rso_lidar.export.czml import thinned, write_czml
-from rso_lidar.export.formats import format_for, writer_for
-from rso_lidar.export.recording import Recording
-from rso_lidar.export.stored import Frames
+from rso_lidar.export.formats.czml import thinned, write_czml
+from rso_lidar.export.formats.truth_batches import Course, courses, source_of, whole
+from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.files import free, path_of
 from rso_lidar.motion.aem import write_aem
 from rso_lidar.orbit.ccsds.ephemeris import write_oem

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import orbit
-from rso_lidar.export.czml import Beam, Moving, packets
+from rso_lidar.export.formats.czml import Beam, Moving, packets
 from rso_lidar.orbit.sky.earth_rotation import itrs_from_gcrs
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
-from rso_lidar.export.parquet import check_parquet, write_parquet
+from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.files import beside, write_columns
 from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, maps_figure, said

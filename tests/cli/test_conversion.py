@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats import FORMATS, SUFFIXES
+from rso_lidar.export.registry import FORMATS, SUFFIXES
 from rso_lidar.shipped import shipped
 
 SMALL = ("lidar.detector.type=empirical", "lidar.receiver.n_rows=16", "lidar.receiver.n_cols=16")

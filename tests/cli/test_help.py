@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from rso_lidar.cli.app import app
-from rso_lidar.export.formats import SUFFIXES
+from rso_lidar.export.registry import SUFFIXES
 from tests.house.test_start import LATER
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -264,3 +264,23 @@ def folder_of_somebody():
         if root:
             os.seteuid(0)
         shutil.rmtree(folder)
+
+
+def read_arrays(path):
+    """Return the datasets of a recording that are no scales of dimensions, by name."""
+    found = {}
+
+    def visit(name, item):
+        if isinstance(item, h5py.Dataset) and name.rpartition("/")[2] not in (
+            *("row", "col", "xyz", "quaternion", "return", "sample", "fine_row", "fine_col", "lens_number"),
+        ):
+            found[name] = item[()]
+
+    with h5py.File(path) as file:
+        file.visititems(visit)
+        found |= {
+            f"truth/{name}/quaternion": file[f"truth/{name}/quaternion"][()]
+            for name in file["truth"]
+            if name != "sun_direction"
+        }
+    return found

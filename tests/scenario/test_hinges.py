@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.export.targets import tables, targets
+from rso_lidar.export.layout.targets import tables, targets
 from rso_lidar.records import TargetEntry
 from rso_lidar.scene.library.catalogue import model
 

@@ -1,0 +1,1 @@
+"""Frames, poses and tables written in the formats of other tools."""

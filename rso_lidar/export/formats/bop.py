@@ -1,0 +1,209 @@
+"""A folder in the style of BOP, the benchmark of 6D pose estimators: depth, masks, cameras and poses of the targets.
+
+The format is that of the BOP toolkit (docs/bop_datasets_format.md there): translations in mm, rotations row by row,
+depth as 16 bits times depth_scale, 0 where there is none. Its camera axes (OpenCV's: x right, y down, z forward) are the
+lidar axes, its model axes a target's axes, whose origin is the target's centre of mass. Depth is z, not the slant range.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, warn
+from rso_lidar.export.formats.frame_files import account, file_stem, write_new, write_source
+from rso_lidar.export.layout.datasets import lidar_from
+from rso_lidar.export.writer.folders import folder_beside, free_folder
+from rso_lidar.export.writer.frames import begun
+from rso_lidar.records import Frame
+from rso_lidar.units import MM
+
+SCENE = "000000"
+FOLDERS = ("depth", "gray", "mask", "mask_visib")
+TABLES = ("scene_camera", "scene_gt", "scene_gt_info")
+FULL = 2**16 - 1
+BEYOND, BEYOND_M = 1.01, 10.0  # depth reaches so much further than what is on a target
+MOST_OFF_PINHOLE_PIXELS = 0.05  # of a pixel: what a camera matrix leaves out and nobody notices
+
+
+def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+    """Return the path of a folder after writing one BOP scene into it, 000000, whose images are the frames.
+
+    An image's number is the frame's; an object's is the place of the target in source.json, from 1. Intensities are
+    16-bit PNGs in gray. What is hidden behind another target is in no label, so `mask` is `mask_visib`.
+
+    Parameters
+    ----------
+    path : of the folder.
+    frames : written one at a time as they come.
+    overwrite : replace an older export, once the new one is whole.
+    """
+    place = free_folder(path, overwrite=overwrite)
+    first, coming = begun(place, frames)
+    with folder_beside(place, overwrite=overwrite) as draft, ExitStack() as stack:
+        write_source(draft, first.source, "bop")
+        scene = draft / SCENE
+        for name in FOLDERS:
+            (scene / name).mkdir(parents=True)
+        tables = {name: stack.enter_context(_table(scene / f"{name}.json")) for name in TABLES}
+        lines = stack.enter_context((draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n"))
+        sight: np.ndarray | None = None
+        warned = False
+        for frame in coming:
+            if frame.line_of_sight is not sight:
+                sight = frame.line_of_sight
+                camera, off_pixels = pinhole(place, sight)
+                if off_pixels > MOST_OFF_PINHOLE_PIXELS and not warned:
+                    warned = True
+                    warn(
+                        f"{place}: frame {frame.index}: the lens bends rays by up to {off_pixels:.2g} pixels from the "
+                        "pinhole that BOP knows; for exact points use .pcd"
+                    )
+                if frame is first:
+                    _write_camera(draft, frame, camera)
+            depth_scale = _write_images(place, scene, frame)
+            number = str(frame.index)
+            _put(tables["scene_camera"], number, _camera(frame, camera, depth_scale))
+            poses, infos = _objects(place, scene, frame)
+            _put(tables["scene_gt"], number, poses)
+            _put(tables["scene_gt_info"], number, infos)
+            lines.write(json.dumps({"file": f"{SCENE}/depth/{file_stem(place, frame)}.png", **account(frame)}) + "\n")
+    return place
+
+
+def pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the camera matrix (3, 3) [pixels] nearest to lines of sight, and the largest error [pixels] it makes.
+
+    Column and row 0 are the centre of the first pixel, as in OpenCV.
+    """
+    rows, cols = line_of_sight.shape[:2]
+    if np.any(line_of_sight[..., 2] <= 0):
+        raise RecordingError(f"{place}: a pixel looks sideways or back, and BOP knows pinholes only; use .pcd")
+    across, down = line_of_sight[..., 0] / line_of_sight[..., 2], line_of_sight[..., 1] / line_of_sight[..., 2]
+    col, row = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
+    camera, off = np.eye(3), []
+    for axis, (tangent, pixel) in enumerate(((across, col), (down, row))):
+        spread = tangent - tangent.mean()
+        if not spread.any():
+            raise RecordingError(f"{place}: a focal plane one pixel wide has no camera matrix; use .pcd")
+        focal = float((spread * pixel).sum() / (spread * spread).sum())
+        centre = float(pixel.mean() - focal * tangent.mean())
+        camera[axis, axis], camera[axis, 2] = focal, centre
+        off.append(float(np.abs(focal * tangent + centre - pixel).max()))
+    return camera, max(off)
+
+
+def depth_step(greatest_mm: float) -> float:
+    """Return the depth_scale [mm per count]: the finest of 0.1, 0.2, 0.5, 1, 2, 5, … that reaches a depth [mm].
+
+    >>> depth_step(3.0e6)
+    50.0
+    """
+    steps = (digit * 10.0**power for power in range(-1, 12) for digit in (1, 2, 5))
+    return next(round(step, 1) for step in steps if step * FULL >= greatest_mm)
+
+
+def _write_images(place: Path, scene: Path, frame: Frame) -> float:
+    """Write depth and intensity; return the depth_scale [mm per count].
+
+    It is as fine as the targets' true ranges let it be; what a false trigger reports further off is left out.
+    """
+    depth_mm = frame.points_m[..., 2] / MM
+    valid, on_target = frame.valid, frame.labels.target >= 0
+    known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
+    step = depth_step((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
+    counts = np.zeros(depth_mm.shape)
+    counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 is for none
+    counts[counts > FULL] = 0
+    name = f"{file_stem(place, frame)}.png"
+    write_new(place, scene / "depth" / name, _png(counts.astype(np.uint16)))
+    write_new(place, scene / "gray" / name, _png(frame.intensity_counts))
+    return step
+
+
+def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
+    """Write camera.json: the camera of the first frame, as tools ask for one of the whole folder."""
+    rows, cols = frame.range_m.shape
+    told = {
+        "cx": camera[0, 2],
+        "cy": camera[1, 2],
+        "fx": camera[0, 0],
+        "fy": camera[1, 1],
+        "width": cols,
+        "height": rows,
+    }
+    (folder / "camera.json").write_text(json.dumps(told, indent=1) + "\n", newline="\n")
+
+
+def _camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
+    return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
+
+
+def _objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the poses of the targets and what is seen of each, after writing their masks."""
+    poses, infos = [], []
+    seen = lidar_from(frame.truth.poses)
+    here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
+    for place_in_image, (number, name) in enumerate(here):
+        matrix = seen[name]
+        poses.append(
+            {
+                "cam_R_m2c": matrix[:3, :3].ravel().tolist(),
+                "cam_t_m2c": (matrix[:3, 3] / MM).tolist(),
+                "obj_id": number + 1,
+            }
+        )
+        mask = frame.labels.target == number
+        file = f"{file_stem(place, frame)}_{place_in_image:06d}.png"
+        for folder in ("mask", "mask_visib"):
+            write_new(place, scene / folder / file, _png((mask * 255).astype(np.uint8)))
+        count, box = int(mask.sum()), _box(mask)
+        infos.append(
+            {
+                "bbox_obj": box,
+                "bbox_visib": box,
+                "px_count_all": count,
+                "px_count_valid": int((mask & frame.valid).sum()),
+                "px_count_visib": count,
+                "visib_fract": 1.0 if count else 0.0,
+            }
+        )
+    return poses, infos
+
+
+def _box(mask: np.ndarray) -> list[int]:
+    """Return left, top, width and height of what is set, four times -1 where nothing is."""
+    row, col = np.nonzero(mask)
+    if not len(row):
+        return [-1, -1, -1, -1]
+    left, top = int(col.min()), int(row.min())
+    return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
+
+
+def _png(image: np.ndarray) -> bytes:
+    """Return an image of 8 or 16 bits as a grey PNG."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(image)).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+@contextmanager
+def _table(path: Path) -> Iterator[TextIO]:
+    """Return, as a context, a file for a JSON object that grows by one entry an image."""
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write("{")
+        yield stream
+        stream.write("\n}\n")
+
+
+def _put(stream: TextIO, key: str, value: Any) -> None:
+    stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

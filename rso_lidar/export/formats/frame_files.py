@@ -1,0 +1,110 @@
+"""A folder with one file for each frame, and beside the files what none of them can hold: times, poses, the scenario."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.layout.attributes import AXES
+from rso_lidar.export.layout.datasets import lidar_from
+from rso_lidar.export.layout.targets import tables
+from rso_lidar.export.writer.folders import folder_beside, free_folder
+from rso_lidar.export.writer.frames import begun
+from rso_lidar.records import Frame, Source
+
+
+def write_each(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    kind: str,
+    content: Callable[[Frame], bytes],
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Return the path of a folder after writing one file for each frame, named by the frame's number: 000012.pcd.
+
+    Beside them stand source.json (scenario, targets, axes) and frames.jsonl (a line for each file: time and poses).
+
+    Parameters
+    ----------
+    path : of the folder.
+    frames : written one at a time as they come.
+    kind : name of the format, and suffix of the files.
+    content : what to put into a frame's file.
+    overwrite : replace an older export, once the new one is whole.
+    """
+    place = free_folder(path, overwrite=overwrite)
+    first, coming = begun(place, frames)
+    with folder_beside(place, overwrite=overwrite) as draft:
+        write_source(draft, first.source, kind)
+        sizes: dict[str, int] = {}
+        with (draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n") as lines:
+            for frame in coming:
+                name = f"{file_stem(place, frame)}.{kind}"
+                written = content(frame)
+                write_new(place, draft / name, written)
+                sizes[name] = len(written)
+                lines.write(json.dumps({"file": name, **account(frame)}) + "\n")
+        for name, size in sizes.items():
+            if (draft / name).stat().st_size != size:
+                raise RunError(f"{place}: is not written, for another program cut short {name} in it; run again")
+    return place
+
+
+def file_stem(place: Path, frame: Frame) -> str:
+    """Return the name of a frame's file without its suffix: the frame's number in its scenario, in six digits."""
+    if frame.index < 0:
+        raise RecordingError(
+            f"{place}: frame {frame.index}: has a negative number, and no file to go to; number from 0"
+        )
+    return f"{frame.index:06d}"
+
+
+def write_new(place: Path, file: Path, content: bytes) -> None:
+    """Write a file that was not there before; a frame that comes twice is refused."""
+    try:
+        with file.open("xb") as stream:
+            stream.write(content)
+    except FileExistsError:
+        number = int(file.stem.split("_")[0])
+        raise RecordingError(f"{place}: frame {number} comes twice; give each frame once") from None
+
+
+def write_source(folder: Path, source: Source, kind: str) -> None:
+    """Write source.json: where the frames of a folder come from, and what their axes are."""
+    told = {
+        "format": kind,
+        "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),
+        "title": source.title,
+        "start_utc": source.start_utc,
+        "seed": source.seed,
+        "axes": AXES,
+        "quaternion_order": "xyzw",
+        "targets": tables(source.targets),
+        "versions": dict(source.versions),
+        "scenario": source.scenario,
+    }
+    text = json.dumps(told, indent=1, ensure_ascii=False)
+    (folder / "source.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def account(frame: Frame) -> dict[str, Any]:
+    """Return number, instant [s] and true poses of a frame: position [m] and x, y, z, w of lidar_from each of the axes."""
+    from scipy.spatial.transform import Rotation
+
+    seen = lidar_from(frame.truth.poses)
+    quaternions = Rotation.from_matrix(np.array([m[:3, :3] for m in seen.values()])).as_quat(canonical=True)
+    return {
+        "index": frame.index,
+        "time_s": frame.time_s,
+        "lidar_from": {
+            name: {"position_m": matrix[:3, 3].tolist(), "quaternion_xyzw": quaternion.tolist()}
+            for (name, matrix), quaternion in zip(seen.items(), quaternions, strict=True)
+        },
+    }

@@ -1,0 +1,202 @@
+"""MCAP with ROS 2 messages: a recording played back by ROS 2 and by viewers of such files, without us and without ROS here.
+
+Chunks of some four frames, each flushed: a kill loses no more, and leaves a file for readers of streams. Stamps are
+start_utc + time_s in whole nanoseconds since 1970. Axes are frame ids of the same names; the lidar's are REP 103's
+optical axes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.formats.camera import Camera, camera_of
+from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
+from rso_lidar.export.formats.trajectory import stamp_ns
+from rso_lidar.export.layout.targets import tables
+from rso_lidar.export.writer.frames import begun
+from rso_lidar.files import beside, check_stream, free
+from rso_lidar.pose import quaternion_xyzw
+from rso_lidar.records import Frame, Source
+
+LIDAR = "lidar"  # frame id of what the sensor says
+TOPICS = {
+    "/tf": TRANSFORMS,
+    "/lidar/camera_info": CAMERA_INFO,
+    "/lidar/range": IMAGE,
+    "/lidar/intensity": IMAGE,
+    "/lidar/points": POINT_CLOUD,
+    "/labels/target": IMAGE,
+    "/labels/part": IMAGE,
+}
+_FLOAT32 = 7  # PointField
+_FIELDS = ("x", "y", "z", "intensity")
+_LAST_S = 2**31 - 1  # of a stamp
+_CHUNK_BYTES = 96  # a pixel: four frames of 26 bytes a pixel; each chunk keeps 1.2 kB of memory to the end
+_LEAST_BYTES = 2**16
+
+
+@dataclass(frozen=True)
+class Span:
+    """What was written: the stamps of the first and last frame [ns since 1970], and how many frames."""
+
+    first_ns: int
+    last_ns: int
+    frames: int
+
+
+def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+    """Return the path of an MCAP file with seven messages a frame, on the topics of `TOPICS`.
+
+    `/lidar/points` is organised (height and width those of the focal plane, NaN where nothing came back) with x, y, z [m]
+    and intensity [counts] as float32; `/lidar/range` is 32FC1, slant range [m] with NaN, `/lidar/intensity` mono16; `/tf`
+    holds the whole tree of axes, parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: places in the
+    targets and their parts, -1 for sky.
+    """
+    place = free(path, overwrite=overwrite)
+    needs_extra(place)
+    first, coming = begun(place, frames)
+    with beside(place) as draft:
+        fill(place, draft, first, coming)
+    return place
+
+
+def needs_extra(place: Path) -> None:
+    """Refuse to go on without the library that writes MCAP."""
+    try:
+        import mcap_ros2.writer  # noqa: F401
+    except ImportError as error:
+        raise RecordingError(
+            f"{place}: MCAP needs an extra: pip install rso-lidar[mcap], or choose another format ({error.name} is missing)"
+        ) from None
+
+
+def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Span:
+    """Return what was written, after writing frames to a file; `place` is what messages call it."""
+    from mcap_ros2.writer import Writer
+
+    sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
+    stamps = [_stamp(place, first.source, first)] * 2
+    number = -1
+    with draft.open("wb") as file:
+        writer: Any = Writer(file, chunk_size=max(_CHUNK_BYTES * first.range_m.size, _LEAST_BYTES))
+        schemas = {kind: writer.register_msgdef(kind, text) for kind, text in DEFINITIONS.items()}
+        writer.add_metadata("rso_lidar", _provenance(first.source, camera))
+        for number, frame in enumerate(frames):
+            check_stream(file, draft, place)
+            if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
+                sight, camera = frame.line_of_sight, camera_of(frame.line_of_sight)
+            at_ns = stamps[1] = _stamp(place, first.source, frame)
+            messages = _messages(frame, at_ns, camera)
+            for topic, kind in TOPICS.items():
+                writer.write_message(topic, schemas[kind], messages[topic], at_ns, at_ns, number)
+            file.flush()
+        writer.finish()
+        check_stream(file, draft, place)
+    _check_written(place, draft, (number + 1) * len(TOPICS))
+    return Span(stamps[0], stamps[1], number + 1)
+
+
+def _check_written(place: Path, draft: Path, messages: int) -> None:
+    """Raise a `RunError` unless a file reads back with so many messages, by the summary at its end."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with draft.open("rb") as file:
+            summary = make_reader(file, validate_crcs=True).get_summary()
+    except (McapError, ValueError, struct.error) as error:
+        raise RunError(f"{place}: is not written, for it does not read back ({error}); run again") from error
+    found = summary.statistics.message_count if summary and summary.statistics else 0
+    if found != messages:
+        raise RunError(f"{place}: is not written, for it reads back with {found} of {messages} messages; run again")
+
+
+def _provenance(source: Source, camera: Camera) -> dict[str, str]:
+    """Return what a file says of itself: enough to fly it again."""
+    return {
+        "title": source.title,
+        "scenario": source.scenario,
+        "start_utc": source.start_utc,
+        "seed": str(source.seed),
+        "versions": json.dumps(dict(source.versions)),
+        "targets": json.dumps(tables(source.targets)),
+        "quaternion_order": "xyzw",
+        "camera_model_error_px": f"{camera.error_px:.3g}",
+    }
+
+
+def _stamp(place: Path, source: Source, frame: Frame) -> int:
+    at_ns = stamp_ns(source.start_utc, frame.time_s)
+    if not 0 <= at_ns < _LAST_S * 1_000_000_000:
+        raise RecordingError(f"{place}: ROS stamps hold 1970 to 2038, the run is at {source.start_utc}; shift it")
+    return at_ns
+
+
+def _messages(frame: Frame, at_ns: int, camera: Camera) -> dict[str, dict[str, Any]]:
+    """Return the messages of a frame by topic."""
+    rows, cols = frame.range_m.shape
+    stamp = {"sec": at_ns // 1_000_000_000, "nanosec": at_ns % 1_000_000_000}
+    header = {"stamp": stamp, "frame_id": LIDAR}
+    cloud = np.empty((rows, cols, len(_FIELDS)), dtype="<f4")
+    cloud[..., :3] = frame.points_m
+    cloud[..., 3] = frame.intensity_counts
+    fields = [{"name": name, "offset": 4 * k, "datatype": _FLOAT32, "count": 1} for k, name in enumerate(_FIELDS)]
+    size = {"header": header, "height": rows, "width": cols}
+    focal, centre = camera.focal_px, camera.centre_px
+    return {
+        "/tf": {"transforms": _transforms(frame, stamp)},
+        "/lidar/camera_info": {
+            **size,
+            "distortion_model": "plumb_bob",
+            "d": list(camera.distortion),
+            "k": list(camera.matrix),
+            "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            "p": [focal, 0.0, centre[0], 0.0, 0.0, focal, centre[1], 0.0, 0.0, 0.0, 1.0, 0.0],
+            "binning_x": 0,
+            "binning_y": 0,
+            "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+        },
+        "/lidar/range": _image(size, "32FC1", frame.range_m.astype("<f4")),
+        "/lidar/intensity": _image(size, "mono16", frame.intensity_counts.astype("<u2")),
+        "/lidar/points": {
+            **size,
+            "fields": fields,
+            "is_bigendian": False,
+            "point_step": 4 * len(_FIELDS),
+            "row_step": 4 * len(_FIELDS) * cols,
+            "data": cloud.tobytes(),
+            "is_dense": False,
+        },
+        "/labels/target": _image(size, "16SC1", frame.labels.target.astype("<i2")),
+        "/labels/part": _image(size, "16SC1", frame.labels.part.astype("<i2")),
+    }
+
+
+def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str, Any]:
+    step = values.itemsize * values.shape[1]
+    return {**size, "encoding": encoding, "is_bigendian": 0, "step": step, "data": values.tobytes()}
+
+
+def _transforms(frame: Frame, stamp: dict[str, int]) -> list[dict[str, Any]]:
+    """Return where each set of axes stands in its parent's."""
+    poses, made = frame.truth.poses, []
+    for name, link in poses.items():
+        x, y, z = link.translation_m.tolist()
+        turn = dict(zip("xyzw", quaternion_xyzw(link.rotation).tolist(), strict=True))
+        made.append(
+            {
+                "header": {"stamp": stamp, "frame_id": poses.parent(name)},
+                "child_frame_id": name,
+                "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": turn},
+            }
+        )
+    return made

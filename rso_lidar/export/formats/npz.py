@@ -1,0 +1,96 @@
+"""A short recording as one NPZ of numpy arrays, named as in the HDF5 layout: for small hand-offs and tests."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Sized
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.layout.attributes import array_attributes, root_attributes
+from rso_lidar.export.layout.datasets import LENS, Variable, parents, variables
+from rso_lidar.export.writer.frames import Sights, begun, entries, frame_bytes, plain
+from rso_lidar.files import beside, free
+from rso_lidar.records import Frame, Observation, specs
+
+MOST_BYTES = 2_000_000_000
+
+
+def write_npz(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, most_bytes: int = MOST_BYTES
+) -> Path:
+    """Return the path of a compressed NPZ after writing frames to it; they are held in memory until all have come.
+
+    Arrays have the names and dtypes of the HDF5 layout (``range``, ``labels/target``, ``truth/tdrs/position``), dims (time,
+    ...). ``attributes`` is a JSON text: for each array its units, long_name and dims, and under ``/`` what a recording as a
+    whole is told by, the tree of axes among it.
+
+    Parameters
+    ----------
+    path : of the file.
+    frames : few enough for memory.
+    overwrite : replace an older file.
+    most_bytes : frames of more are refused [bytes before compression].
+    """
+    place = free(path, overwrite=overwrite)
+    first, coming = begun(place, frames)
+    found = variables(first)
+    each = frame_bytes(found)
+    total = each * len(frames) if isinstance(frames, Sized) else 0
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in found}
+    sights = Sights()
+    tables: list[np.ndarray] = []
+    for frame in coming:
+        total = max(total, each * (len(columns["time"]) + 1) + sum(table.nbytes for table in tables))
+        if total > most_bytes:
+            raise RecordingError(
+                f"{place}: more than {most_bytes / 1e9:.3g} GB of arrays are too much for one NPZ, which is read as a "
+                "whole; write .h5 or .zarr, or choose fewer frames"
+            )
+        for name, value in entries(place, frame, first, found).items():
+            columns[name].append(value)
+        if sights.add(frame.line_of_sight):
+            tables.append(np.asarray(frame.line_of_sight))
+    arrays = {name: np.stack(columns.pop(name)) for name in found}
+    if len(sights) > 1:
+        arrays["lens"] = np.array(sights.numbers, LENS.dtype)
+    arrays["line_of_sight"] = np.stack(tables) if len(sights) > 1 else tables[0]
+    arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(sights) > 1), ensure_ascii=False))
+    with beside(place) as draft, draft.open("wb") as stream:
+        write: Callable[..., None] = np.savez_compressed
+        write(stream, **arrays)  # NumPy 2.1 takes a keyword `allow_pickle` for one more array
+        stream.flush()
+        _check_written(place, draft, arrays)
+    return place
+
+
+def _check_written(place: Path, draft: Path, names: Iterable[str]) -> None:
+    """Raise a `RunError` unless a file reads back: all arrays are there, and their CRC-32 is right."""
+    try:
+        with zipfile.ZipFile(draft) as packed:
+            wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        wrong = str(error)
+    if wrong:
+        raise RunError(f"{place}: is not written, for it does not read back ({wrong}); run again")
+
+
+def _attributes(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
+    """Return what each array is, and the recording as a whole, by name, ready for JSON."""
+    source = first.source
+    root = root_attributes(source) | {"tree": parents(first), "states": list(first.truth.states)}
+    told: dict[str, Any] = {"/": {**plain(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
+    for name, variable in found.items():
+        told[name] = plain(array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
+    sight = specs(Observation)["line_of_sight"]
+    dims = ["lens_number"] * changing + list(sight.dims)
+    told["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}
+    if changing:
+        told["lens"] = {"units": LENS.unit, "long_name": LENS.meaning, "dims": ["time"]}
+    return told

@@ -1,0 +1,169 @@
+"""Where things were, as trajectories and tables: TUM and KITTI poses of one target, and the truth of all as CSV.
+
+TUM is the format of the RGB-D benchmark of TU Munich (time tx ty tz qx qy qz qw), KITTI that of the KITTI odometry
+benchmark (the 12 numbers of a 3 x 4 matrix, row by row). Both are read by trajectory evaluators as they stand.
+"""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.export.formats.truth_batches import Course, courses, source_of
+from rso_lidar.files import beside, check_stream, free
+from rso_lidar.pose import quaternion_xyzw
+from rso_lidar.records import Frame, Source, Truth
+from rso_lidar.sight import truth_columns
+
+_NS = 1_000_000_000
+_EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
+Utc = Callable[[np.ndarray], np.ndarray]  # instants [s since start_utc]: as text
+
+
+def write_tum(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    *,
+    target: str | None = None,
+    lidar_in_target: bool = False,
+    overwrite: bool = False,
+) -> Path:
+    """Return the path of a TUM trajectory: time_s, position [m] and quaternion (x, y, z, w) of a target in lidar axes.
+
+    Parameters
+    ----------
+    target : name of the target (or of any axes); may be left out where there is one target.
+    lidar_in_target : write the lidar's poses in the target's axes instead.
+    """
+    with _beginning(path, frames, overwrite) as (file, source, courses):
+        name, a, b = _ends(source, target, lidar_in_target)
+        file.write(f"# {b} in {a} axes [m], {a}_from_{b} as x, y, z, w\n")
+        file.write(
+            f"# seconds since {source.start_utc}, which is {stamp_ns(source.start_utc, 0.0) // _NS} s since 1970\n"
+        )
+        file.write("# time tx ty tz qx qy qz qw\n")
+        for truth, _ in courses:
+            translation, quaternion, _ = _poses(truth, name, a, b)
+            for time_s, where, turn in zip(truth.time_s.tolist(), translation, quaternion, strict=True):
+                cells = (*(f"{value:.9f}" for value in where), *(f"{value:.15f}" for value in turn))
+                file.write(f"{time_s:.9f} {' '.join(cells)}\n")
+    return Path(path)
+
+
+def write_kitti(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    *,
+    target: str | None = None,
+    lidar_in_target: bool = False,
+    overwrite: bool = False,
+) -> Path:
+    """Return the path of a KITTI trajectory: each line the 3 x 4 matrix lidar_from_target [m], row by row, without times.
+
+    `target` and `lidar_in_target` are those of `write_tum`.
+    """
+    with _beginning(path, frames, overwrite) as (file, source, courses):
+        name, a, b = _ends(source, target, lidar_in_target)
+        for truth, _ in courses:
+            translation, _, matrix = _poses(truth, name, a, b)
+            rows = np.concatenate([matrix, translation[..., None]], axis=-1).reshape(-1, 12)
+            file.writelines(" ".join(f"{value:.15e}" for value in row) + "\n" for row in rows.tolist())
+    return Path(path)
+
+
+def write_csv(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, utc: Utc | None = None, overwrite: bool = False
+) -> Path:
+    """Return the path of a table of the truth, a row a frame, its columns those of `rso-lidar truth`, every digit written.
+
+    `utc` makes the text of the instants; left out, a leap second during the run is not counted.
+    """
+    with _beginning(path, frames, overwrite) as (file, source, courses):
+        writer = csv.writer(file, lineterminator="\n")
+        targets = [target.name for target in source.targets]
+        head: list[str] = []
+        for truth, angles in courses:
+            texts = utc(truth.time_s) if utc else _utc(source.start_utc, truth.time_s)
+            table = truth_columns(truth, targets, texts, angles)
+            if not head:
+                head = list(table)
+                writer.writerow(head)
+            if list(table) != head:
+                raise RecordingError(f"{path}: frames differ in what they know of the truth; export them apart")
+            writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))
+    return Path(path)
+
+
+def stamp_ns(start_utc: str, time_s: float) -> int:
+    """Return an instant as nanoseconds since 1970, as computers count UTC: no leap second between is counted.
+
+    >>> stamp_ns("2024-09-17T12:00:00Z", 0.05)
+    1726574400050000000
+    """
+    start = datetime.datetime.fromisoformat(start_utc)
+    if start.tzinfo is None:
+        raise RecordingError(f"start_utc: {start_utc} has no offset; record the frames again")
+    whole, fraction = divmod(time_s, 1.0)
+    return (start - _EPOCH) // datetime.timedelta(microseconds=1) * 1000 + int(whole) * _NS + round(fraction * _NS)
+
+
+@contextmanager
+def _beginning(
+    path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
+) -> Iterator[tuple[TextIO, Source, Iterator[Course]]]:
+    """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
+    place = free(path, overwrite=overwrite)
+    source, frames = source_of(place, frames)
+    with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+
+        def checked() -> Iterator[Course]:
+            for course in courses(frames):
+                check_stream(file, draft, place)
+                yield course
+
+        yield file, source, checked()
+        check_stream(file, draft, place)
+
+
+def _ends(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:
+    """Return the name of the axes wanted, and a and b of the poses a_from_b."""
+    known = [entry.name for entry in source.targets]
+    if target is None:
+        if len(known) != 1:
+            which = f"there are {len(known)} ({', '.join(known)})" if known else "the recording has none"
+            raise RecordingError(f"target: {which}; name one with --target (target=...)")
+        target = known[0]
+    return target, *((target, "lidar") if lidar_in_target else ("lidar", target))
+
+
+def _poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a_from_b as translations (time, 3) [m], quaternions (time, 4) and matrices (time, 3, 3)."""
+    known = list(truth.poses)
+    if name not in known:
+        guess = did_you_mean(name, known)
+        raise RecordingError(
+            f"--target {name}: nothing in the recording has that name{guess} (known: {', '.join(known)})"
+        )
+    pose = truth.pose(a, b)
+    n = truth.time_s.size
+    quaternion = np.broadcast_to(quaternion_xyzw(pose.rotation), (n, 4))
+    return (
+        np.broadcast_to(pose.translation, (n, 3)),
+        quaternion,
+        np.broadcast_to(pose.rotation.as_matrix(), (n, 3, 3)),
+    )
+
+
+def _utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
+    """Return instants as ISO UTC text to the microsecond."""
+    start = datetime.datetime.fromisoformat(start_utc).astimezone(datetime.UTC)
+    texts = [(start + datetime.timedelta(microseconds=round(at * 1e6))).isoformat("T", "microseconds") for at in time_s]
+    return np.array([text.replace("+00:00", "Z") for text in texts])

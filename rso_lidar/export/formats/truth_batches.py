@@ -1,0 +1,123 @@
+"""Where everything was over the frames of a recording, in batches, so that hours are written without reading an image."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.export.layout.datasets import INERTIAL, POINTING
+from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.writer.frames import begun
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import BodyState, Frame, PtuAngles, Source, Truth, specs
+
+Course = tuple[Truth, tuple[PtuAngles, ...]]  # a batch of truth, and the PTU's angles at each of its instants
+_READ = 1024  # frames read at once
+_JOINED = 128  # frames kept, where they come one by one
+
+
+def source_of(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
+    """Return where frames come from, and the frames, none of them lost; having none is an error."""
+    first, coming = begun(path, frames)
+    return first.source, frames if isinstance(frames, Recording | Frames) else coming
+
+
+def courses(frames: Iterable[Frame]) -> Iterator[Course]:
+    """Yield where everything was in batches: of a recording without reading images, of other frames as they come."""
+    if isinstance(frames, Recording | Frames):
+        recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _of(frames)
+        for low in range(0, len(places), _READ):
+            yield _read(recording, np.asarray(places[low : low + _READ], dtype=int))
+        return
+    coming = iter(frames)
+    while truths := [frame.truth for frame in itertools.islice(coming, _JOINED)]:
+        yield _joined(truths)
+
+
+def _of(frames: Frames) -> tuple[Recording, Sequence[int]]:
+    return frames.recording, frames.places
+
+
+def _read(recording: Recording, places: np.ndarray) -> Course:
+    """Return the truth at some frames of a recording, and the PTU's angles."""
+    from scipy.spatial.transform import Rotation
+
+    known = recording[int(places[0])].truth  # what there is
+    first, last = int(places.min()), int(places.max())
+
+    def rows(path: str) -> np.ndarray:
+        entries: np.ndarray = recording.read(path, slice(first, last + 1))[places - first]
+        return entries
+
+    def link(group: str) -> Link:
+        matrix = Rotation.from_quat(rows(f"{group}/parent_quaternion")).as_matrix()
+        where = rows(f"{group}/parent_position"), matrix
+        return Link(where, rows(f"{group}/velocity"), rows(f"{group}/angular_velocity"))
+
+    with recording.watched():
+        truth = Truth(
+            rows("time"),
+            PoseTree(
+                {name: known.poses.parent(name) for name in known.poses},
+                {name: link(f"truth/{name}") for name in known.poses},
+            ),
+            {
+                name: BodyState(**{field: rows(f"truth/{name}/{path}") for path, field in INERTIAL.items()})
+                for name in known.states
+            },
+            rows("truth/sun_direction"),
+            None,
+            {name: rows(f"truth/{name}/sunlit") for name in known.sunlit},
+        )
+        if known.pointing is None:
+            return truth, ()
+        table = {name: np.zeros((places.size, 2)) for name in specs(PtuAngles)}
+        for path, name, axis in POINTING:
+            table[name][:, axis] = rows(path)
+    return truth, tuple(PtuAngles(**{name: values[k] for name, values in table.items()}) for k in range(places.size))
+
+
+def _joined(truths: list[Truth]) -> Course:
+    """Return single truths as one batch, and the PTU's angles."""
+    first = truths[0]
+
+    def link(name: str) -> Link:
+        links = [truth.poses[name] for truth in truths]
+        where = np.stack([link.translation_m for link in links]), np.stack([link.matrix for link in links])
+        rates = np.stack([link.angular_velocity_rad_s for link in links])
+        return Link(where, np.stack([link.velocity_m_s for link in links]), rates)
+
+    def state(name: str) -> BodyState:
+        states = [truth.states[name] for truth in truths]
+        return BodyState(np.stack([at.position_m for at in states]), np.stack([at.velocity_m_s for at in states]))
+
+    poses = {name: link(name) for name in first.poses}
+    truth = Truth(
+        np.array([truth.time_s for truth in truths]),
+        PoseTree({name: first.poses.parent(name) for name in first.poses}, poses),
+        {name: state(name) for name in first.states},
+        np.stack([truth.sun_direction for truth in truths]),
+        None,
+        {name: np.array([truth.sunlit[name] for truth in truths]) for name in first.sunlit},
+    )
+    return truth, tuple(truth.pointing for truth in truths if truth.pointing is not None)
+
+
+def whole(batches: Iterable[Course], choose: Callable[[int], np.ndarray] | None = None) -> Course:
+    """Join batches into one.
+
+    Parameters
+    ----------
+    batches : truth of some instants each.
+    choose : function that gives, for a number of instants, the places of those to keep; all are kept without it. The
+        PTU's angles of the others stay.
+    """
+    several = list(batches)
+    if len(several) == 1 and choose is None:
+        return several[0]
+    truths = [truth.at(k) for truth, _ in several for k in range(truth.time_s.size)]
+    truth, _ = _joined(truths if choose is None else [truths[k] for k in choose(len(truths)).tolist()])
+    return truth, tuple(angle for _, angles in several for angle in angles)

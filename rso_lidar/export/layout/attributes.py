@@ -1,0 +1,77 @@
+"""Attributes of a recording and of its datasets, by the CF conventions 1.11."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.layout.datasets import TIME, Variable
+from rso_lidar.export.layout.targets import tables
+from rso_lidar.records import SCHEMA_VERSION, Source
+
+AXES = (
+    "inertial: GCRS, or the root of a local world. lidar: +z boresight, +x right (columns grow with it), +y down (rows "
+    "grow with it). A point is range * line_of_sight, in lidar axes."
+)
+SCALES = {  # what the coordinate of a dimension means
+    "row": "row of the focal plane, 0 at the top",
+    "col": "column of the focal plane, 0 at the left",
+    "return": "number of the return in its pixel, 0 the nearest",
+    "sample": "number of the sample in its trace",
+    "fine_row": "row of the oversampled image, 0 at the top",
+    "fine_col": "column of the oversampled image, 0 at the left",
+}
+
+
+def array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
+    """Return the CF attributes of an array that grows by one entry a frame."""
+    if variable.path == "time":
+        return dict(time_attributes(source.start_utc))
+    found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
+    if variable.path == "labels/target" and source.targets:
+        found["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
+        found["flag_meanings"] = " ".join(target.name for target in source.targets)
+    return found
+
+
+def root_attributes(source: Source) -> dict[str, Any]:
+    """Return the attributes of a recording as a whole."""
+    seed: Any = np.int64(source.seed) if abs(source.seed) < 2**63 else str(source.seed)
+    return {
+        "Conventions": "CF-1.11",
+        "title": source.title,
+        "history": f"simulated by rso_lidar {source.versions.get('rso_lidar', 'unknown')}",
+        "schema_version": np.int64(SCHEMA_VERSION),
+        "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),
+        "versions": json.dumps(dict(source.versions)),
+        "scenario": source.scenario,
+        "seed": seed,
+        "start_utc": source.start_utc,
+        "targets": json.dumps(tables(source.targets), indent=1),
+        "quaternion_order": "xyzw",
+        "axes": AXES,
+    }
+
+
+def time_attributes(start_utc: str) -> dict[str, str]:
+    """Return the CF attributes of /time; its units name the start without an offset, as netCDF tools like it."""
+    try:
+        start = datetime.datetime.fromisoformat(start_utc)
+    except ValueError:
+        raise RecordingError(f"start_utc: '{start_utc}' is no ISO 8601 instant; write 2024-09-17T12:00:00Z") from None
+    if start.tzinfo is not None:
+        start = start.astimezone(datetime.UTC).replace(tzinfo=None)
+    return {
+        "units": f"seconds since {start.isoformat(sep=' ')}",
+        "calendar": "standard",
+        "units_metadata": "leap_seconds: none",  # CF 1.12, sec. 4.4.3: every day of this time line has 86400 s
+        "standard_name": "time",
+        "axis": "T",
+        "long_name": TIME.meaning,
+        "comment": "elapsed SI seconds since start_utc (UTC); a leap second during the run is an ordinary second, so "
+        "the calendar time that a reader derives is one second ahead of UTC after it",
+    }

@@ -1,0 +1,246 @@
+"""The datasets that a frame fills in a recording: where each stands, what it is, and what the frame puts there.
+
+Names, dtypes, units and meanings come from the statements in `records`; the few that no record states (a node of the
+tree of axes) are stated here. Absence: NaN in floats, -1 in signed integers, 0 in unsigned ones.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.checksum import fletcher32
+from rso_lidar.pose import ROOT, PoseTree
+from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, specs
+
+# In the file: in the record.
+READING = {"range": "range_m", "intensity": "intensity_counts", "saturated": "saturated"}
+RETURNS = {"returns/range": "return_range_m", "returns/intensity": "return_intensity_counts"}
+LABELS = {f"labels/{field.name}": field.name for field in dataclasses.fields(Labels) if field.default is not None}
+MORE_LABELS = {f"labels/{name}": name for name in specs(Labels) if f"labels/{name}" not in LABELS}
+_F8 = np.dtype("f8")
+_XYZ = ("xyz",)
+NODE = {
+    "parent_position": ArraySpec(_XYZ, _F8, "m", "position of these axes in their parent's"),
+    "parent_quaternion": ArraySpec(("quaternion",), _F8, "1", "rotation parent_from_this as x, y, z, w with w >= 0"),
+    "velocity": ArraySpec(_XYZ, _F8, "m s-1", "velocity of these axes' origin as the parent sees it, in parent axes"),
+    "angular_velocity": ArraySpec(_XYZ, _F8, "rad s-1", "angular velocity relative to the parent, in these axes"),
+    "position": ArraySpec(_XYZ, _F8, "m", "position of these axes in lidar axes"),
+    "quaternion": ArraySpec(("quaternion",), _F8, "1", "rotation lidar_from_this as x, y, z, w with w >= 0"),
+}
+INERTIAL = {"inertial_position": "position_m", "inertial_velocity": "velocity_m_s"}  # in the file: in BodyState
+SUN = ArraySpec(_XYZ, _F8, "1", "unit vector to the Sun in inertial axes, NaN in a local world without a Sun")
+SUNLIT = ArraySpec((), _F8, "1", "share of the Sun's disc that the Earth leaves free")
+TIME = ArraySpec((), _F8, "", "emission of the laser flash")
+INDEX = ArraySpec((), np.dtype("i8"), "1", "number of the frame in the scenario")
+LENS = ArraySpec((), np.dtype("i4"), "1", "lens_number of the line of sight in force")
+
+_UNITS = {  # what a suffix means, in UDUNITS
+    "m": "m",
+    "km": "km",
+    "mm": "mm",
+    "um": "um",
+    "nm": "nm",
+    "s": "s",
+    "ns": "ns",
+    "rad": "rad",
+    "deg": "degree",
+    "m_s": "m s-1",
+    "rad_s": "rad s-1",
+    "deg_s": "degree s-1",
+    "hz": "Hz",
+    "mhz": "MHz",
+    "j": "J",
+    "mj": "mJ",
+    "kg": "kg",
+    "n_m": "N m",
+    "na": "nA",
+    "per_sr": "sr-1",
+    "per_s": "s-1",
+    "counts": "count",
+    "v": "V",
+}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One dataset that grows by one entry a frame: where it stands, what it is, and the shape of one entry."""
+
+    path: str
+    spec: ArraySpec
+    shape: tuple[int, ...]
+
+    @property
+    def is_image(self) -> bool:
+        """Return whether an entry is an array over the focal plane, or over a finer one."""
+        return "row" in self.spec.dims or "fine_row" in self.spec.dims
+
+    @property
+    def fill(self) -> float | int | None:
+        """Return what stands for absence, or None where zero does."""
+        if self.path in ("time", "frame_index", "lens"):
+            return None
+        return {"f": np.nan, "i": -1}.get(self.spec.dtype.kind)
+
+    @property
+    def chunk(self) -> tuple[int, ...]:
+        """Return the shape of a chunk in the file."""
+        # One frame: a chunk is written once. A kill while a chunk of many frames was replaced would leave a checksum
+        # that fits none of them.
+        return (1, *self.shape)
+
+
+def variables(frame: Frame) -> dict[str, Variable]:
+    """Return the datasets that a recording with such frames has, by path."""
+    found = _always(frame) | sometimes(frame)
+    sizes = {"row": frame.range_m.shape[0], "col": frame.range_m.shape[1], "xyz": 3, "quaternion": 4}
+    made = {}
+    for path, value in values(frame).items():
+        own = dict(zip(found[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
+        made[path] = Variable(path, found[path], tuple((own | sizes)[dim] for dim in found[path].dims))
+    for path, variable in made.items():
+        if 0 in variable.shape:
+            raise RecordingError(
+                f"{path}: the first frame's has the shape {variable.shape}; record at least one of each"
+            )
+    return made
+
+
+def _always(frame: Frame) -> dict[str, ArraySpec]:
+    """Return the datasets that a reader finds by what the frame is of: settings, axes, bodies, a PTU."""
+    found = {"time": TIME, "frame_index": INDEX}
+    found |= {path: specs(Reading)[name] for path, name in READING.items()}
+    found |= {path: specs(Labels)[name] for path, name in LABELS.items()}
+    for name in frame.observation.settings:
+        found[f"settings/{name}"] = ArraySpec((), _F8, setting_unit(name), f"{name.replace('_', ' ')}, as in force")
+    if frame.truth.pointing is not None:
+        for (path, _, place), spec in zip(POINTING, _pointing_specs(), strict=True):
+            found[path] = dataclasses.replace(spec, dims=(), meaning=f"{('pan', 'tilt')[place]} of: {spec.meaning}")
+    found["truth/sun_direction"] = SUN
+    for name in frame.truth.poses:
+        if name == "sun_direction" or "/" in name:
+            raise RecordingError(f"axes '{name}': a recording cannot hold this name; rename the body")
+        found |= {f"truth/{name}/{path}": spec for path, spec in NODE.items()}
+    state = {path: dataclasses.replace(specs(BodyState)[field], dims=_XYZ) for path, field in INERTIAL.items()}
+    for name in frame.truth.states:
+        found |= {f"truth/{name}/{path}": spec for path, spec in state.items()}
+    return found
+
+
+def sometimes(frame: Frame) -> dict[str, ArraySpec]:
+    """Return the datasets that are there only if the frame has what they hold; an attribute of the file lists them."""
+    reading, labels = frame.observation.reading, frame.labels
+    found = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
+    found |= {path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None}
+    found |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
+    return found | intermediates.statements(frame.kept)
+
+
+# Path, field of `PtuAngles`, and place in it: /ptu/pan_demand_rad and so on.
+POINTING = [
+    (f"ptu/{axis}_{name}", name, place) for name in specs(PtuAngles) for place, axis in enumerate(("pan", "tilt"))
+]
+
+
+def _pointing_specs() -> list[ArraySpec]:
+    return [specs(PtuAngles)[name] for _, name, _ in POINTING]
+
+
+def setting_unit(name: str) -> str:
+    """Return the unit that a setting's suffix names, in UDUNITS; 1 where it names none.
+
+    >>> setting_unit("focal_length_m"), setting_unit("max_rate_rad_s"), setting_unit("gain")
+    ('m', 'rad s-1', '1')
+    """
+    words = name.split("_")
+    ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
+    return next((_UNITS[end] for end in ends if end in _UNITS), "1")
+
+
+def values(frame: Frame) -> dict[str, Any]:
+    """Return what a frame puts into each dataset, by path, in the file's dtypes (time last)."""
+    from scipy.spatial.transform import Rotation
+
+    observation, truth = frame.observation, frame.truth
+    found: dict[str, Any] = {
+        path: value
+        for record, names in ((observation.reading, READING | RETURNS), (frame.labels, LABELS | MORE_LABELS))
+        for path, name in names.items()
+        if (value := getattr(record, name)) is not None
+    }
+    found |= intermediates.values(frame.kept, frame.range_m.shape)
+    found |= {f"settings/{name}": value for name, value in observation.settings.items()}
+    if truth.pointing is not None:
+        found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
+    found["truth/sun_direction"] = truth.sun_direction
+    seen = lidar_from(truth.poses)
+    rotations = [truth.poses[name].pose.as_matrix()[..., :3, :3] for name in seen]
+    rotations += [matrix[..., :3, :3] for matrix in seen.values()]
+    quaternions = Rotation.from_matrix(np.array(rotations)).as_quat(canonical=True)
+    for place, (name, matrix) in enumerate(seen.items()):
+        link = truth.poses[name]
+        found[f"truth/{name}/parent_position"] = link.translation_m
+        found[f"truth/{name}/parent_quaternion"] = quaternions[place]
+        found[f"truth/{name}/velocity"] = link.velocity_m_s
+        found[f"truth/{name}/angular_velocity"] = link.angular_velocity_rad_s
+        found[f"truth/{name}/position"] = matrix[..., :3, 3]
+        found[f"truth/{name}/quaternion"] = quaternions[len(seen) + place]
+    for name, state in truth.states.items():
+        found |= {f"truth/{name}/{path}": getattr(state, field) for path, field in INERTIAL.items()}
+    found |= {f"truth/{name}/sunlit": share for name, share in truth.sunlit.items()}
+    found["frame_index"] = frame.index
+    found["time"] = frame.time_s
+    return found
+
+
+def stored_chunk(entry: np.ndarray, *, is_image: bool) -> bytes:
+    """Encode a contiguous entry as HDF5 stores its chunk: images behind the filters shuffle and gzip, all with fletcher32.
+
+    HDF5's own filters would do the same while all other threads wait; zlib lets them run. Of its strategies the one for
+    runs is the fastest, and as small on images that are mostly sky.
+    """
+    data = entry.tobytes()
+    if is_image:
+        squeeze = zlib.compressobj(1, strategy=zlib.Z_RLE)
+        planes = entry.reshape(-1).view(np.uint8).reshape(-1, entry.itemsize).T  # first bytes, second bytes, ...
+        data = squeeze.compress(planes.tobytes()) + squeeze.flush()
+    return data + fletcher32(data)
+
+
+def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
+    """Return the matrix (4, 4) of lidar_from_<name> for every node, by name, in the tree's order.
+
+    The tree is walked once, outward from the lidar, so that each pose is composed along the shortest path.
+    """
+    if "lidar" not in tree:
+        raise RecordingError("a frame without axes named 'lidar' cannot be recorded: add them to its truth")
+    inward = {name: tree[name].pose.as_matrix() for name in tree}  # parent_from_name
+    below: dict[str, list[str]] = {}
+    for name in tree:
+        below.setdefault(tree.parent(name), []).append(name)
+    seen = {"lidar": np.eye(4)}
+    waiting = ["lidar"]
+    while waiting:
+        name = waiting.pop()
+        if name != ROOT and tree.parent(name) not in seen:
+            rotation, position = inward[name][:3, :3], inward[name][:3, 3]
+            inverse = np.eye(4)
+            inverse[:3, :3], inverse[:3, 3] = rotation.T, -rotation.T @ position
+            seen[tree.parent(name)] = seen[name] @ inverse
+            waiting.append(tree.parent(name))
+        for child in below.get(name, []):
+            if child not in seen:
+                seen[child] = seen[name] @ inward[child]
+                waiting.append(child)
+    return {name: seen[name] for name in tree}
+
+
+def parents(frame: Frame) -> dict[str, str]:
+    """Return the parent of every node of a frame's tree of axes."""
+    return {name: frame.truth.poses.parent(name) for name in frame.truth.poses}

@@ -1,0 +1,227 @@
+"""A recording read back, from HDF5 or Zarr: frames one by one, and arrays of which only what is asked for is read."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import overload
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RsoLidarError
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.datasets import INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
+from rso_lidar.export.reader.arrays import Stored
+from rso_lidar.export.reader.recording_file import RecordingFile
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records import BodyState, Frame, Labels, Observation, PtuAngles, Reading, Record, Truth, specs
+
+_READ_AT_ONCE = 128  # frames of small vectors, which are kept until another one is asked for
+
+
+class Recording(RecordingFile, Sequence[Frame]):
+    """A recording: a sequence of frames, and arrays (time, row, col) that are read piece by piece.
+
+    A temporary file, of a run that goes on or was killed, is read like a finished one, as far as it had come when it
+    was opened; `complete` is False then.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(path)
+        self._rows: dict[str, tuple[int, np.ndarray]] = {}
+
+    # ---------------------------------------------------------------------------------------------------- as a sequence
+
+    @overload
+    def __getitem__(self, k: int) -> Frame: ...
+    @overload
+    def __getitem__(self, k: slice) -> Frames: ...
+    def __getitem__(self, k: int | slice) -> Frame | Frames:
+        if isinstance(k, slice):
+            return Frames(self, range(len(self))[k])
+        place = self.place(k)
+        with self.watched():
+            return self._frame(place)
+
+    def __repr__(self) -> str:
+        """Return the file, how many frames it holds, and their instants."""
+        count = len(self)
+        frames = f"{count} frame{'s' * (count != 1)}" + ("" if self.complete else " so far")
+        span = ""
+        with contextlib.suppress(RsoLidarError, OSError, RuntimeError, ValueError):  # it may have been closed
+            span = f", {self.time_s[0]:g} to {self.time_s[-1]:g} s" if count else ""
+        return f"<Recording {self.path.name}: {frames}{span}>"
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[k] for k in range(len(self)))
+
+    # ----------------------------------------------------------------------------------------------------- as arrays
+
+    @property
+    def range_m(self) -> Stored:
+        """Return the measured ranges (time, row, col) [m], NaN where nothing came back."""
+        return Stored(self, "range")
+
+    @property
+    def intensity_counts(self) -> Stored:
+        """Return the measured intensities (time, row, col) [counts], 0 where nothing came back."""
+        return Stored(self, "intensity")
+
+    @property
+    def saturated(self) -> Stored:
+        """Return where the intensity clipped (time, row, col), as bool."""
+        return Stored(self, "saturated", bool)
+
+    @property
+    def time_s(self) -> Stored:
+        """Return the instants of emission (time) [s since start_utc]."""
+        return Stored(self, "time")
+
+    @property
+    def frame_index(self) -> Stored:
+        """Return the number (time) of each frame in its scenario."""
+        return Stored(self, "frame_index")
+
+    @property
+    def labels(self) -> SimpleNamespace:
+        """Return what was there, by name: ``recording.labels.target[10:20]``, (time, row, col)."""
+        return self._named(LABELS | MORE_LABELS)
+
+    @property
+    def returns(self) -> SimpleNamespace:
+        """Return what was measured of all returns of a pixel, as range_m and intensity_counts (time, row, col, return)."""
+        self._need_kept("returns")
+        return self._named({path: name.removeprefix("return_") for path, name in RETURNS.items()})
+
+    @property
+    def waveforms(self) -> SimpleNamespace:
+        """Return samples_counts (time, row, col, sample), start_s, latch_s, and the numbers sample_s, baseline_counts."""
+        return self._kept_arrays("waveforms")
+
+    @property
+    def photons(self) -> SimpleNamespace:
+        """Return the photon images (time, row, col): photons, and background_photons_per_s where there is background."""
+        return self._kept_arrays("photons")
+
+    @property
+    def oversampled(self) -> SimpleNamespace:
+        """Return the images on the grid of rays (time, fine_row, fine_col): range_m and photons."""
+        return self._kept_arrays("oversampled")
+
+    @property
+    def lens(self) -> Stored:
+        """Return which of the lines of sight each frame (time) was seen along, where the lens changes."""
+        return Stored(self, "lens")
+
+    @property
+    def line_of_sight(self) -> np.ndarray:
+        """Return unit vectors (row, col, xyz) in lidar axes; where the lens changes (lens_number, row, col, xyz)."""
+        if not self.changes_lens:
+            return self._sight_of(0)
+        lenses = self.lens[:]
+        with self.watched("line_of_sight"):
+            tables: np.ndarray = self._file["line_of_sight"][: int(lenses.max(initial=-1)) + 1]
+        return tables
+
+    def dataset(self, path: str) -> Stored:
+        """Return the array at a path of the file, such as ``truth/tdrs/position``, with its attributes."""
+        return Stored(self, path)
+
+    # ------------------------------------------------------------------------------------------------------ the inside
+
+    def _row(self, path: str, k: int) -> np.ndarray:
+        """Return one entry of a dataset of small vectors, which are read many frames at a time."""
+        low = k - k % _READ_AT_ONCE
+        have = self._rows.get(path)
+        if have is None or have[0] != low:
+            have = low, self.read(path, slice(low, min(low + _READ_AT_ONCE, self._count)))
+            self._rows[path] = have
+        entry: np.ndarray = have[1][k - low]
+        return entry
+
+    def _frame(self, k: int) -> Frame:
+        time_s = float(self._row("time", k))
+        reading = Reading(**self._arrays(READING | RETURNS, k))
+        pointing = self._pointing(k)
+        links = {name: self._link(f"truth/{name}", k) for name in self._parents}
+        states = {
+            name: BodyState(**{field: self._row(f"truth/{name}/{path}", k) for path, field in INERTIAL.items()})
+            for name in self._states
+        }
+        observation = Observation(
+            time_s=time_s,
+            reading=reading,
+            settings={name: float(self._row(f"settings/{name}", k)) for name in self._settings},
+            line_of_sight=self._sight_of(int(self._row("lens", k)) if self.changes_lens else 0),
+            pan_tilt_rad=None if pointing is None else pointing.measured_rad,
+        )
+        sun = self._row("truth/sun_direction", k)
+        sunlit = {name: float(self._row(f"truth/{name}/sunlit", k)) for name in self._sunlit}
+        return Frame(
+            index=int(self._row("frame_index", k)),
+            observation=observation,
+            labels=Labels(**self._arrays(LABELS | MORE_LABELS, k)),
+            truth=Truth(time_s, PoseTree(self._parents, links), states, sun, pointing, sunlit),
+            source=self.source,
+            kept={group: self._kept_record(group, k) for group in self.kept},
+        )
+
+    def _arrays(self, names: Mapping[str, str], k: int) -> dict[str, np.ndarray]:
+        """Return one entry of each of these datasets that the recording has, by name in the record."""
+        return {name: self.read(path, k) for path, name in names.items() if path in self._datasets}
+
+    def _kept_record(self, group: str, k: int) -> Record:
+        entries = self._arrays({f"{group}/{path}": name for path, name in intermediates.FIELDS[group].items()}, k)
+        return intermediates.restored(group, entries, self._constants[group])
+
+    def _named(self, names: Mapping[str, str]) -> SimpleNamespace:
+        """Return those of these datasets that the recording has, by name in the record."""
+        return SimpleNamespace(**{name: Stored(self, path) for path, name in names.items() if path in self._datasets})
+
+    def _kept_arrays(self, group: str) -> SimpleNamespace:
+        self._need_kept(group)
+        named = self._named({f"{group}/{path}": name for path, name in intermediates.FIELDS[group].items()})
+        return SimpleNamespace(**vars(named), **self._constants[group])
+
+    def _need_kept(self, group: str) -> None:
+        if not any(path.startswith(f"{group}/") for path in self._datasets):
+            raise RecordingError(f"{self.path}: holds no {group}; ask for them when the frames are made")
+
+    def _link(self, group: str, k: int) -> Link:
+        from scipy.spatial.transform import RigidTransform, Rotation
+
+        rotation = Rotation.from_quat(self._row(f"{group}/parent_quaternion", k))
+        return Link(
+            RigidTransform.from_components(self._row(f"{group}/parent_position", k), rotation),
+            self._row(f"{group}/velocity", k),
+            self._row(f"{group}/angular_velocity", k),
+        )
+
+    def _pointing(self, k: int) -> PtuAngles | None:
+        if not self._ptu:
+            return None
+        angles: dict[str, np.ndarray] = {name: np.zeros(2) for name in specs(PtuAngles)}
+        for path, name, place in POINTING:
+            angles[name][place] = self._row(path, k)
+        return PtuAngles(**angles)
+
+
+class Frames(Sequence[Frame]):
+    """Some frames of a recording, read when asked for."""
+
+    def __init__(self, recording: Recording, places: Sequence[int]) -> None:
+        self.recording, self.places = recording, places
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @overload
+    def __getitem__(self, k: int) -> Frame: ...
+    @overload
+    def __getitem__(self, k: slice) -> Frames: ...
+    def __getitem__(self, k: int | slice) -> Frame | Frames:
+        if isinstance(k, slice):
+            return Frames(self.recording, self.places[k])
+        return self.recording[self.places[k]]

@@ -1,0 +1,181 @@
+"""An open recording, from HDF5 or Zarr: checked when it is opened, its datasets by path."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import operator
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.checksum import texts_crc32
+from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
+from rso_lidar.export.layout.targets import targets
+from rso_lidar.export.reader.hdf5_file import TEMPORARY, opened
+from rso_lidar.export.reader.zarr_file import SUFFIX, opened_zarr
+from rso_lidar.records import SCHEMA_VERSION, Source
+
+
+class RecordingFile:
+    """An open recording: what holds for all frames, and its datasets, each at least as long as /time.
+
+    `complete` is False for a temporary file, of a run that goes on or was killed; it is read as far as it had come when
+    it was opened.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.complete = TEMPORARY.search(self.path.name) is None
+        zarr = self.path.suffix.lower() == SUFFIX
+        self._file: Any = opened_zarr(self.path) if zarr else opened(self.path, swmr=not self.complete)
+        try:
+            with self.watched():
+                self._check()
+        except BaseException:
+            self.close()
+            raise
+
+    def __len__(self) -> int:
+        return self._count
+
+    def place(self, k: Any) -> int:
+        """Return the place of frame k, counted from the end where k is negative."""
+        place = operator.index(k)
+        if not -len(self) <= place < len(self):
+            raise IndexError(f"{self.path}: there is no frame {place}; it has {len(self)}")
+        return place % len(self)
+
+    @property
+    def changes_lens(self) -> bool:
+        """Return whether the recording has a line of sight for each of several lenses."""
+        return "lens" in self._datasets
+
+    def handle(self, path: str) -> Any:
+        """Return the h5py dataset (of a Zarr store the array) at a path; what it raises is its library's."""
+        if not self._file:
+            raise RecordingError(f"{self.path}: is closed; open it again")
+        if path not in self._datasets:
+            raise RecordingError(f"{self.path}: there is no dataset {path} in it")
+        return self._datasets[path]
+
+    def read(self, path: str, key: Any) -> Any:
+        """Return what an index selects of a dataset; damage there is an error that names the dataset."""
+        with self.watched(path):
+            return self.handle(path)[key]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @contextlib.contextmanager
+    def watched(self, what: str = "") -> Iterator[None]:
+        """Turn what h5py raises over a damaged file into a `RecordingError`; `what` names the dataset that is read."""
+        place = f"{self.path}: {what}" if what else f"{self.path}"
+        try:
+            yield
+        except RecordingError:
+            raise
+        except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
+            why = " ".join(str(error).split())[:120]
+            raise RecordingError(f"{place}: is damaged ({why}); copy or record it again") from error
+
+    # ------------------------------------------------------------------------------------------------------ the inside
+
+    def _check(self) -> None:
+        """Read what is not per frame, and make sure that all else is there."""
+        attributes = self._file.attrs
+        if "schema_version" not in attributes or "rso_lidar_version" not in attributes:
+            raise RecordingError(f"{self.path}: holds arrays but is no recording of rso_lidar; give one made by `run`")
+        schema = int(attributes["schema_version"])
+        if schema > SCHEMA_VERSION:
+            version = attributes["rso_lidar_version"]
+            raise RecordingError(
+                f"{self.path}: is of schema {schema}, by rso_lidar {version}; this one reads up to schema "
+                f"{SCHEMA_VERSION}: upgrade rso_lidar"
+            )
+        self._need("truth")
+        stated = self._file["truth"].attrs.get("texts_crc32")
+        if stated is not None and int(stated) != texts_crc32(self._file):
+            raise RecordingError(
+                f"{self.path}: is damaged (texts in its attributes differ from their checksum texts_crc32); copy or record "
+                "it again"
+            )
+        self.source = self._source()
+        self._need("time", "frame_index", "line_of_sight", "truth/sun_direction")
+        self._parents: dict[str, str] = json.loads(self._file["truth"].attrs["tree"])
+        self._states: list[str] = json.loads(self._file["truth"].attrs["states"])
+        self._settings = list(self._file["settings"]) if "settings" in self._file else []
+        self._ptu = "ptu" in self._file
+        optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
+        self._sunlit = [name for path in optional if (name := _between("truth/", path, "/sunlit"))]
+        found = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
+        self.kept = tuple(found)  # names of the intermediate records that it holds
+        paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
+        paths += [f"truth/{name}/{path}" for name in self._parents for path in NODE]
+        paths += [f"truth/{name}/{path}" for name in self._states for path in INERTIAL]
+        paths += [f"settings/{name}" for name in self._settings]
+        paths += [path for path, _, _ in POINTING] if self._ptu else []
+        self._need(*paths)
+        self._datasets = {path: self._file[path] for path in paths}
+        self._constants = {
+            group: {name: float(self._file[group].attrs[name]) for name in intermediates.CONSTANTS.get(group, ())}
+            for group in self.kept
+        }
+        self._count = int(self._datasets["time"].shape[0])
+        for path, dataset in self._datasets.items():
+            if dataset.shape[0] < self._count:
+                raise RecordingError(f"{self.path}: {path} ends before /time; copy or record it again")
+        self._sight: tuple[int, np.ndarray] | None = None
+        if not self.changes_lens:
+            self._sight_of(0)
+
+    def _need(self, *paths: str) -> None:
+        missing = [path for path in paths if path not in self._file]
+        if missing:
+            more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
+            raise RecordingError(f"{self.path}: the dataset {missing[0]} is missing{more}; copy or record it again")
+
+    def _source(self) -> Source:
+        attributes = self._file.attrs
+        return Source(
+            scenario=attributes["scenario"],
+            title=attributes["title"],
+            start_utc=attributes["start_utc"],
+            seed=int(attributes["seed"]),
+            versions=json.loads(attributes["versions"]),
+            targets=targets(json.loads(attributes["targets"])),
+        )
+
+    def _sight_of(self, number: int) -> np.ndarray:
+        """Return the line of sight (row, col, xyz) through one of the lenses."""
+        if self._sight is None or self._sight[0] != number:
+            with self.watched("line_of_sight"):
+                tables = self._file["line_of_sight"]
+                self._sight = number, tables[_index(number, tables.shape[0])] if self.changes_lens else tables[:]
+        return self._sight[1]
+
+
+def _between(start: str, text: str, end: str) -> str:
+    """Return what stands between a start and an end of a text, nothing where it has others."""
+    return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
+
+
+def _index(number: int, count: int) -> int:
+    """Return a number of a table once it is sure that there is one."""
+    if not 0 <= number < count:
+        raise IndexError(f"no line of sight {number} among {count}")
+    return number

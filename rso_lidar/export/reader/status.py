@@ -1,0 +1,72 @@
+"""A recording seen from beside while a run writes it: how far it has come, and whether anybody still writes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.reader.hdf5_file import TEMPORARY
+from rso_lidar.export.reader.recording import Recording
+from rso_lidar.files import is_locked
+from rso_lidar.records import Source
+
+_LOCK = re.compile(r"^\.(.+)\.lock$")
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How far a recording has come: `frames` are whole, the last of them taken at `time_s` (None before the first).
+
+    `output` is its name when complete, `file` the one that holds the frames now. `running` says that a process writes it
+    (or, on systems that cannot tell, that one may); `complete` that it has its name. `source` is None before the first
+    frame, or where a writer was just at work in the file.
+    """
+
+    output: Path
+    file: Path
+    running: bool
+    complete: bool
+    frames: int = 0
+    time_s: float | None = None
+    source: Source | None = None
+
+
+def growth(path: Path) -> Growth:
+    """Return how far the recording of that name has come; `path` may be its temporary name too.
+
+    A run under way counts more than an older recording that it is to replace.
+    """
+    output = path.with_name(TEMPORARY.sub("", path.name))
+    named = None if path.name == output.name else path.name
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path}: there is no folder {path.parent}; check the name")
+    names = [entry.name for entry in path.parent.iterdir()]
+    locks = {found[1] for name in names if (found := _LOCK.match(name))}
+    temporary = {name for name in (*names, *locks) if name.startswith(f"{output.name}.tmp-") and TEMPORARY.search(name)}
+    ours = [path.with_name(name) for name in temporary if not name.endswith(".starting") and named in (None, name)]
+    for file in sorted(ours):
+        if file.name in locks and is_locked(file.with_name(f".{file.name}.lock")):
+            return _seen(output, file, running=True)
+    if output.exists():
+        return _seen(output, output, running=False)
+    left = sorted((file for file in ours if file.exists()), key=lambda file: file.stat().st_mtime_ns)
+    if left:
+        unknown = is_locked(left[-1].with_name(f".{left[-1].name}.lock")) is None
+        return _seen(output, left[-1], running=unknown)
+    Recording(path).close()  # which says what is wrong
+    raise RecordingError(f"{path}: was taken away while it was looked at; look again")
+
+
+def _seen(output: Path, file: Path, *, running: bool) -> Growth:
+    complete = file == output
+    try:
+        with Recording(file) as recording:
+            count = len(recording)
+            time_s = float(recording.time_s[count - 1]) if count else None
+            return Growth(output, file, running, complete, count, time_s, recording.source)
+    except RecordingError:
+        if not running:
+            raise
+        return Growth(output, file, running, complete)  # not begun, or just being renamed

@@ -1,0 +1,101 @@
+"""Frames as they come to a writer: at least one, all alike, and in batches of arrays where a format wants those."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.datasets import Variable, parents, values
+from rso_lidar.records import Frame
+
+
+def begun(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
+    """Return the first of some frames, and all of them from the first on; none at all is refused.
+
+    Parameters
+    ----------
+    place : what is being written, for messages.
+    frames : taken one by one.
+    """
+    coming = iter(frames)
+    first = next(coming, None)
+    if first is None:
+        raise RecordingError(f"{place}: there were no frames to write; check the choice of frames")
+    return _frame(place, first), (_frame(place, frame) for frame in itertools.chain([first], coming))
+
+
+def _frame(place: Path, found: object) -> Frame:
+    if not isinstance(found, Frame):
+        raise RecordingError(f"{place}: got a {type(found).__name__}, not a frame; give what simulate or open returns")
+    return found
+
+
+def entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
+    """Return what a frame puts into each variable, by path, once it is sure that it fits beside the first frame."""
+    where = f"{place}: frame {frame.index}"
+    if frame is not first and parents(frame) != parents(first):
+        raise RecordingError(f"{where}: its tree of axes differs from the first frame's; write it to another file")
+    if frame.line_of_sight.shape != first.line_of_sight.shape:
+        raise RecordingError(f"{where}: has other rows or columns than the first; write it to another file")
+    if intermediates.constants(frame.kept) != intermediates.constants(first.kept):
+        raise RecordingError(f"{where}: kept waveforms are sampled otherwise than the first's; write to another file")
+    filled = values(frame)
+    if filled.keys() != variables.keys():
+        odd = ", ".join(sorted(filled.keys() ^ variables.keys()))
+        raise RecordingError(f"{where}: {odd}: not in every frame; write it to another file")
+    found = {}
+    for path, value in filled.items():
+        variable = variables[path]
+        if np.shape(value) != variable.shape:
+            raise RecordingError(f"{where}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
+        found[path] = np.asarray(value, dtype=variable.spec.dtype)
+    return found
+
+
+def frame_bytes(variables: Mapping[str, Variable]) -> int:
+    """Return how many bytes the arrays of one frame take."""
+    return sum(variable.spec.dtype.itemsize * int(np.prod(variable.shape)) for variable in variables.values())
+
+
+def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes as JSON takes them."""
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        for name, value in attributes.items()
+    }
+
+
+class Sights:
+    """The lines of sight that frames were seen along, each numbered at its first use; `new` is called with each."""
+
+    def __init__(self) -> None:
+        self.numbers: list[int] = []  # one for each frame
+        self._known: dict[bytes, int] = {}
+        self._last: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def add(self, line_of_sight: np.ndarray) -> bool:
+        """Return whether a frame's line of sight is a new one, after numbering it."""
+        if line_of_sight is self._last:
+            self.numbers.append(self.numbers[-1])
+            return False
+        self._last = line_of_sight
+        key = np.ascontiguousarray(line_of_sight).tobytes()
+        digest = key if len(key) < 64 else _digest(key)
+        new = digest not in self._known
+        self.numbers.append(self._known.setdefault(digest, len(self._known)))
+        return new
+
+
+def _digest(data: bytes) -> bytes:
+    import hashlib
+
+    return hashlib.sha256(data).digest()

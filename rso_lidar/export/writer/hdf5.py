@@ -1,0 +1,32 @@
+"""The default format: a whole recording as one HDF5 file, which `open` reads back as frames."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from rso_lidar.errors import RecordingError
+from rso_lidar.export.writer.recorder import Recorder, check_output, run_id
+from rso_lidar.records import Frame
+
+
+def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+    """Return the path of the recording after writing frames to it, one at a time as they come.
+
+    What the frames have is recorded: all returns of a pixel, kept waveforms, photons and oversampled images, a lens that
+    changes. A run that is cut off leaves a temporary file with all its whole frames.
+    """
+    output = check_output(path, overwrite=overwrite)
+    coming = iter(frames)
+    first = next(coming, None)
+    if first is None:
+        raise RecordingError(f"{output}: there were no frames to record; check the choice of frames")
+    source = first.source
+    named = run_id(source, "", source.versions.get("rso_lidar", ""))
+    with Recorder(output, source, run_id=named, overwrite=overwrite, changing_lens=None) as recorder:
+        recorder.write(first)
+        del first
+        for frame in coming:
+            recorder.write(frame)
+    return output

@@ -1,0 +1,117 @@
+"""What stands where in an HDF5 recording: the file that waits for the datasets a frame fills.
+
+Dimensions are HDF5 dimension scales and attributes follow CF 1.11, so that plain h5py, MATLAB, netCDF tools and xarray
+read the same names.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.attributes import SCALES, array_attributes, root_attributes, time_attributes
+from rso_lidar.export.layout.checksum import texts_crc32
+from rso_lidar.export.layout.datasets import LENS, Variable, parents, sometimes, variables
+from rso_lidar.records import Frame, Observation, Source, specs
+
+
+def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = False) -> dict[str, Variable]:
+    """Return the datasets by path after making them all in an empty h5py file, with attributes and dimension scales.
+
+    With a lens that changes, the tables /line_of_sight grow too, and /lens says which of them holds for a frame.
+    """
+    found = variables(frame)
+    more = list(sometimes(frame))
+    if changing_lens:
+        found["lens"] = Variable("lens", LENS, ())
+        more.append("lens")
+    _attributes(file, root_attributes(source))
+    _attributes(file, {"optional_datasets": json.dumps(more)})
+    scales = {"time": _dataset(file, found["time"], time_attributes(source.start_utc))}
+    scales["time"].make_scale("time")
+    scales |= {dim: _scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
+    for dim, size, meaning in (("xyz", 3, "x, y, z"), ("quaternion", 4, "x, y, z, w")):
+        scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4", fletcher32=True)
+        _attributes(scales[dim], {"long_name": meaning})
+        scales[dim].make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
+    _lay_out_line_of_sight(file, frame, scales, changing_lens)
+    for path, variable in found.items():
+        if path != "time":
+            made = _dataset(file, variable, array_attributes(variable, source))
+            _attach(made, ("time", *variable.spec.dims), scales | _own_scales(made, variable, scales))
+    for name, parent in parents(frame).items():
+        _attributes(file[f"truth/{name}"], {"parent": parent})
+    _attributes(file["truth"], {"tree": json.dumps(parents(frame)), "states": json.dumps(list(frame.truth.states))})
+    for group, held in intermediates.constants(frame.kept).items():
+        _attributes(file[group], held)
+    _attributes(file["truth"], {"texts_crc32": np.uint32(texts_crc32(file))})
+    return found
+
+
+def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], changing: bool) -> None:
+    stated = specs(Observation)["line_of_sight"]
+    shape, dims = frame.line_of_sight.shape, stated.dims
+    squeeze = {"compression": "gzip", "shuffle": True, "fletcher32": True, "dtype": stated.dtype}
+    if changing:  # not a dimension `lens`, for HDF5 calls a dimension by its scale, and /lens is another dataset
+        grows: Any = {"shape": (0,), "maxshape": (None,), "chunks": (1,)}
+        number = file.create_dataset("lens_number", dtype="i4", fletcher32=True, **grows)
+        _attributes(number, {"units": "1", "long_name": "number of a lens, in the order of first use"})
+        number.make_scale("lens_number")
+        scales["lens_number"], dims = number, ("lens_number", *dims)
+        grows = {"shape": (0, *shape), "maxshape": (None, *shape), "chunks": (1, *shape)}
+        sight = file.create_dataset("line_of_sight", **grows, **squeeze)
+    else:
+        sight = file.create_dataset("line_of_sight", data=frame.line_of_sight, **squeeze)
+    _attributes(sight, {"units": stated.unit, "long_name": stated.meaning})
+    _attach(sight, dims, scales)
+
+
+def _own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
+    sizes = zip(variable.spec.dims, variable.shape, strict=True)
+    group = dataset.parent
+    return {dim: group[dim] if dim in group else _scale(group, dim, size) for dim, size in sizes if dim not in scales}
+
+
+def _scale(group: Any, dim: str, size: int) -> Any:
+    made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
+    _attributes(made, {"units": "1", "long_name": SCALES[dim]})
+    made.make_scale(dim)
+    return made
+
+
+def _dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> Any:
+    squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_image else {}
+    made = file.create_dataset(
+        variable.path,
+        shape=(0, *variable.shape),
+        maxshape=(None, *variable.shape),
+        chunks=variable.chunk,
+        dtype=variable.spec.dtype,
+        fillvalue=variable.fill,
+        fletcher32=True,
+        **squeeze,
+    )
+    _attributes(made, attributes)
+    if variable.fill is not None:
+        made.attrs.create("_FillValue", np.array([variable.fill], variable.spec.dtype), dtype=variable.spec.dtype)
+    return made
+
+
+def _attach(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any]) -> None:
+    for axis, dim in enumerate(dims):
+        dataset.dims[axis].attach_scale(scales[dim])
+
+
+def _attributes(place: Any, attributes: Mapping[str, Any]) -> None:
+    import h5py
+
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            place.attrs.create(name, value, dtype=h5py.string_dtype())
+        else:
+            place.attrs.create(name, value, dtype=np.asarray(value).dtype)

@@ -1,0 +1,399 @@
+"""Frames to an HDF5 file that a killed run, or a full disk, cannot spoil.
+
+A recording grows under ``<name>.tmp-<id>`` in HDF5's single-writer-multiple-readers mode, flushed frame by frame with
+/time last, and gets its name at the end: a file without the temporary suffix is complete. Of 90 writers killed at
+random moments, plain HDF5 lost files or last frames; this way lost none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.layout import datasets, intermediates
+from rso_lidar.export.layout.checksum import is_intact
+from rso_lidar.export.reader.hdf5_file import TEMPORARY, end_of, read_superblock, write_errno, write_reason
+from rso_lidar.export.reader.recording import Recording
+from rso_lidar.export.writer import hdf5_layout
+from rso_lidar.export.writer.lens_tables import LensTables
+from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
+from rso_lidar.files import free, hold_lock, write_cure
+from rso_lidar.interruption import removing
+from rso_lidar.records import Frame, Source
+
+SUFFIXES = (".h5", ".hdf5", ".nc")
+_LIBVER = ("v110", "v110")
+_CACHE = {"rdcc_nslots": 1, "rdcc_nbytes": 2**20}  # one chunk a dataset: every flush looks at all that is cached
+_unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, for their clean-up would crash
+
+
+def run_id(source: Source, frames_text: str, version: str) -> str:
+    """Return eight hex digits that name a run: SHA-256 of resolved scenario, seed, chosen frames and version.
+
+    Parameters
+    ----------
+    source : what is flown.
+    frames_text : the choice of frames as the user wrote it, empty for all of them.
+    version : of rso_lidar.
+    """
+    parts = (source.scenario, str(source.seed), frames_text, version)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
+
+
+def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Check that a recording can be written at a path, and return the path; nothing is left behind."""
+    output = free(path, SUFFIXES, overwrite=overwrite)
+    try:  # a long run follows: try what the rights of the folder only promise
+        probe = output.with_name(f"{output.name}.tmp-{secrets.token_hex(4)}.probe")
+        probe.open("xb").close()
+        probe.unlink()
+    except OSError as error:
+        raise RecordingError(f"{output}: cannot be written here ({error.strerror}); choose another place") from error
+    return output
+
+
+class Recorder:
+    """Writes frames, one by one, to an HDF5 recording; a context manager.
+
+    A clean end gives the file its name. After an exception, and after a kill, the temporary file stays with all its
+    whole frames, and ``resume=True`` with the same `run_id` goes on from `written`. A failed write raises `RunError`.
+
+    A lens that changes needs ``changing_lens=True``: otherwise frames with another line of sight than the first's are
+    refused. None finds out, and copies what is written into a new file where the first such frame comes.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        source: Source,
+        *,
+        run_id: str,
+        overwrite: bool = False,
+        resume: bool = False,
+        changing_lens: bool | None = False,
+    ) -> None:
+        self.path = check_output(path, overwrite=overwrite)
+        self.temporary = self.path.with_name(f"{self.path.name}.tmp-{run_id}")
+        self.written = 0
+        self._source, self._overwrite, self._resume = source, overwrite, resume
+        self._changing_lens = changing_lens
+        self._lenses: LensTables | None = None
+        self._lock = contextlib.ExitStack()
+        self._file: Any = None
+        self._open: TemporaryFile | None = None
+        self._first: Frame | None = None
+        self._superblock = b""
+        self._variables: dict[str, datasets.Variable] = {}
+        self._columns: dict[str, Any] = {}  # low-level datasets by path
+
+    def __enter__(self) -> Self:
+        self._lock.enter_context(hold_lock(self.path.with_name(f".{self.temporary.name}.lock")))
+        try:
+            if self.temporary.exists():
+                self._look_at_old()
+        except BaseException:
+            self._lock.close()
+            raise
+        return self
+
+    def _look_at_old(self) -> None:
+        """Go on after the frames of a run that was cut off, or make sure that they may be thrown away."""
+        if self._resume:
+            with Recording(self.temporary) as old:
+                if len(old):
+                    self._start(old[0], old)
+        elif not self._overwrite:
+            try:
+                with Recording(self.temporary) as old:
+                    kept = len(old)
+            except RecordingError:
+                return  # nothing that could be resumed
+            if kept:
+                raise RecordingError(
+                    f"{self.temporary}: holds {kept} frames of this run, which was cut off; "
+                    "give --resume to go on, or --overwrite to start afresh"
+                )
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if self._file is None:
+                if kind is None:
+                    raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
+                return
+            with self._watched():
+                self._columns.clear()
+                self._file.close()
+                self._file = None
+                self._check_place()
+                if kind is None:
+                    self._publish()
+        finally:
+            if self._open is not None:
+                self._open.close()
+            self._lock.close()
+
+    def write(self, frame: Frame) -> None:
+        """Add one frame; when this returns, a kill no longer loses it."""
+        if self._file is None:
+            self._start(frame, None)
+        filled = self._checked(frame)
+        time = filled.pop("time")
+        with self._watched():
+            self._check_place()
+            if self._lenses is not None:
+                filled["lens"] = np.array(self._lenses.number(frame.line_of_sight), dtype=datasets.LENS.dtype)
+            self._put(filled)
+            self._file.flush()
+            self._put({"time": time})
+            self._columns["time"].flush()
+            self._superblock = read_superblock(self._file)
+        self.written += 1
+
+    # ------------------------------------------------------------------------------------------------ first things
+
+    def _start(self, first: Frame, old: Recording | None) -> None:
+        """Make the file with all that a frame can fill, copy an old one's frames, and let readers in."""
+        import h5py
+
+        self._first = first
+        changing = bool(self._changing_lens) or (old is not None and old.changes_lens)
+        starting = self.temporary.with_name(f"{self.temporary.name}.starting")
+        image = io.BytesIO()  # made in memory, for HDF5 crashes where it cannot write a new dataset
+        with h5py.File(image, "w", libver=_LIBVER) as draft:  # HDF5 before 2.0 gives no image with a true checksum
+            self._variables = hdf5_layout.lay_out(draft, self._source, first, changing_lens=changing)
+        with self._watched(), self._swept(starting), contextlib.ExitStack() as undone:
+            starting.unlink(missing_ok=True)  # of a killed run; or a link, which must not be written through
+            with starting.open("x+b") as stream:
+                stream.write(image.getvalue())
+                made = TemporaryFile(starting, stream.fileno())
+                undone.callback(made.close)
+            self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
+            self._columns = {path: self._file[path].id for path in self._variables}
+            self._lenses = LensTables(self._file) if changing else None
+            if old is not None:
+                self._copy_lenses(old)
+                for path in self._variables:
+                    if path != "lens":
+                        self._copy(path, old)
+                self.written = len(old)
+            self._file.swmr_mode = True
+            self._file.flush()
+            self._superblock = read_superblock(self._file)
+            made.check(end_of(self._superblock))
+            starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
+            undone.pop_all()
+            if self._open is not None:
+                self._open.close()
+            self._open, made.path = made, self.temporary
+
+    @contextlib.contextmanager
+    def _swept(self, starting: Path) -> Any:
+        """Leave nothing behind where the file cannot even be begun."""
+        try:
+            with removing(lambda: starting.unlink(missing_ok=True)):
+                yield
+        except BaseException:
+            self._abandon()
+            starting.unlink(missing_ok=True)
+            raise
+
+    def _copy(self, path: str, old: Recording) -> None:
+        """Copy a dataset's whole frames chunk by chunk, as they are stored, once their checksums are verified."""
+        have, make, count = old.handle(path), self._file[path], len(old)
+        if _layout(have) != _layout(make):
+            raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start afresh")
+        make.resize(count, axis=0)
+        for k in range(count):
+            place = (k, *(0,) * (make.ndim - 1))
+            with old.watched(path):
+                mask, chunk = have.id.read_direct_chunk(place)
+                if mask or not is_intact(chunk):
+                    raise ValueError(f"the checksum of frame {k} is wrong")
+            make.id.write_direct_chunk(place, chunk)
+
+    def _copy_lenses(self, old: Recording) -> None:
+        """Copy the tables of lines of sight that whole frames use, and the number of each frame's."""
+        if self._lenses is None:
+            return
+        tables = old.line_of_sight if old.changes_lens else old.line_of_sight[None]
+        numbers = [self._lenses.number(table) for table in tables]
+        self._file["lens"].resize(len(old), axis=0)
+        self._file["lens"][:] = old.lens[:] if old.changes_lens else numbers[0]
+
+    def _begin_again(self) -> None:
+        """Copy what is written into a new file, for a lens that changes."""
+        assert self._first is not None
+        self._changing_lens = True
+        with self._watched():
+            self._columns.clear()
+            self._file.close()
+            self._file = None
+            self._check_place()
+        with Recording(self.temporary) as old:
+            self._start(self._first, old)
+
+    # ------------------------------------------------------------------------------------------------ frame by frame
+
+    def _checked(self, frame: Frame) -> dict[str, np.ndarray]:
+        """Return what the frame puts into each dataset, once it is sure that it fits the file."""
+        first = self._first
+        assert first is not None
+        place = f"{self.path}: frame {frame.index}"
+        if datasets.parents(frame) != datasets.parents(first):
+            raise RecordingError(f"{place}: its tree of axes differs from the first frame's; record it to another file")
+        other_lens = self._has_other_lens(frame, first, place)
+        filled = datasets.values(frame)
+        if filled.keys() != self._variables.keys() - {"lens"}:
+            odd = ", ".join(sorted(filled.keys() ^ (self._variables.keys() - {"lens"})))
+            raise RecordingError(f"{place}: {odd}: not in every frame; record it to another file")
+        if intermediates.constants(frame.kept) != intermediates.constants(first.kept):
+            raise RecordingError(
+                f"{place}: kept waveforms are sampled otherwise than the first's; record to another file"
+            )
+        entries = {}
+        for path, value in filled.items():
+            variable = self._variables[path]
+            entries[path] = np.ascontiguousarray(value, dtype=variable.spec.dtype)
+            if np.shape(value) != variable.shape:
+                raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
+        if other_lens:
+            self._begin_again()
+        return entries
+
+    def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
+        """Return whether a frame's line of sight asks for a file begun again; one that no file takes is refused."""
+        ours, theirs = frame.line_of_sight, first.line_of_sight
+        fits = ours.shape == theirs.shape
+        if ours is theirs or (fits and (self._lenses is not None or np.array_equal(ours, theirs))):
+            return False
+        if fits and self._changing_lens is None:
+            return True
+        cure = "record it to another file" + ", or all of them with changing_lens=True" * fits
+        raise RecordingError(f"{place}: its line of sight differs from the first's; {cure}")
+
+    def _put(self, entries: Mapping[str, np.ndarray]) -> None:
+        # Each entry is a chunk of its own. Low-level calls are five times faster than dataset[k] = entry.
+        for path, entry in entries.items():
+            variable, dataset = self._variables[path], self._columns[path]
+            dataset.set_extent((self.written + 1, *variable.shape))
+            place = (self.written, *(0 for _ in variable.shape))
+            dataset.write_direct_chunk(place, datasets.stored_chunk(entry, is_image=variable.is_image))
+
+    # ------------------------------------------------------------------------------------------------ last things
+
+    def _check_place(self) -> None:
+        """Raise an `InterferenceError` where the temporary file is no longer what was written, or no longer lies there."""
+        if self._open is not None:
+            self._open.check(end_of(self._superblock))
+
+    def _publish(self) -> None:
+        """Read back what was written, and give the finished file its name, durably."""
+        if self.path.exists() and not self._overwrite:
+            raise RecordingError(f"{self.path}: appeared while this ran; the frames are in {self.temporary}: rename it")
+        try:
+            with Recording(self.temporary) as written:
+                count, last = len(written), written[-1]
+            if (count, last.source) != (self.written, self._source):
+                raise RecordingError(f"it holds {count} frames of {last.source.title}")
+        except (RecordingError, IndexError) as error:
+            what = str(error).removeprefix(f"{self.temporary}: ")
+            raise RunError(
+                f"{self.path}: is not written, for {self.temporary} is not what was recorded ({what}); keep other programs "
+                "away from it and run again with --overwrite"
+            ) from error
+        _sync(self.temporary)
+        self._check_place()
+        self.temporary.replace(self.path)
+        if os.name == "posix":
+            _sync(self.path.parent)
+
+    @contextlib.contextmanager
+    def _watched(self) -> Any:
+        """Turn a failed write into a `RunError`, and let go of the file so that the interpreter survives its end."""
+        try:
+            yield
+        except RunError:
+            raise
+        except (OSError, RuntimeError) as error:
+            self._restore_superblock()
+            kept = self._keep(error)
+            self._abandon()
+            raise RunError(
+                f"{self.path}: cannot be written after {self.written} frames ({write_reason(error)}); {kept}"
+            ) from error
+
+    def _keep(self, error: BaseException) -> str:
+        """Return where the whole frames are kept after an error, and what to do, as words."""
+        cure = error.cure if isinstance(error, InterferenceError) else write_cure(write_errno(error))
+        if isinstance(error, InterferenceError) and not error.intact:
+            return f"they could not be kept: {cure} and run again with --overwrite"
+        left = self.temporary if self.temporary.exists() else None
+        place = left if self._open is None else self._open.keep(self.path)
+        if place == self.temporary:
+            return f"{place.name} is kept: {cure} and go on with --resume"
+        if place is not None:
+            return f"they are kept in {place}: {self._how_to_resume(place)}"
+        return f"they could not be kept: {cure} and run again" if self.written else f"{cure} and run again"
+
+    def _how_to_resume(self, place: Path) -> str:
+        """Return how to go on from where the content lies, which a resume finds by the name of a temporary file."""
+        run, output = self.temporary.name.removeprefix(self.path.name), TEMPORARY.sub("", place.name)
+        if place.name == output + run and output.endswith(self.path.suffix):
+            return f"go on with -o {place.with_name(output)} --resume"
+        is_taken = os.path.lexists(place.with_name(self.temporary.name))
+        output = f"{self.path.stem}{'.rescued' if is_taken else ''}{self.path.suffix}"
+        return f"rename it to {output}{run} and go on with -o {place.with_name(output)} --resume"
+
+    def _restore_superblock(self) -> None:
+        """Put the last good superblock back, in place, which needs no room.
+
+        A flush that failed may have written an end of file that was never reached.
+        """
+        if self._file and self._superblock:
+            with contextlib.suppress(OSError, RuntimeError, ValueError):
+                os.pwrite(self._file.id.get_vfd_handle(), self._superblock, 0)
+
+    def _abandon(self) -> None:
+        """Close the file with what is unwritten going nowhere.
+
+        HDF5 keeps what it could not write, tries again when the file closes and when the interpreter ends, and crashes
+        there. So its file descriptor is turned to the null device first.
+        """
+        file, self._file = self._file, None
+        if not file:
+            return
+        try:
+            descriptor = file.id.get_vfd_handle()
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nowhere, descriptor)
+            os.close(nowhere)
+            self._columns.clear()
+            file.close()
+        except (OSError, RuntimeError, ValueError):
+            _unclosable.append((file, self._columns, self._lenses))
+
+
+def _layout(dataset: Any) -> tuple[Any, ...]:
+    """Return what two h5py datasets have in common whose chunks may be copied as they are stored."""
+    filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
+    return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

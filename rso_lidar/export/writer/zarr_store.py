@@ -1,0 +1,201 @@
+"""A recording as a Zarr v3 store: names, dtypes and attributes of the HDF5 layout, for object stores and many readers.
+
+A chunk is one frame, a shard (one file) up to 100 of them. The store is a folder, written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import RecordingError, RunError
+from rso_lidar.export.layout import intermediates
+from rso_lidar.export.layout.attributes import SCALES, array_attributes, root_attributes
+from rso_lidar.export.layout.datasets import LENS, Variable, parents, sometimes, variables
+from rso_lidar.export.reader.zarr_file import add_metadata_crc32, opened_zarr
+from rso_lidar.export.writer.folders import folder_beside, free_folder
+from rso_lidar.export.writer.frames import Sights, begun, entries, frame_bytes, plain
+from rso_lidar.records import Frame, Observation, specs
+
+FRAMES_PER_SHARD = 100
+MOST_BATCH_BYTES = 2**28  # a shard is held in memory until it is full; with waveforms kept it has fewer frames
+
+
+def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
+    """Return the path of a Zarr store after writing frames to it, a shard at a time.
+
+    Parameters
+    ----------
+    path : of the store, a folder.
+    frames : taken one at a time as they come.
+    overwrite : replace an older export, once the new one is whole.
+    """
+    zarr = _zarr(path)
+    place = free_folder(path, overwrite=overwrite)
+    first, coming = begun(place, frames)
+    with folder_beside(place, overwrite=overwrite) as draft:
+        store = Store(zarr, place, draft, first)
+        for frame in coming:
+            store.add(frame)
+        store.finish()
+    return place
+
+
+_ALL_CHUNKS = {"write_empty_chunks": True}  # so that a chunk that is not there is one that was lost
+
+
+def _zarr(path: str | os.PathLike[str]) -> Any:
+    """Return the library; the extra has to be installed."""
+    try:
+        import zarr
+    except ImportError:
+        raise RecordingError(f"{path}: Zarr needs an extra: pip install rso-lidar[zarr], or write .h5") from None
+    return zarr
+
+
+class Store:
+    """A Zarr store that grows by whole shards."""
+
+    def __init__(self, zarr: Any, place: Path, folder: Path, first: Frame) -> None:
+        self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
+        self._variables = variables(first)
+        self._per_shard = int(np.clip(MOST_BATCH_BYTES // frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
+        self._waiting: dict[str, list[np.ndarray]] = {name: [] for name in self._variables}
+        self._written = 0
+        self._sights = Sights()
+        self._root = zarr.open_group(folder, mode="a", zarr_format=3)  # "w" would make the folder anew
+        self._root.attrs.update(plain(root_attributes(first.source)))
+        self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
+        self._scales()
+        for name, parent in parents(first).items():
+            self._root[f"truth/{name}"].attrs["parent"] = parent
+        self._root["truth"].attrs.update(
+            {"tree": json.dumps(parents(first)), "states": json.dumps(list(first.truth.states))}
+        )
+        for group, held in intermediates.constants(first.kept).items():
+            self._root[group].attrs.update(held)
+
+    def add(self, frame: Frame) -> None:
+        """Take one frame; a full shard is written."""
+        for name, value in entries(self._place, frame, self._first, self._variables).items():
+            self._waiting[name].append(value)
+        if self._sights.add(frame.line_of_sight):
+            self._add_sight(frame.line_of_sight)
+        if len(self._waiting["time"]) == self._per_shard:
+            self._flush()
+
+    def finish(self) -> None:
+        """Write what is left, and what only the end tells: whether the lens changed."""
+        self._flush()
+        changed = len(self._sights) > 1
+        if changed:
+            numbers = np.array(self._sights.numbers, LENS.dtype)
+            self._array(Variable("lens", LENS, ()))
+            self._resized("lens", len(numbers))[:] = numbers
+        self._root.attrs["optional_datasets"] = json.dumps([*sometimes(self._first), *["lens"] * changed])
+        with (
+            warnings.catch_warnings()
+        ):  # all metadata in one file: not yet in the specification, and others may ignore it
+            warnings.simplefilter("ignore")
+            self._zarr.consolidate_metadata(self._root.store)
+        try:
+            add_metadata_crc32(self._folder)
+            written = opened_zarr(self._folder)["time"].shape[0]
+        except (RecordingError, KeyError, ValueError) as error:
+            raise RunError(f"{self._place}: is not written, for it does not read back ({error}); run again") from error
+        if written != self._written:
+            raise RunError(
+                f"{self._place}: is not written, for it reads back with {written} of {self._written} frames; run again"
+            )
+
+    # ------------------------------------------------------------------------------------------------------ the inside
+
+    def _array(self, variable: Variable) -> Any:
+        """Return a new array of no frames."""
+        stated = {"dtype": variable.spec.dtype, "dims": ("time", *variable.spec.dims), "fill": variable.fill}
+        attributes = array_attributes(variable, self._first.source)
+        if variable.fill is not None and variable.spec.dtype.kind == "i":
+            attributes["_FillValue"] = variable.fill
+        chunk = (1 if variable.is_image else FRAMES_PER_SHARD, *variable.shape)
+        shard = (self._per_shard, *variable.shape) if variable.is_image else None
+        return self._create(variable.path, (0, *variable.shape), chunk, shard, stated, attributes)
+
+    def _create(
+        self,
+        path: str,
+        shape: tuple[int, ...],
+        chunk: tuple[int, ...],
+        shard: tuple[int, ...] | None,
+        stated: Mapping[str, Any],
+        attributes: Mapping[str, Any],
+    ) -> Any:
+        *groups, name = path.split("/")
+        place = self._root
+        for group in groups:
+            place = place.require_group(group)
+        return place.create_array(
+            name,
+            shape=shape,
+            chunks=chunk,
+            shards=shard,
+            dtype=stated["dtype"],
+            fill_value=0 if stated["fill"] is None else stated["fill"],
+            compressors=[
+                self._zarr.codecs.BloscCodec(cname="zstd", clevel=5, shuffle="shuffle"),
+                self._zarr.codecs.Crc32cCodec(),
+            ],
+            dimension_names=stated["dims"],
+            attributes=plain(attributes),
+            config=_ALL_CHUNKS,
+        )
+
+    def _scales(self) -> None:
+        """Write the coordinates of rows, columns and other dimensions that count something."""
+        sizes = {"row": self._first.range_m.shape[0], "col": self._first.range_m.shape[1]}
+        for variable in self._variables.values():
+            group = variable.path.rpartition("/")[0]
+            own = zip(variable.spec.dims, variable.shape, strict=True)
+            sizes |= {f"{group}/{dim}": size for dim, size in own if dim in SCALES and dim not in ("row", "col")}
+        for path, size in sizes.items():
+            dim = path.rpartition("/")[2]
+            stated = {"dtype": np.dtype("i4"), "dims": (dim,), "fill": None}
+            made = self._create(path, (size,), (size,), None, stated, {"units": "1", "long_name": SCALES[dim]})
+            made[:] = np.arange(size, dtype="i4")
+
+    def _add_sight(self, line_of_sight: np.ndarray) -> None:
+        """Write a line of sight: one by itself is (row, col, xyz); with the second they become (lens_number, …)."""
+        spec, count, shape = specs(Observation)["line_of_sight"], len(self._sights), line_of_sight.shape
+        attributes = {"units": spec.unit, "long_name": spec.meaning}
+        if count == 1:
+            stated = {"dtype": spec.dtype, "dims": spec.dims, "fill": np.nan}
+            self._create("line_of_sight", shape, shape, None, stated, attributes)[:] = line_of_sight
+            return
+        if count == 2:
+            alone = self._root["line_of_sight"][:]
+            del self._root["line_of_sight"]
+            stated = {"dtype": spec.dtype, "dims": ("lens_number", *spec.dims), "fill": np.nan}
+            self._create("line_of_sight", (1, *shape), (1, *shape), None, stated, attributes)[0] = alone
+        self._resized("line_of_sight", count)[count - 1] = line_of_sight
+
+    def _resized(self, path: str, count: int) -> Any:
+        """Return an array after letting it grow to a count of entries."""
+        array = self._root[path].with_config(_ALL_CHUNKS)
+        array.resize((count, *array.shape[1:]))
+        return array
+
+    def _flush(self) -> None:
+        """Write the frames that wait, which are a whole shard or the last one."""
+        count = len(self._waiting["time"])
+        for name, column in self._waiting.items():
+            if count:
+                array, end = self._arrays[name], self._written + count
+                array.resize((end, *array.shape[1:]))
+                array[self._written : end] = np.stack(column)
+                column.clear()
+        self._written += count

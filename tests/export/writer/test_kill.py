@@ -1,0 +1,67 @@
+"""A writer killed at any moment leaves a complete file, or only a temporary one whose frames are whole."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames_for_tests import SOURCE, assert_same, datasets, make_frame, make_frames
+
+from rso_lidar import export
+
+COUNT, SHAPE, KILLS = 60, (24, 20), 6
+PLAIN = "{}"
+FULL = '{"returns": True, "keep": ("waveforms", "photons", "oversampled"), "zoom": lambda k: 1.0 + k % 11}'
+
+# Writes frames, going on where an earlier run was killed, and tells of each.
+FLY = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+from frames_for_tests import SOURCE, make_frame
+from rso_lidar import export
+import h5py
+print("ready", flush=True)
+how = eval(sys.argv[2])
+with export.Recorder(sys.argv[1], SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
+    for k in range(recorder.written, {COUNT}):
+        recorder.write(make_frame(k, shape={SHAPE}, **how))
+        print(k, flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
+@pytest.mark.parametrize("kind", [PLAIN, FULL], ids=["plain", "kept and lens"])
+def test_kills_lose_no_whole_frame_and_resume_ends_like_an_unbroken_run(tmp_path, kind):
+    how = eval(kind)
+    rng = np.random.default_rng(1807)
+    output, left = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"
+    told = -1
+    middles = 0
+    for _ in range(KILLS):
+        child = subprocess.Popen([sys.executable, "-c", FLY, str(output), kind], stdout=subprocess.PIPE, text=True)
+        assert child.stdout.readline() == "ready\n"
+        for _ in range(rng.integers(0, 4)):  # let some frames pass (with 0: kill while it starts or copies) ...
+            told = max(told, int(child.stdout.readline()))
+        time.sleep(rng.uniform(0, 0.01))  # ... and strike anywhere within the next few
+        child.kill()
+        rest, _ = child.communicate()
+        told = max([told, *(int(line) for line in rest.splitlines(keepends=True) if line.endswith("\n"))])
+        assert not output.exists()
+        if not left.exists():
+            assert told == -1  # killed before the first frame
+            continue
+        with export.open(left) as recording:
+            assert len(recording) >= told + 1  # what was told as written is there
+            middles += 0 < len(recording) < COUNT
+            for k, frame in enumerate(recording):
+                assert_same(frame, make_frame(k, shape=SHAPE, **how))
+    assert middles > KILLS / 3
+    with export.Recorder(output, SOURCE, run_id="1a2b3c4d", resume=True, changing_lens="zoom" in how) as recorder:
+        assert recorder.written > 0
+        for k in range(recorder.written, COUNT):
+            recorder.write(make_frame(k, shape=SHAPE, **how))
+    assert [p.name for p in tmp_path.iterdir()] == ["run.h5"]
+    whole = export.save(tmp_path / "whole.h5", make_frames(COUNT, shape=SHAPE, **how))
+    assert datasets(output) == datasets(whole)
