@@ -41,6 +41,12 @@ UNITS_BY_NAME = {
     "low": "the field's", "high": "the field's",
 }  # fmt: skip
 
+SAID_BY_KEY = {  # types of fields that take what pydantic has no word for
+    ("Axis", "field"): "place, or list of places",
+    ("Axis", "values"): "list; of several fields, lists of one value for each",
+    ("Study", "frames"): 'text `"from:end:step"`, or list of whole numbers',
+}
+
 
 def pages() -> dict[Path, str]:
     """Return the text that each generated page should have, by path."""
@@ -139,7 +145,7 @@ def _key_tables(found: dict[type[part.Part], Section]) -> str:
         rows = [
             (
                 f"`{name}`",
-                _type(field, cls, found),
+                _type(name, field, cls, found),
                 _unit(name, field),
                 _default(name, field, section),
                 _meaning(cls, name),
@@ -172,9 +178,9 @@ def _meaning(cls: type[part.Part], name: str) -> str:
     return next((meanings[c.__name__][name] for c in cls.__mro__ if name in meanings.get(c.__name__, {})), "")
 
 
-def _type(field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
-    if field.description:
-        return str(field.description)
+def _type(name: str, field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
+    if said := SAID_BY_KEY.get((cls.__name__, name)):
+        return said
     parts = _parts(field.annotation)
     if parts:
         links = ", ".join(f"[{_word(each)}](#{_anchor(found[each].title)})" for each in parts)

@@ -26,12 +26,18 @@ class Taxonomy(Part):
     medium, else large. `rate_deg_s` is the least and the greatest body rate that is usual for it [deg/s].
     """
 
-    object_class: ObjectClass
-    subclass: Text
-    shape_family: ShapeFamily
-    size_class: SizeClass
-    stabilisation: Stabilisation
-    rate_deg_s: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    object_class: ObjectClass = Field(
+        description="Class of object as space catalogues use it, extended by capsules, calibration bodies and terrain."
+    )
+    subclass: Text = Field(description="Free subclass in a word or two, such as `upper_stage`.")
+    shape_family: ShapeFamily = Field(description="Overall shape as seen from a distance.")
+    size_class: SizeClass = Field(
+        description="Class by the longest side: below 0.1 m tiny, below 1 m small, below 10 m medium, otherwise large."
+    )
+    stabilisation: Stabilisation = Field(description="How the object is stabilised or rotates.")
+    rate_deg_s: tuple[NotNegative, NotNegative] = Field(
+        default=(0.0, 0.0), description="Lowest and highest usual body rate [deg/s]."
+    )
 
     @property
     def in_words(self) -> str:
@@ -55,12 +61,24 @@ class Hinge(Part):
     or a boresight, at angle zero; left out where there is none.
     """
 
-    name: Name
-    parts: Annotated[tuple[Text, ...], Field(min_length=1)]
-    position_m: Vector
-    axis: Direction
-    normal: Direction | None = None
-    travel_deg: tuple[Number, Number] = (-180.0, 180.0)
+    name: Name = Field(description="Name of the hinge.")
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
+        description="Names of the mesh parts that turn with the hinge."
+    )
+    position_m: Vector = Field(description="A point on the hinge line, in mesh axes [m].")
+    axis: Direction = Field(
+        description="Direction of the hinge line, in mesh axes, of any length; rotation is right-handed."
+    )
+    normal: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction, in mesh axes at angle zero, that the hinge turns toward the Sun or a boresight. If omitted, "
+            "there is none."
+        ),
+    )
+    travel_deg: tuple[Number, Number] = Field(
+        default=(-180.0, 180.0), description="Lowest and highest hinge angle [deg]; the mesh stands at zero."
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -10,6 +10,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.arithmetic import compiled
@@ -28,9 +29,23 @@ class Amplifier(Part):
     solved once through the whole chain; bandwidth and integration time are assumed.
     """
 
-    bandwidth_mhz: Positive = 100.0
-    noise_electrons: NotNegative = DEFAULT["noise_electrons"]
-    integration_ns: Positive = 8.516
+    bandwidth_mhz: Positive = Field(
+        default=100.0, description="Combined −3 dB bandwidth of both poles [MHz]. Default: assumed; low confidence."
+    )
+    noise_electrons: NotNegative = Field(
+        default=DEFAULT["noise_electrons"],
+        description=(
+            "Rms amplifier noise at the output, referred to electrons after the APD [electrons]. Default: solved "
+            "through the chain by `make calibrate`, so that threshold / noise = 6."
+        ),
+    )
+    integration_ns: Positive = Field(
+        default=8.516,
+        description=(
+            "Time over which a current counts as charge [ns]: it defines the unit of amplitude (docs/instrument.md). "
+            "Default: a choice of unit, the equivalent width of a Gaussian pulse of 8 ns."
+        ),
+    )
 
     @property
     def pole_s(self) -> float:

@@ -34,22 +34,101 @@ class Empirical(Part):
     """
 
     type: Literal["empirical"] = "empirical"
-    reference_photons: Positive = 1000.0
-    noise_equivalent_photons: Positive = FITTED["noise_equivalent_photons"]
-    quantum_efficiency: Annotated[Number, Field(gt=0, le=1)] = 0.8
-    excess_noise_factor: Annotated[Number, Field(ge=1)] = FITTED["excess_noise_factor"]
-    false_alarms_per_s: NotNegative = FITTED["false_alarms_per_s"]
-    armed_from_m: NotNegative = 1.0
-    armed_to_m: Positive = 5000.0
-    intensity_noise_equivalent_photons: NotNegative = FITTED["intensity_noise_equivalent_photons"]
-    intensity_excess_noise_factor: NotNegative = FITTED["intensity_excess_noise_factor"]
-    counts_per_photon: Positive = FITTED["counts_per_photon"]
-    compression_counts: Positive = FITTED["compression_counts"]
-    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = 12
-    range_plateau_m: NotNegative = FITTED["range_plateau_m"]
-    range_noise_equivalent_photons: NotNegative = FITTED["range_noise_equivalent_photons"]
-    range_excess_noise_factor: NotNegative = FITTED["range_excess_noise_factor"]
-    sample_ns: Positive = 2.38
+    reference_photons: Positive = Field(
+        default=1000.0,
+        description=(
+            "Photons on a pixel that are detected with a probability of 95 % [photons]. Default: Fuller et al., sec. "
+            "3.3."
+        ),
+    )
+    noise_equivalent_photons: Positive = Field(
+        default=FITTED["noise_equivalent_photons"],
+        description=(
+            "Amplifier noise expressed in photons, 1 sigma [photons]. Default: fitted to the detection of `gsfl`, "
+            "preset `noise_limited` (`make calibrate`)."
+        ),
+    )
+    quantum_efficiency: Annotated[Number, Field(gt=0, le=1)] = Field(
+        default=0.8, description="Photoelectrons per photon. Default: assumed, equal to that of `gsfl`."
+    )
+    excess_noise_factor: Annotated[Number, Field(ge=1)] = Field(
+        default=FITTED["excess_noise_factor"],
+        description=(
+            "Effective excess noise factor F of detection. Default: fitted together with `noise_equivalent_photons`. "
+            "It includes the spread of thresholds and the trigger's search over a whole pulse, so it is not the F of "
+            "the APD."
+        ),
+    )
+    false_alarms_per_s: NotNegative = Field(
+        default=FITTED["false_alarms_per_s"],
+        description=(
+            "False alarm rate of one pixel while armed [1/s]. Default: computed for `gsfl`, averaged over its spread "
+            "of thresholds."
+        ),
+    )
+    armed_from_m: NotNegative = Field(
+        default=1.0, description="Range at which the pixels are armed; nothing nearer triggers [m]. Default: assumed."
+    )
+    armed_to_m: Positive = Field(
+        default=5000.0,
+        description=(
+            "Range at which the pixels are disarmed; nothing farther triggers [m]. Default: assumed; the introduction "
+            "of Fuller et al. mentions 5 km."
+        ),
+    )
+    intensity_noise_equivalent_photons: NotNegative = Field(
+        default=FITTED["intensity_noise_equivalent_photons"],
+        description=(
+            "Amplifier noise in the intensity, expressed in photons, 1 sigma [photons]. Default: fitted to the "
+            "scatter of the counts of `gsfl`."
+        ),
+    )
+    intensity_excess_noise_factor: NotNegative = Field(
+        default=FITTED["intensity_excess_noise_factor"],
+        description=(
+            "Effective excess noise factor of the intensity. Default: fitted to the scatter of the counts of `gsfl`, "
+            "together with `intensity_noise_equivalent_photons`."
+        ),
+    )
+    counts_per_photon: Positive = Field(
+        default=FITTED["counts_per_photon"],
+        description="Slope of the linear regime [counts/photon]. Default: fitted to the counts of `gsfl`.",
+    )
+    compression_counts: Positive = Field(
+        default=FITTED["compression_counts"],
+        description="Level at which the response starts to compress [counts]. Default: fitted to the counts of `gsfl`.",
+    )
+    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = Field(
+        default=12,
+        description=(
+            "Resolution of the converter [bits]; full scale is 2^bits − 1 counts. Default: assumed; low confidence."
+        ),
+    )
+    range_plateau_m: NotNegative = Field(
+        default=FITTED["range_plateau_m"],
+        description=(
+            "Range noise that remains with high signal, 1 sigma [m]. Default: fitted to the range noise of `gsfl`, "
+            "whose jitter gives the 5 cm of Fuller et al."
+        ),
+    )
+    range_noise_equivalent_photons: NotNegative = Field(
+        default=FITTED["range_noise_equivalent_photons"],
+        description=(
+            "Amplifier noise in the range, expressed in photons [photons]. Default: fitted to the range noise of "
+            "`gsfl`."
+        ),
+    )
+    range_excess_noise_factor: NotNegative = Field(
+        default=FITTED["range_excess_noise_factor"],
+        description=(
+            "Effective excess noise factor of the range. Default: fitted to the range noise of `gsfl`, together with "
+            "`range_noise_equivalent_photons`."
+        ),
+    )
+    sample_ns: Positive = Field(
+        default=2.38,
+        description="Interval between samples of the pulse [ns]. Default: assumed, a clock of 420 MHz; low confidence.",
+    )
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:

@@ -16,10 +16,16 @@ class Gate(Part):
     on it and the avalanches of both. Speckle is drawn anew for each pulse, as if the target turned a little between them.
     """
 
-    delay_ns: NotNegative
-    width_ns: Positive = 47.6
-    pulses: Annotated[Count, Field(le=10_000)] = 1
-    false_alarm_probability: Annotated[float, Field(ge=1e-9, lt=0.5)] = 1e-3
+    delay_ns: NotNegative = Field(
+        description="Time from emission to the opening of the gate, two-way [ns]: 6.671 ns per metre."
+    )
+    width_ns: Positive = Field(default=47.6, description="Time for which the gate is open [ns].")
+    pulses: Annotated[Count, Field(le=10_000)] = Field(
+        default=1, description="Number of flashes whose samples are averaged for one frame."
+    )
+    false_alarm_probability: Annotated[float, Field(ge=1e-9, lt=0.5)] = Field(
+        default=1e-3, description="False alarm probability of one pixel in one frame; it sets the threshold."
+    )
 
     @property
     def from_m(self) -> float:

@@ -56,27 +56,80 @@ class Gsfl(Part):
     """
 
     type: Literal["gsfl"] = "gsfl"
-    preset: Literal["noise_limited", "offset_limited"] = "noise_limited"
-    quantum_efficiency: Annotated[Fraction, Field(gt=0)] = 0.8
-    armed_from_m: NotNegative = 1.0
-    armed_to_m: Positive = 5000.0
-    returns: Literal["first", "strongest", "last"] = "first"
-    max_returns: Annotated[Whole, Field(ge=1, le=8)] = 1
-    camera_seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    steps_per_sample: Annotated[Whole, Field(ge=2, le=64)] = 2
-    apd: Apd = Apd()
-    amplifier: Amplifier = Amplifier()
-    trigger: Trigger = Trigger()
-    readout: Readout = Readout()
-    ranging: Ranging = Ranging()
-    timing: Timing = Timing()
-    gate: Gate | None = None
-    maps: Maps | None = None
-    defects: Defects | None = None
-    saturation: Saturation | None = None
-    droop: Droop | None = None
-    crosstalk: Crosstalk | None = None
-    speckle: Speckle | None = None
+    preset: Literal["noise_limited", "offset_limited"] = Field(
+        default="noise_limited",
+        description=(
+            "Calibrated pair of amplifier noise and threshold. Other settings change the result without a new "
+            "calibration. Default: a choice, threshold / noise = 6, so that false triggers do not hide a distant "
+            "target."
+        ),
+    )
+    quantum_efficiency: Annotated[Fraction, Field(gt=0)] = Field(
+        default=0.8,
+        description=(
+            "Photoelectrons per photon. Default: assumed, 0.7 to 0.85 is usual for InGaAs at 1064 nm; medium "
+            "confidence."
+        ),
+    )
+    armed_from_m: NotNegative = Field(
+        default=1.0, description="Range at which the pixels are armed; nothing nearer triggers [m]. Default: assumed."
+    )
+    armed_to_m: Positive = Field(
+        default=5000.0,
+        description=(
+            "Range at which the pixels are disarmed; nothing farther triggers [m]. Default: assumed; the introduction "
+            "of Fuller et al. mentions 5 km."
+        ),
+    )
+    returns: Literal["first", "strongest", "last"] = Field(
+        default="first",
+        description=(
+            "Which return of a pixel is reported as its range and intensity. Default: assumed, a comparator that "
+            "latches once."
+        ),
+    )
+    max_returns: Annotated[Whole, Field(ge=1, le=8)] = Field(
+        default=1, description="Greatest number of returns listed for a pixel. Default: a choice."
+    )
+    camera_seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0,
+        description=(
+            "Random seed of what is fixed in one camera: thresholds, maps and defects. It is independent of the "
+            "scenario's seed. Default: a choice."
+        ),
+    )
+    steps_per_sample: Annotated[Whole, Field(ge=2, le=64)] = Field(
+        default=2,
+        description=(
+            "Minimum number of simulation steps per sample interval. Default: a choice of sampling, not of physics."
+        ),
+    )
+    apd: Apd = Field(default=Apd(), description="Avalanche photodiode: photoelectrons to electrons.")
+    amplifier: Amplifier = Field(default=Amplifier(), description="Amplifier: electrons to an amplitude.")
+    trigger: Trigger = Field(default=Trigger(), description="Comparator that latches a pixel.")
+    readout: Readout = Field(default=Readout(), description="Stored samples and their converter.")
+    ranging: Ranging = Field(default=Ranging(), description="Estimate of the range from the samples.")
+    timing: Timing = Field(default=Timing(), description="Timing jitter of pixels and flashes.")
+    gate: Gate | None = Field(
+        default=None, description="Range gate that replaces the trigger. If omitted, pixels trigger themselves."
+    )
+    maps: Maps | None = Field(
+        default=None, description="Fixed patterns of gain, offset and time origin. If omitted, all pixels are equal."
+    )
+    defects: Defects | None = Field(default=None, description="Dead and hot pixels. If omitted, there are none.")
+    saturation: Saturation | None = Field(
+        default=None, description="Amplifier saturation. If omitted, the amplifier is linear."
+    )
+    droop: Droop | None = Field(
+        default=None,
+        description="Sag of the APD bias under the current of the whole array. If omitted, the bias is constant.",
+    )
+    crosstalk: Crosstalk | None = Field(
+        default=None, description="Range error of pixels that trigger together. If omitted, there is none."
+    )
+    speckle: Speckle | None = Field(
+        default=None, description="Interference of coherent light. If omitted, there is none."
+    )
 
     @model_validator(mode="before")
     @classmethod

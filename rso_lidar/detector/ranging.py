@@ -34,9 +34,24 @@ class Ranging(Part):
     `fraction` of the peak is where constant_fraction looks.
     """
 
-    algorithm: Algorithm = "matched_filter"
-    fraction: Annotated[float, Strict(), Field(gt=0.0, lt=1.0)] = 0.5
-    walk_correction: Flag = False
+    algorithm: Algorithm = Field(
+        default="matched_filter",
+        description=(
+            "Algorithm that estimates the delay of a pulse from its samples. Default: a choice; Fuller et al. mention "
+            "a digital filter."
+        ),
+    )
+    fraction: Annotated[float, Strict(), Field(gt=0.0, lt=1.0)] = Field(
+        default=0.5,
+        description=(
+            "Fraction of the peak at which `constant_fraction` takes the time. Default: a choice, used by "
+            "`constant_fraction` alone."
+        ),
+    )
+    walk_correction: Flag = Field(
+        default=False,
+        description="Whether the algorithm's range bias at each amplitude is subtracted. Default: a choice.",
+    )
 
 
 def locate(

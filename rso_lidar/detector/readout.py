@@ -18,13 +18,41 @@ class Readout(Part):
     depth and scale of the converter are assumed.
     """
 
-    sample_ns: Positive = 2.38
-    samples: Annotated[Whole, Field(ge=8, le=256)] = 20
-    pretrigger_samples: Annotated[Whole, Field(ge=1)] = 8
-    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = 12
-    electrons_per_count: Positive = 200.0
-    baseline_counts: NotNegative = 64.0
-    quantised: Flag = True
+    sample_ns: Positive = Field(
+        default=2.38, description="Interval between samples [ns]. Default: assumed, a clock of 420 MHz; low confidence."
+    )
+    samples: Annotated[Whole, Field(ge=8, le=256)] = Field(
+        default=20,
+        description=(
+            "Number of samples stored around a trigger. Default: Fuller et al., sec. 3.3 (20 analog samples about the "
+            "return)."
+        ),
+    )
+    pretrigger_samples: Annotated[Whole, Field(ge=1)] = Field(
+        default=8,
+        description="Number of whole samples stored before the one in which the trigger falls. Default: assumed.",
+    )
+    adc_bits: Annotated[Whole, Field(ge=4, le=16)] = Field(
+        default=12,
+        description=(
+            "Resolution of the converter [bits]; full scale is 2^bits − 1 counts. Default: assumed; low confidence."
+        ),
+    )
+    electrons_per_count: Positive = Field(
+        default=200.0,
+        description=(
+            "Scale of the converter [electrons/count]. Default: assumed, one count is a fifth of the amplifier's noise."
+        ),
+    )
+    baseline_counts: NotNegative = Field(
+        default=64.0,
+        description=(
+            "Level without signal [counts]; it keeps negative noise within the converter's scale. Default: assumed."
+        ),
+    )
+    quantised: Flag = Field(
+        default=True, description="Whether samples are rounded to whole counts. Default: a converter is digital."
+    )
 
     @model_validator(mode="after")
     def _room_after_the_latch(self) -> Self:

@@ -22,9 +22,26 @@ class Trigger(Part):
     and spread are assumed.
     """
 
-    threshold_electrons: Positive = DEFAULT["threshold_electrons"]
-    hysteresis_electrons: NotNegative = 1000.0
-    threshold_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = 0.05
+    threshold_electrons: Positive = Field(
+        default=DEFAULT["threshold_electrons"],
+        description=(
+            "Threshold above the baseline [electrons]. Default: solved through the chain by `make calibrate`, so that "
+            "95 % of returns of 1000 photons are detected (Fuller et al., sec. 3.3)."
+        ),
+    )
+    hysteresis_electrons: NotNegative = Field(
+        default=1000.0,
+        description=(
+            "Distance below the threshold at which the comparator is ready again [electrons]. Default: assumed."
+        ),
+    )
+    threshold_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = Field(
+        default=0.05,
+        description=(
+            "Spread of the threshold from pixel to pixel, 1 sigma over the mean, fixed in one camera. Default: "
+            "assumed, 5 to 10 %."
+        ),
+    )
 
 
 class Bridge:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
@@ -55,10 +56,29 @@ class AttitudeTable(Part):
     """
 
     type: Literal["table"] = "table"
-    file: Text
-    object: Text | None = None
-    axes: Literal["inertial", "rtn", "lvlh_ccsds"] | None = None
-    interpolation: Literal["spline", "slerp"] = "spline"
+    file: Text = Field(
+        description=(
+            "Path of a CCSDS AEM of quaternions (KVN or XML), or of a CSV file with one of the columns time_s, utc or "
+            "epoch, and qx, qy, qz, qw."
+        )
+    )
+    object: Text | None = Field(
+        default=None, description="Name or identifier of one object, for a file that holds several."
+    )
+    axes: Literal["inertial", "rtn", "lvlh_ccsds"] | None = Field(
+        default=None,
+        description=(
+            "Axes into which the quaternions of a CSV file turn body axes. If omitted, `inertial`, the root axes. An "
+            "AEM states its own."
+        ),
+    )
+    interpolation: Literal["spline", "slerp"] = Field(
+        default="spline",
+        description=(
+            "Interpolation between rows. `spline` has continuous rate and acceleration; `slerp` has a constant rate "
+            "between rows."
+        ),
+    )
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned; epochs outside the table raise `PropagationError`."""

@@ -10,7 +10,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -39,8 +39,16 @@ class FixedAttitude(Part):
     """Turned once and for all in the axes that the body's motion is given in: the root, or the body it is fixed to."""
 
     type: Literal["fixed"] = "fixed"
-    quaternion_xyzw: Quaternion | None = None
-    euler_zyx_deg: Vector | None = None
+    quaternion_xyzw: Quaternion | None = Field(
+        default=None, description="Unit quaternion axes_from_body; give at most one of this and `euler_zyx_deg`."
+    )
+    euler_zyx_deg: Vector | None = Field(
+        default=None,
+        description=(
+            "Intrinsic rotations about z, then the new y, then the new x [deg]; give at most one of this and "
+            "`quaternion_xyzw`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
@@ -70,7 +78,12 @@ class Rtn(Part):
     """Turned with the body's own rtn axes (x radially out, z along r x v, y = z x x), then by `euler_zyx_deg`."""
 
     type: Literal["rtn"] = "rtn"
-    euler_zyx_deg: Vector = (0.0, 0.0, 0.0)
+    euler_zyx_deg: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description=(
+            "Intrinsic rotations from the rtn axes about z, new y, new x [deg]; [90, 0, 0] turns body +x along-track."
+        ),
+    )
 
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
@@ -89,7 +102,9 @@ class LvlhCcsds(Part):
     """Turned with CCSDS's local-vertical axes (z to nadir, y along -(r x v), x = y x z), then by `euler_zyx_deg`."""
 
     type: Literal["lvlh_ccsds"] = "lvlh_ccsds"
-    euler_zyx_deg: Vector = (0.0, 0.0, 0.0)
+    euler_zyx_deg: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="Intrinsic rotations from the CCSDS axes about z, new y, new x [deg]."
+    )
 
     def rtn_from_body(self) -> Rotation:
         """Return the constant rotation of the body in its rtn axes.
@@ -111,8 +126,14 @@ class LookAt(Part):
     """
 
     type: Literal["look_at"] = "look_at"
-    at: Text
-    up: Direction | None = None
+    at: Text = Field(description="Name of the body to look at, or of axes that a body declares.")
+    up: Direction | None = Field(
+        default=None,
+        description=(
+            "Upward direction in root axes. If omitted, the orbit normal, or the root's +z for a body that does not "
+            "orbit."
+        ),
+    )
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned toward what it looks at."""
@@ -126,9 +147,11 @@ class Spin(Part):
     """Spinning at a constant rate about an axis in body axes; `quaternion_xyzw` is inertial_from_body at t = 0."""
 
     type: Literal["spin"] = "spin"
-    axis: Direction
-    rate_deg_s: Number
-    quaternion_xyzw: Quaternion = _IDENTITY
+    axis: Direction = Field(description="Rotation axis in body axes, of any length.")
+    rate_deg_s: Number = Field(description="Rotation rate, right-handed about `axis` [deg/s].")
+    quaternion_xyzw: Quaternion = Field(
+        default=_IDENTITY, description="Unit quaternion inertial_from_body at `start_utc`."
+    )
 
     @property
     def body_rate_rad_s(self) -> np.ndarray:
@@ -189,9 +212,16 @@ class Tumble(Part):
     """
 
     type: Literal["tumble"] = "tumble"
-    inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_three_or_nine)]
-    body_rate_deg_s: Vector
-    quaternion_xyzw: Quaternion = _IDENTITY
+    inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_three_or_nine)] = Field(
+        description=(
+            "Three principal moments of inertia along the body axes, or the symmetric inertia tensor in body axes [kg "
+            "m²]."
+        )
+    )
+    body_rate_deg_s: Vector = Field(description="Angular velocity at `start_utc`, in body axes [deg/s].")
+    quaternion_xyzw: Quaternion = Field(
+        default=_IDENTITY, description="Unit quaternion inertial_from_body at `start_utc`."
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

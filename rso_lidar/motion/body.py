@@ -66,7 +66,7 @@ Attitude = Annotated[
 class Axes(Mount):
     """Further axes fixed to a body, such as a docking port: the mount says how they stand in body axes."""
 
-    name: Name
+    name: Name = Field(description="Name of these axes, by which others refer to them.")
 
 
 class Body(Part):
@@ -76,10 +76,22 @@ class Body(Part):
     table's quaternions.
     """
 
-    name: Name
-    motion: Motion
-    attitude: Attitude | None = None
-    axes: tuple[Axes, ...] = ()
+    name: Name = Field(
+        description=(
+            "Name of the body, by which others refer to it. `inertial`, `follower`, `ptu` and `lidar` are reserved."
+        )
+    )
+    motion: Motion = Field(description="Motion of the centre of mass.")
+    attitude: Attitude | None = Field(
+        default=None,
+        description=(
+            "Attitude of the body. If omitted, its axes are those in which its motion is given, or the quaternions of "
+            "its table apply."
+        ),
+    )
+    axes: tuple[Axes, ...] = Field(
+        default=(), description="Further axes fixed to the body, for `look_at`, `track` and `truth.pose`."
+    )
 
     @property
     def orbits(self) -> bool:

@@ -24,8 +24,12 @@ _FEW_TICKS = 200  # some 30 us in Python: fewer are not worth a compiled call
 class _Travel(Part):
     """What every drive obeys: the ends of its travel."""
 
-    pan_limits_deg: Limits | None = None
-    tilt_limits_deg: Limits | None = None
+    pan_limits_deg: Limits | None = Field(
+        default=None, description="Lower and upper limit of pan [deg]. If omitted, pan is unlimited."
+    )
+    tilt_limits_deg: Limits | None = Field(
+        default=None, description="Lower and upper limit of tilt [deg]. If omitted, tilt is unlimited."
+    )
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -49,8 +53,13 @@ class _Travel(Part):
 class _Drive(_Travel):
     """What a drive with dynamics may be limited by."""
 
-    max_rate_deg_s: Positive | None = None
-    max_acceleration_deg_s2: Positive | None = None
+    max_rate_deg_s: Positive | None = Field(
+        default=None, description="Greatest rate of each axis [deg/s]. If omitted, the rate is unlimited."
+    )
+    max_acceleration_deg_s2: Positive | None = Field(
+        default=None,
+        description="Greatest acceleration of each axis [deg/s²]. If omitted, the acceleration is unlimited.",
+    )
 
     @property
     def max_rate_rad_s(self) -> float:
@@ -73,15 +82,17 @@ class FirstOrder(_Drive):
     """A drive with tau dx/dt + x = demand. `time_constant_s` is tau."""
 
     type: Literal["first_order"] = "first_order"
-    time_constant_s: Positive
+    time_constant_s: Positive = Field(description="Time constant τ [s].")
 
 
 class SecondOrder(_Drive):
     """A drive with d2x/dt2 + 2 zeta w dx/dt + w^2 x = w^2 demand, w = 2 pi `natural_hz`, zeta = `damping`."""
 
     type: Literal["second_order"] = "second_order"
-    natural_hz: Annotated[Positive, Field(le=1000)]
-    damping: Annotated[NotNegative, Field(le=100)]
+    natural_hz: Annotated[Positive, Field(le=1000)] = Field(description="Undamped natural frequency [Hz].")
+    damping: Annotated[NotNegative, Field(le=100)] = Field(
+        description="Damping ratio ζ. The drive lags a steady slew by ζ / (π natural_hz) seconds."
+    )
 
 
 class StateSpaceDrive(_Travel):
@@ -92,8 +103,13 @@ class StateSpaceDrive(_Travel):
     """
 
     type: Literal["state_space"] = "state_space"
-    dynamics: Dynamics
-    further_state: tuple[Number, ...] = ()
+    dynamics: Dynamics = Field(
+        description=(
+            "Function x' = f(t, x, u), with x = pan, tilt [rad], their rates [rad/s] and further entries, and u = "
+            "demanded pan and tilt [rad]."
+        )
+    )
+    further_state: tuple[Number, ...] = Field(default=(), description="Further entries of x at `start_utc`.")
 
     @property
     def label(self) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from rso_lidar.errors import PropagationError, RsoLidarError, ScenarioError, did_you_mean
 from rso_lidar.orbit.propagation.integrator import Solution
@@ -66,11 +66,22 @@ class StateSpaceModel(Part):
     `Command.inputs` gives others. DOP853 to these tolerances for each step.
     """
 
-    dynamics: Dynamics
-    initial_state: tuple[Number, ...]
-    inputs: tuple[Number, ...] = ()
-    relative_tolerance: Positive = 1e-10
-    absolute_tolerance: Positive = 1e-9
+    dynamics: Dynamics = Field(
+        description=(
+            "Function x' = f(t, x, u): `file.py:name`, `package.module:name`, or a function in Python. It returns the "
+            "derivatives of all entries of x."
+        )
+    )
+    initial_state: tuple[Number, ...] = Field(description="State x at `start_utc`.")
+    inputs: tuple[Number, ...] = Field(
+        default=(), description="Inputs u, constant until a controller's `Command.inputs` replaces them."
+    )
+    relative_tolerance: Positive = Field(
+        default=1e-10, description="Relative tolerance of an integration step, at least 1e-12."
+    )
+    absolute_tolerance: Positive = Field(
+        default=1e-9, description="Absolute tolerance of an integration step, in the units of x."
+    )
 
     @property
     def label(self) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
@@ -26,8 +27,10 @@ class Fixed(Part):
     """A place that does not move, in the body axes of `relative_to`, or in the root's."""
 
     type: Literal["fixed"] = "fixed"
-    position_m: Vector
-    relative_to: Name | None = None
+    position_m: Vector = Field(description="Position in the body axes of `relative_to`, or in root axes [m].")
+    relative_to: Name | None = Field(
+        default=None, description="Body to whose axes the position refers. If omitted, the root axes."
+    )
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the parent's axes: the same at all times, and zero."""
@@ -45,8 +48,12 @@ class Table(Part):
     """
 
     type: Literal["table"] = "table"
-    file: Text
-    relative_to: Name | None = None
+    file: Text = Field(
+        description="Path of a CSV file with the columns time_s, x_m, y_m, z_m and, optionally, qx, qy, qz, qw."
+    )
+    relative_to: Name | None = Field(
+        default=None, description="Body to whose axes the positions refer. If omitted, the root axes."
+    )
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the parent's axes."""

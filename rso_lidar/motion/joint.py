@@ -20,8 +20,8 @@ class FixedAngle(Part):
     """A hinge that stands at an angle, or turns on from it at a constant rate."""
 
     type: Literal["fixed"] = "fixed"
-    angle_deg: Number = 0.0
-    rate_deg_s: Number = 0.0
+    angle_deg: Number = Field(default=0.0, description="Hinge angle at `start_utc` [deg].")
+    rate_deg_s: Number = Field(default=0.0, description="Constant rate of the hinge angle [deg/s].")
 
 
 class FollowSun(Part):
@@ -32,15 +32,23 @@ class FollowSun(Part):
     """
 
     type: Literal["follow_sun"] = "follow_sun"
-    normal: Direction | None = None
+    normal: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction, in body axes at angle zero, that is turned as close to the Sun as the axis allows. If "
+            "omitted, the model's."
+        ),
+    )
 
 
 class PlannedAngle(Part):
     """A hinge that goes through planned angles, linearly from each to the next, and stands still outside them."""
 
     type: Literal["planned"] = "planned"
-    time_s: tuple[NotNegative, ...]
-    angle_deg: tuple[Number, ...]
+    time_s: tuple[NotNegative, ...] = Field(
+        description="Times since `start_utc`, ascending [s]; outside them the hinge does not move."
+    )
+    angle_deg: tuple[Number, ...] = Field(description="Hinge angle at each time [deg]; interpolation is linear.")
 
     @model_validator(mode="after")
     def _pairs(self) -> Self:
@@ -60,11 +68,18 @@ class HingeAxes(Part):
     Its axes, named ``<body>.<name>``, have their origin at `position_m` and are the body's at angle zero.
     """
 
-    name: Name
-    parts: Annotated[tuple[Text, ...], Field(min_length=1)]
-    position_m: Vector = (0.0, 0.0, 0.0)
-    axis: Direction
-    angle: Angle
+    name: Name = Field(description="Name of the hinge; its axes are `<body>.<name>`.")
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
+        description="Names of the parts that turn with the hinge."
+    )
+    position_m: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="A point on the hinge line, in body axes [m]; it is the origin of the hinge's axes.",
+    )
+    axis: Direction = Field(
+        description="Direction of the hinge line, in body axes, of any length; rotation is right-handed."
+    )
+    angle: Angle = Field(description="Law of the hinge angle.")
 
     @model_validator(mode="after")
     def _named(self) -> Self:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text
@@ -23,8 +23,8 @@ class FixedPoint(Part):
     """Point one way in the mount's axes."""
 
     type: Literal["fixed"] = "fixed"
-    pan_deg: Number = 0.0
-    tilt_deg: Number = 0.0
+    pan_deg: Number = Field(default=0.0, description="Pan angle, positive to the left [deg].")
+    tilt_deg: Number = Field(default=0.0, description="Tilt angle, positive upward [deg].")
 
     def demand(self, time_s: np.ndarray) -> np.ndarray:
         """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
@@ -38,7 +38,9 @@ class TrackPoint(Part):
     """
 
     type: Literal["track"] = "track"
-    at: Text
+    at: Text = Field(
+        description="Name of the body to track, or of axes that a body declares. Its true position is tracked."
+    )
 
 
 class ScanPoint(Part):
@@ -49,14 +51,18 @@ class ScanPoint(Part):
     """
 
     type: Literal["scan"] = "scan"
-    pattern: Literal["raster", "spiral"]
-    pan_deg: Number = 0.0
-    tilt_deg: Number = 0.0
-    half_width_deg: Positive | None = None
-    half_height_deg: NotNegative | None = None
-    radius_deg: Positive | None = None
-    step_deg: Positive
-    rate_deg_s: Positive
+    pattern: Literal["raster", "spiral"] = Field(
+        description="Scan pattern: `raster`, lines along pan, or `spiral`, outward from the centre."
+    )
+    pan_deg: Number = Field(default=0.0, description="Pan angle of the centre [deg].")
+    tilt_deg: Number = Field(default=0.0, description="Tilt angle of the centre [deg].")
+    half_width_deg: Positive | None = Field(default=None, description="Half extent of a raster in pan [deg].")
+    half_height_deg: NotNegative | None = Field(default=None, description="Half extent of a raster in tilt [deg].")
+    radius_deg: Positive | None = Field(default=None, description="Outer radius of a spiral [deg].")
+    step_deg: Positive = Field(
+        description="Greatest distance between lines of a raster, or between turns of a spiral [deg]."
+    )
+    rate_deg_s: Positive = Field(description="Angular rate along the pattern [deg/s].")
 
     @model_validator(mode="after")
     def _size(self) -> Self:

@@ -46,9 +46,19 @@ CHUNK = 20_000  # ticks for which the demand is evaluated at once
 class Mount(Part):
     """Where something is fixed to its parent and how it is turned there: parent_from_child."""
 
-    position_m: Vector = (0.0, 0.0, 0.0)
-    quaternion_xyzw: Quaternion | None = None
-    euler_zyx_deg: Vector | None = None
+    position_m: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="Position of the child's origin in parent axes [m]."
+    )
+    quaternion_xyzw: Quaternion | None = Field(
+        default=None, description="Unit quaternion parent_from_child; give at most one of this and `euler_zyx_deg`."
+    )
+    euler_zyx_deg: Vector | None = Field(
+        default=None,
+        description=(
+            "Intrinsic rotations about z, then the new y, then the new x [deg]; give at most one of this and "
+            "`quaternion_xyzw`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
@@ -78,20 +88,32 @@ class PointingErrors(Part):
     Demands and commands reach the drive `command_latency_s` late, rounded to its ticks of 1 ms.
     """
 
-    misalignment_deg: tuple[Number, Number] = (0.0, 0.0)
-    jitter_deg: NotNegative = 0.0
-    encoder_noise_deg: NotNegative = 0.0
-    encoder_resolution_deg: NotNegative = 0.0
-    command_latency_s: Annotated[NotNegative, Field(le=3600)] = 0.0
+    misalignment_deg: tuple[Number, Number] = Field(
+        default=(0.0, 0.0), description="Constant offset of the boresight from the encoders, in pan and tilt [deg]."
+    )
+    jitter_deg: NotNegative = Field(default=0.0, description="Pointing jitter from flash to flash, 1 sigma [deg].")
+    encoder_noise_deg: NotNegative = Field(default=0.0, description="Noise of the encoders, 1 sigma [deg].")
+    encoder_resolution_deg: NotNegative = Field(
+        default=0.0, description="Step to which measured angles are rounded [deg]; 0 disables rounding."
+    )
+    command_latency_s: Annotated[NotNegative, Field(le=3600)] = Field(
+        default=0.0, description="Delay until a demand or a command reaches the drive [s]."
+    )
 
 
 class Ptu(Part):
     """A pan-tilt unit on the follower."""
 
-    mount: Mount = Mount()
-    point: Annotated[FixedPoint | TrackPoint | ScanPoint, Field(discriminator="type")] = FixedPoint()
-    response: Annotated[Ideal | FirstOrder | SecondOrder | StateSpaceDrive, Field(discriminator="type")] = Ideal()
-    errors: PointingErrors = PointingErrors()
+    mount: Mount = Field(
+        default=Mount(), description="Pose follower_from_mount: where the unit is mounted on the follower."
+    )
+    point: Annotated[FixedPoint | TrackPoint | ScanPoint, Field(discriminator="type")] = Field(
+        default=FixedPoint(), description="Demanded pointing."
+    )
+    response: Annotated[Ideal | FirstOrder | SecondOrder | StateSpaceDrive, Field(discriminator="type")] = Field(
+        default=Ideal(), description="Dynamics of the drive."
+    )
+    errors: PointingErrors = Field(default=PointingErrors(), description="Errors of pointing and encoders.")
 
 
 def ptu_link(

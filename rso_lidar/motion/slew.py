@@ -42,11 +42,15 @@ class Slew(Part):
     """
 
     type: Literal["slew"] = "slew"
-    first: OneLaw
-    then: OneLaw
-    at_s: Annotated[Number, Field(ge=-1e8, le=1e8)]
-    max_rate_deg_s: Positive
-    max_acceleration_deg_s2: Positive
+    first: OneLaw = Field(description="Attitude until `at_s`.")
+    then: OneLaw = Field(description="Attitude after the slew; it may move.")
+    at_s: Annotated[Number, Field(ge=-1e8, le=1e8)] = Field(
+        description="Start of the slew, in seconds since `start_utc` [s]."
+    )
+    max_rate_deg_s: Positive = Field(
+        description="Greatest total body rate in root axes, the rates of both attitudes included [deg/s]."
+    )
+    max_acceleration_deg_s2: Positive = Field(description="Greatest total angular acceleration in root axes [deg/s²].")
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned, in root axes: as `first` or `then` before and after the slew, to rounding."""

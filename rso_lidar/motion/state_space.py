@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
@@ -51,10 +51,28 @@ class StateSpace(StateSpaceModel):
     """
 
     type: Literal["state_space"] = "state_space"
-    axes: Literal["inertial", "local", "rtn"] = "inertial"
-    relative_to: Name | None = None
-    layout: Literal["translation", "rigid_body"] = "translation"
-    attitude_state: AttitudeState = QUATERNION
+    axes: Literal["inertial", "local", "rtn"] = Field(
+        default="inertial",
+        description=(
+            "Axes of position and velocity in x: `inertial`, `local` (a world without an Earth), or `rtn` of "
+            "`relative_to`."
+        ),
+    )
+    relative_to: Name | None = Field(default=None, description="Body in whose rotating rtn axes x is given.")
+    layout: Literal["translation", "rigid_body"] = Field(
+        default="translation",
+        description=(
+            "Layout of x. `translation`: x starts with position and velocity; `rigid_body`: attitude and body rate "
+            "follow them."
+        ),
+    )
+    attitude_state: AttitudeState = Field(
+        default=QUATERNION,
+        description=(
+            "Attitude parameters in x: `quaternion_xyzw`, or intrinsic Euler angles such as `euler_zyx_rad` or "
+            "`euler_zxz_deg`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -101,7 +119,13 @@ class StateSpaceAttitude(StateSpaceModel):
     """
 
     type: Literal["state_space"] = "state_space"
-    attitude_state: AttitudeState = QUATERNION
+    attitude_state: AttitudeState = Field(
+        default=QUATERNION,
+        description=(
+            "Attitude parameters at the start of x: `quaternion_xyzw`, or intrinsic Euler angles such as "
+            "`euler_zyx_rad`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

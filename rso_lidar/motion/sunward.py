@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitude import PARALLEL_RAD, look_at, rtn_from_lvlh_ccsds
@@ -28,9 +28,17 @@ class SunPointing(Part):
     """
 
     type: Literal["sun_pointing"] = "sun_pointing"
-    axis: Direction = (1.0, 0.0, 0.0)
-    up_axis: Direction = (0.0, 0.0, 1.0)
-    up: Direction | None = None
+    axis: Direction = Field(default=(1.0, 0.0, 0.0), description="Body axis that points to the Sun, of any length.")
+    up_axis: Direction = Field(
+        default=(0.0, 0.0, 1.0), description="Body axis that is turned as close to `up` as possible."
+    )
+    up: Direction | None = Field(
+        default=None,
+        description=(
+            "Upward direction in root axes. If omitted, the orbit normal, or the root's +z for a body that does not "
+            "orbit."
+        ),
+    )
 
     @model_validator(mode="after")
     def _two_directions(self) -> Self:
@@ -70,8 +78,16 @@ class Nadir(Part):
     """
 
     type: Literal["nadir"] = "nadir"
-    yaw_steering: Flag = False
-    euler_zyx_deg: Vector = (0.0, 0.0, 0.0)
+    yaw_steering: Flag = Field(
+        default=False,
+        description=(
+            "Whether the body turns about nadir, so that body +y (a solar array's hinge) is perpendicular to the Sun "
+            "and +x is on its side."
+        ),
+    )
+    euler_zyx_deg: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="Further intrinsic rotations about z, new y, new x [deg]."
+    )
 
     def turn(self, here: Situation) -> Turn:
         """Return how the body is turned, in rtn axes."""

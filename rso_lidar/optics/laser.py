@@ -31,18 +31,69 @@ class Laser(Part):
     lidar axes. `energy_jitter_fraction` and `timing_jitter_ns` are 1 sigma from pulse to pulse, unknown to the receiver.
     """
 
-    wavelength_nm: Positive = 1064.0
-    energy_mj: Positive = 50.0
-    pulse_fwhm_ns: Positive = 8.0
-    pulse_shape: Literal["gaussian", "super_gaussian", "measured"] = "gaussian"
-    pulse_order: Annotated[Number, Field(ge=1, le=20)] = 2.0
-    pulse_file: Text | None = None
-    divergence_deg: Divergence = 2.5
-    footprint: Literal["square", "circle", "gaussian", "pattern", "as_printed"] = "square"
-    pattern_file: Text | None = None
-    offset_m: Vector = (0.0, 0.0, 0.0)
-    energy_jitter_fraction: Annotated[NotNegative, Field(le=0.5)] = 0.0
-    timing_jitter_ns: NotNegative = 0.0
+    wavelength_nm: Positive = Field(
+        default=1064.0,
+        description="Wavelength in vacuum [nm]. Default: Fuller et al., sec. 3.1.4 and 5; the other band is 1570 nm.",
+    )
+    energy_mj: Positive = Field(
+        default=50.0, description="Energy of one pulse where it leaves the laser [mJ]. Default: Fuller et al., sec. 5."
+    )
+    pulse_fwhm_ns: Positive = Field(
+        default=8.0,
+        description=(
+            "Full width of the pulse at half maximum [ns]. Default: assumed; Fuller et al., sec. 3.1.4, give 6 to 10 "
+            "ns."
+        ),
+    )
+    pulse_shape: Literal["gaussian", "super_gaussian", "measured"] = Field(
+        default="gaussian", description="Shape of the power over time. Default: assumed."
+    )
+    pulse_order: Annotated[Number, Field(ge=1, le=20)] = Field(
+        default=2.0,
+        description=(
+            "Order p of a super-Gaussian; 1 is a Gaussian, higher orders are flatter. Default: a choice, used by "
+            "`super_gaussian` alone."
+        ),
+    )
+    pulse_file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of a measured pulse with the columns time_ns and power. Its own width replaces `pulse_fwhm_ns`."
+        ),
+    )
+    divergence_deg: Divergence = Field(
+        default=2.5,
+        description="Full divergence angle, edge to edge, or 1/e² of a Gaussian [deg]. Default: Fuller et al., sec. 5.",
+    )
+    footprint: Literal["square", "circle", "gaussian", "pattern", "as_printed"] = Field(
+        default="square",
+        description=(
+            "Distribution of the energy over the plane across the boresight. `as_printed` follows eq. 7 of Fuller et "
+            "al. literally, which is four times too bright. Default: a square diffuser (Fuller et al., sec. 3.2)."
+        ),
+    )
+    pattern_file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of a measured footprint, a grey image or a table of numbers. It fills the square of the full "
+            "divergence angle."
+        ),
+    )
+    offset_m: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description=(
+            "Position of the laser relative to the lens, in lidar axes [m]. If not zero, the laser's own shadows and "
+            "angles count. Default: a choice, at the lens, as in eq. 7 of Fuller et al."
+        ),
+    )
+    energy_jitter_fraction: Annotated[NotNegative, Field(le=0.5)] = Field(
+        default=0.0,
+        description="Fluctuation of the pulse energy from pulse to pulse, 1 sigma over the mean. Default: a choice.",
+    )
+    timing_jitter_ns: NotNegative = Field(
+        default=0.0,
+        description="Jitter of the emission time, 1 sigma, unknown to the receiver [ns]. Default: a choice.",
+    )
 
     @model_validator(mode="after")
     def _files_where_needed(self) -> Self:

@@ -27,19 +27,59 @@ class Receiver(Part):
     is the width of the filter about the laser's line: with it, sunlight on the targets reaches the detector.
     """
 
-    fov_deg: FieldOfView | None = None
-    focal_length_mm: Positive | None = None
-    f_number: Positive | None = None
-    aperture_mm: Positive | None = None
-    transmission: Transmission = 0.67
-    n_rows: Count = 128
-    n_cols: Count = 128
-    pixel_pitch_um: Positive = 100.0
-    rays_per_pixel: Count = 16
-    min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = 4096
-    psf: Psf | None = None
-    distortion: Distortion | None = None
-    filter_width_nm: Positive | None = None
+    fov_deg: FieldOfView | None = Field(
+        default=None,
+        description="Full field of view across the columns [deg]; give exactly one of this and `focal_length_mm`.",
+    )
+    focal_length_mm: Positive | None = Field(
+        default=None, description="Focal length of the lens [mm]; give exactly one of this and `fov_deg`."
+    )
+    f_number: Positive | None = Field(
+        default=None, description="Focal length over aperture; give exactly one of this and `aperture_mm`."
+    )
+    aperture_mm: Positive | None = Field(
+        default=None, description="Aperture diameter [mm]; give exactly one of this and `f_number`."
+    )
+    transmission: Transmission = Field(
+        default=0.67,
+        description=(
+            "Transmission of the whole optical path, out and back. Default: derived in docs/physics.md from the range "
+            "and detection that Fuller et al. give; not published."
+        ),
+    )
+    n_rows: Count = Field(default=128, description="Number of pixel rows. Default: Fuller et al., sec. 3.3.")
+    n_cols: Count = Field(default=128, description="Number of pixel columns. Default: Fuller et al., sec. 3.3.")
+    pixel_pitch_um: Positive = Field(
+        default=100.0,
+        description="Pitch of the square pixels, which have no gaps [µm]. Default: Fuller et al., sec. 3.1.4.",
+    )
+    rays_per_pixel: Count = Field(
+        default=16,
+        description=(
+            "Number of rays per pixel, a square number k × k; 1 is a ray through the centre. Default: a choice of "
+            "sampling, not of physics."
+        ),
+    )
+    min_rays_per_target: Annotated[Whole, Field(ge=0, le=1_000_000)] = Field(
+        default=4096,
+        description=(
+            "Minimum number of rays over the bounds of a target; with fewer, a finer grid samples the target. 0 "
+            "disables it. Default: a choice of sampling, not of physics."
+        ),
+    )
+    psf: Psf | None = Field(
+        default=None, description="Point spread function of the lens. If omitted, light stays in its pixel."
+    )
+    distortion: Distortion | None = Field(
+        default=None, description="Distortion of the lens. If omitted, an ideal pinhole."
+    )
+    filter_width_nm: Positive | None = Field(
+        default=None,
+        description=(
+            "Width of the spectral filter about the laser's line [nm]. If given, sunlight reflected by the targets "
+            "adds background."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar.part import Number, Positive, Vector
 from rso_lidar.rpo.limits import Duration, Pieces
@@ -21,8 +21,13 @@ class StationKeeping(ProximityOperation):
     """
 
     type: Literal["station_keeping"] = "station_keeping"
-    position_m: Vector
-    duration_s: Duration | None = None
+    position_m: Vector = Field(description="Position that is held, in the body's rtn axes [m].")
+    duration_s: Duration | None = Field(
+        default=None,
+        description=(
+            "Time over which totals are counted [s]; the hold continues. If omitted, one revolution of the body."
+        ),
+    )
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -34,11 +39,26 @@ class _AlongAnAxis(ProximityOperation):
     """The base of approaches along one axis: a forced straight line, or hops."""
 
     axis: ClassVar[int]
-    from_m: Number
-    to_m: Number
-    speed_m_s: Positive | None = None
-    duration_s: Duration | None = None
-    hops: Pieces | None = None
+    from_m: Number = Field(
+        description=(
+            "Initial position at rest along the axis [m]: y for the V-bar (ahead positive), x for the R-bar (below "
+            "negative)."
+        )
+    )
+    to_m: Number = Field(description="Final position along the axis, where the craft stops and holds [m].")
+    speed_m_s: Positive | None = Field(
+        default=None, description="Mean speed [m/s]; give at most one of this and `duration_s`."
+    )
+    duration_s: Duration | None = Field(
+        default=None, description="Duration of the approach [s]; give at most one of this and `speed_m_s`."
+    )
+    hops: Pieces | None = Field(
+        default=None,
+        description=(
+            "Number of free arcs between impulses, instead of a forced straight line. Without speed and duration, "
+            "each takes half a revolution."
+        ),
+    )
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -122,10 +142,19 @@ class CoElliptic(ProximityOperation):
     """
 
     type: Literal["co_elliptic"] = "co_elliptic"
-    radial_m: Number
-    from_m: Number
-    to_m: Number | None = None
-    duration_s: Duration | None = None
+    radial_m: Number = Field(description="Height relative to the body's orbit, below negative; not 0 [m].")
+    from_m: Number = Field(description="Initial along-track position, ahead positive [m].")
+    to_m: Number | None = Field(
+        default=None,
+        description=(
+            "Along-track position up to which totals are counted [m]; the drift continues. Give exactly one of this "
+            "and `duration_s`."
+        ),
+    )
+    duration_s: Duration | None = Field(
+        default=None,
+        description="Time over which totals are counted [s]; the drift continues. Give exactly one of this and `to_m`.",
+    )
 
     @model_validator(mode="after")
     def _gets_there(self) -> Self:

@@ -6,7 +6,7 @@ import math
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -44,12 +44,27 @@ class Circumnavigation(ProximityOperation):
     """
 
     type: Literal["circumnavigation"] = "circumnavigation"
-    radial_m: Positive
-    cross_track_m: NotNegative = 0.0
-    phase_deg: Number = 0.0
-    phase_difference_deg: Number = 0.0
-    center_along_track_m: Number = 0.0
-    duration_s: Duration | None = None
+    radial_m: Positive = Field(description="Radial semi-axis of the ellipse, which is twice as long along-track [m].")
+    cross_track_m: NotNegative = Field(default=0.0, description="Cross-track amplitude [m].")
+    phase_deg: Number = Field(
+        default=0.0, description="Initial phase on the ellipse [deg]: 0 above, 90 behind its centre, 180 below."
+    )
+    phase_difference_deg: Number = Field(
+        default=0.0,
+        description=(
+            "Phase of the cross-track motion [deg]. At 0 it is at its greatest when the ellipse crosses the body's "
+            "height."
+        ),
+    )
+    center_along_track_m: Number = Field(
+        default=0.0, description="Along-track position of the ellipse's centre, ahead positive [m]."
+    )
+    duration_s: Duration | None = Field(
+        default=None,
+        description=(
+            "Time over which totals are counted [s]; the motion continues. If omitted, one revolution of the body."
+        ),
+    )
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -68,13 +83,34 @@ class SafetyEllipse(ProximityOperation):
     """
 
     type: Literal["safety_ellipse"] = "safety_ellipse"
-    radial_m: Positive
-    cross_track_m: Positive
-    phase_deg: Number = 0.0
-    phase_difference_deg: Number = 0.0
-    drift_m: Number = 0.0
-    center_along_track_m: Number = 0.0
-    duration_s: Duration | None = None
+    radial_m: Positive = Field(
+        description="Radial semi-axis of the ellipse [m]: the relative eccentricity vector times the semi-major axis."
+    )
+    cross_track_m: Positive = Field(
+        description="Cross-track amplitude [m]: the relative inclination vector times the semi-major axis."
+    )
+    phase_deg: Number = Field(
+        default=0.0, description="Initial phase on the ellipse [deg]: 0 above, 90 behind its centre, 180 below."
+    )
+    phase_difference_deg: Number = Field(
+        default=0.0,
+        description=(
+            "Angle between the relative eccentricity and inclination vectors [deg]. 0 and 180 are safest; 90 is "
+            "refused."
+        ),
+    )
+    drift_m: Number = Field(
+        default=0.0, description="Along-track drift of the centre per revolution, ahead positive [m]."
+    )
+    center_along_track_m: Number = Field(
+        default=0.0, description="Initial along-track position of the ellipse's centre, ahead positive [m]."
+    )
+    duration_s: Duration | None = Field(
+        default=None,
+        description=(
+            "Time over which totals are counted [s]; the motion continues. If omitted, one revolution of the body."
+        ),
+    )
 
     @model_validator(mode="after")
     def _safe(self) -> Self:
@@ -130,11 +166,22 @@ class Teardrop(ProximityOperation):
     """
 
     type: Literal["teardrop"] = "teardrop"
-    cusp_m: Number
-    turn_m: Number | None = None
-    period_s: Duration | None = None
-    along_track_m: Number = 0.0
-    loops: Pieces = 1
+    cusp_m: Number = Field(description="Height of the cusp, where the craft thrusts, below negative; not 0 [m].")
+    turn_m: Number | None = Field(
+        default=None,
+        description=(
+            "Height of the loop's other end, nearer to the body's height than the cusp [m]. Give exactly one of this "
+            "and `period_s`."
+        ),
+    )
+    period_s: Duration | None = Field(
+        default=None,
+        description=(
+            "Period of one loop, less than a revolution of the body [s]. Give exactly one of this and `turn_m`."
+        ),
+    )
+    along_track_m: Number = Field(default=0.0, description="Along-track position of the loop, ahead positive [m].")
+    loops: Pieces = Field(default=1, description="Number of loops, after which the craft drifts away.")
 
     @model_validator(mode="after")
     def _a_loop(self) -> Self:
@@ -188,12 +235,27 @@ class ForcedCircumnavigation(ProximityOperation):
     """
 
     type: Literal["forced_circumnavigation"] = "forced_circumnavigation"
-    radius_m: Positive
-    rate_deg_s: Positive | None = None
-    period_s: Duration | None = None
-    axis: Direction = (0.0, 0.0, 1.0)
-    phase_deg: Number = 0.0
-    duration_s: Duration | None = None
+    radius_m: Positive = Field(description="Radius of the circle about the body's origin [m].")
+    rate_deg_s: Positive | None = Field(
+        default=None,
+        description="Angular rate in the rotating rtn axes [deg/s]; give exactly one of this and `period_s`.",
+    )
+    period_s: Duration | None = Field(
+        default=None, description="Period of one turn [s]; give exactly one of this and `rate_deg_s`."
+    )
+    axis: Direction = Field(
+        default=(0.0, 0.0, 1.0), description="Rotation axis in rtn axes, right-handed and of any length."
+    )
+    phase_deg: Number = Field(
+        default=0.0,
+        description=(
+            "Initial angle from the projection of the radial direction onto the circle's plane, or from along-track "
+            "if `axis` is radial [deg]."
+        ),
+    )
+    duration_s: Duration | None = Field(
+        default=None, description="Time over which totals are counted [s]; the motion continues. If omitted, one turn."
+    )
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:

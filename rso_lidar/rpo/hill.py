@@ -12,6 +12,7 @@ import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -47,8 +48,20 @@ class Hill(RelativeState):
     """
 
     type: Literal["hill"] = "hill"
-    acceleration_m_s2: Vector = (0.0, 0.0, 0.0)
-    curvilinear: Flag = False
+    acceleration_m_s2: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description=(
+            "Constant acceleration in the rtn axes of the body [m/s²]; with `curvilinear`, in the rtn axes of the "
+            "craft itself."
+        ),
+    )
+    curvilinear: Flag = Field(
+        default=False,
+        description=(
+            "Whether coordinates are height, arc along-track and arc cross-track instead of straight lines. It suits "
+            "bodies far apart along the orbit."
+        ),
+    )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
@@ -27,7 +28,9 @@ class Nonlinear(RelativeState):
     """
 
     type: Literal["nonlinear"] = "nonlinear"
-    forces: Forces | None = None
+    forces: Forces | None = Field(
+        default=None, description="Forces on both bodies, equal per mass. If omitted, two-body motion."
+    )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""

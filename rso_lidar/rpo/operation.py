@@ -8,6 +8,7 @@ from abc import abstractmethod
 from typing import Any
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -32,7 +33,10 @@ class ProximityOperation(RelativeMotion):
     separation for each revolution. `validity` says where that matters.
     """
 
-    keep_out_m: NotNegative = 0.0
+    keep_out_m: NotNegative = Field(
+        default=0.0,
+        description="Radius of a sphere about the body's origin that the path may not enter [m]; 0 disables the check.",
+    )
 
     @property
     def name(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
@@ -15,7 +16,7 @@ from rso_lidar.rpo.limits import Velocity
 class RelativeMotion(Part):
     """The base of motions about the body `relative_to`, in its rotating rtn axes (x out, z along r x v, y = z x x)."""
 
-    relative_to: Name
+    relative_to: Name = Field(description="Name of a body that orbits, by any orbital motion.")
 
     @abstractmethod
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -33,5 +34,10 @@ class RelativeMotion(Part):
 class RelativeState(RelativeMotion):
     """The base of relative motions that begin with a position and a velocity in the chief's rtn axes at `start_utc`."""
 
-    position_m: Vector
-    velocity_m_s: Velocity
+    position_m: Vector = Field(
+        description=(
+            "Position at `start_utc` in the rtn axes of that body: x radially outward, y along-track, z along the "
+            "orbit normal [m]."
+        )
+    )
+    velocity_m_s: Velocity = Field(description="Velocity at `start_utc` relative to those rotating axes [m/s].")

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
@@ -50,13 +51,31 @@ class RelativeElements(RelativeMotion):
     """
 
     type: Literal["relative_elements"] = "relative_elements"
-    delta_a_m: Number = 0.0
-    delta_lambda_m: Number = 0.0
-    delta_ex_m: Number = 0.0
-    delta_ey_m: Number = 0.0
-    delta_ix_m: Number = 0.0
-    delta_iy_m: Number = 0.0
-    j2: Flag = True
+    delta_a_m: Number = Field(default=0.0, description="Difference of the semi-major axes [m].")
+    delta_lambda_m: Number = Field(
+        default=0.0,
+        description=(
+            "Difference of the mean arguments of latitude, plus that of the nodes times cos i. Like those below, it "
+            "is scaled by the body's semi-major axis [m]."
+        ),
+    )
+    delta_ex_m: Number = Field(default=0.0, description="Difference of e cos ω, scaled by the semi-major axis [m].")
+    delta_ey_m: Number = Field(default=0.0, description="Difference of e sin ω, scaled by the semi-major axis [m].")
+    delta_ix_m: Number = Field(
+        default=0.0,
+        description="Difference of the inclinations to the equator of date, scaled by the semi-major axis [m].",
+    )
+    delta_iy_m: Number = Field(
+        default=0.0,
+        description="Difference of the nodes' right ascensions times sin i, scaled by the semi-major axis [m].",
+    )
+    j2: Flag = Field(
+        default=True,
+        description=(
+            "Whether the elements are mean ones with the secular rates of J2. If false, they are osculating ones of "
+            "two-body motion."
+        ),
+    )
 
     @property
     def elements_m(self) -> np.ndarray:

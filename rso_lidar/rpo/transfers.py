@@ -36,10 +36,13 @@ class Hop(ProximityOperation):
     """
 
     type: Literal["hop"] = "hop"
-    from_m: Vector
-    to_m: Vector
-    duration_s: TransferTime
-    stop: Flag = True
+    from_m: Vector = Field(description="Initial position at rest, in the body's rtn axes [m].")
+    to_m: Vector = Field(description="Position of arrival, in the body's rtn axes [m].")
+    duration_s: TransferTime = Field(description="Time between the two impulses, above 0 [s].")
+    stop: Flag = Field(
+        default=True,
+        description="Whether a second impulse stops the craft, which then holds its position. If false, it flies on.",
+    )
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -61,10 +64,13 @@ class Rendezvous(ProximityOperation):
     """
 
     type: Literal["rendezvous"] = "rendezvous"
-    position_m: Vector
-    velocity_m_s: Velocity = (0.0, 0.0, 0.0)
-    to_m: Vector = (0.0, 0.0, 0.0)
-    duration_s: TransferTime
+    position_m: Vector = Field(description="Position at `start_utc`, in the body's rtn axes [m].")
+    velocity_m_s: Velocity = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Velocity at `start_utc`, before the first impulse, relative to those rotating axes [m/s].",
+    )
+    to_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Position of arrival, which is then held [m].")
+    duration_s: TransferTime = Field(description="Time between the two impulses, above 0 [s].")
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
@@ -93,11 +99,29 @@ class Waypoints(ProximityOperation):
     """
 
     type: Literal["waypoints"] = "waypoints"
-    positions_m: Annotated[tuple[Vector, ...], Field(min_length=2, max_length=MOST_PIECES)]
-    times_s: tuple[Wait, ...] | None = None
-    speed_m_s: Positive | None = None
-    stop: Flag = False
-    hold_s: Wait = 0.0
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=2, max_length=MOST_PIECES)] = Field(
+        description=(
+            "Two or more positions in the body's rtn axes [m]. The craft starts at rest at the first and holds the "
+            "last."
+        )
+    )
+    times_s: tuple[Wait, ...] | None = Field(
+        default=None,
+        description="Time of arrival at each position, 0 for the first [s]. Give exactly one of this and `speed_m_s`.",
+    )
+    speed_m_s: Positive | None = Field(
+        default=None,
+        description=(
+            "Mean speed along the straight line between positions [m/s]. Give exactly one of this and `times_s`."
+        ),
+    )
+    stop: Flag = Field(
+        default=False, description="Whether the craft stops at each position, with an impulse of its own."
+    )
+    hold_s: Wait = Field(
+        default=0.0,
+        description="Time for which thrust holds the craft at each intermediate position [s]; it needs `stop`.",
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -166,13 +190,35 @@ class Lambert(ProximityOperation):
     """
 
     type: Literal["lambert"] = "lambert"
-    from_m: Vector
-    to_m: Vector
-    duration_s: TransferTime
-    velocity_m_s: Velocity = (0.0, 0.0, 0.0)
-    revolutions: Annotated[Whole, Field(ge=0)] | None = None
-    branch: Branch | None = None
-    way: Way = "prograde"
+    from_m: Vector = Field(description="Position at `start_utc`, in the body's rtn axes of that time [m].")
+    to_m: Vector = Field(
+        description="Position of arrival, which is then held, in the body's rtn axes of that time [m]."
+    )
+    duration_s: TransferTime = Field(description="Time between the two impulses, above 0 [s].")
+    velocity_m_s: Velocity = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Velocity at `start_utc`, before the first impulse, relative to those rotating axes [m/s].",
+    )
+    revolutions: Annotated[Whole, Field(ge=0)] | None = Field(
+        default=None,
+        description=(
+            "Number of whole revolutions about the Earth before arrival. If omitted, the number that costs least."
+        ),
+    )
+    branch: Branch | None = Field(
+        default=None,
+        description=(
+            "Choice between the two orbits of one revolution or more: `low` has the smaller semi-major axis. If "
+            "omitted, the cheaper one."
+        ),
+    )
+    way: Way = Field(
+        default="prograde",
+        description=(
+            "Direction about the Earth: `prograde` follows the body; `short` covers less than half a revolution, "
+            "`long` more."
+        ),
+    )
 
     def flown(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body on a circular orbit of this mean motion [rad/s]."""

@@ -38,12 +38,20 @@ class Corridor(Part):
     `axes` are the target's body axes, axes that the target declares, such as a port, or "rtn", those of its orbit.
     """
 
-    target: Text
-    axes: Text | None = None
-    axis: Direction
-    half_angle_deg: Exclusion
-    from_m: NotNegative = 0.0
-    to_m: Positive | None = None
+    target: Text = Field(description="Name of the target to which the corridor leads.")
+    axes: Text | None = Field(
+        default=None,
+        description=(
+            "Axes whose origin is the apex and in which `axis` is given: axes that the target declares, such as a "
+            "port, or `rtn`. If omitted, the target's body axes."
+        ),
+    )
+    axis: Direction = Field(description="Centre line of the cone, from the apex outward, of any length.")
+    half_angle_deg: Exclusion = Field(description="Half angle of the cone [deg].")
+    from_m: NotNegative = Field(default=0.0, description="Distance from the apex at which the corridor begins [m].")
+    to_m: Positive | None = Field(
+        default=None, description="Distance from the apex at which the corridor ends [m]. If omitted, it has no end."
+    )
 
     @model_validator(mode="after")
     def _some_length(self) -> Self:
@@ -87,11 +95,30 @@ class Constraints(Part):
     the follower's origin comes in a corridor of that target only.
     """
 
-    sun_exclusion_deg: Exclusion | None = None
-    moon_exclusion_deg: Exclusion | None = None
-    earth_exclusion_deg: Exclusion | None = None
-    keep_out_m: KeepOut = None
-    corridor: tuple[Corridor, ...] = ()
+    sun_exclusion_deg: Exclusion | None = Field(
+        default=None,
+        description=(
+            "Minimum angle from the boresight to the Sun's centre while any of the Sun is visible [deg]. If omitted, "
+            "only a Sun in the field of view or within 5° of it is reported."
+        ),
+    )
+    moon_exclusion_deg: Exclusion | None = Field(
+        default=None,
+        description="Minimum angle from the boresight to the Moon's centre, as seen from the follower [deg].",
+    )
+    earth_exclusion_deg: Exclusion | None = Field(
+        default=None, description="Minimum angle from the boresight to the Earth's limb [deg]."
+    )
+    keep_out_m: KeepOut = Field(
+        default=None,
+        description=(
+            "Radius of a sphere about every target, or a table by target such as `{ tdrs = 200 }` [m]. The follower's "
+            "origin must stay outside, except in a corridor of that target."
+        ),
+    )
+    corridor: tuple[Corridor, ...] = Field(
+        default=(), description="Cones in which the follower must stay during its approach."
+    )
 
     def radius_m(self, target: str) -> float | None:
         """Return the radius of the sphere about a target that is kept out of, or None."""

@@ -28,8 +28,13 @@ class FacetMaterials(Part):
     no entry.
     """
 
-    file: Text
-    materials: dict[Text, Material] = Field(default_factory=dict)
+    file: Text = Field(
+        description="Path of a .csv file (facet, material), or of a .npy file with one integer for each facet."
+    )
+    materials: dict[Text, Material] = Field(
+        default_factory=dict,
+        description="Material for each word or integer of the file; names of the catalogue need no entry.",
+    )
 
 
 def coloured(surface: Surface, color_materials: Mapping[str, Scatterer], wavelength_m: float) -> Surface:

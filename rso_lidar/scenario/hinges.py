@@ -26,11 +26,28 @@ class Joint(Part):
     hinge stands in the body's origin unless `position_m` says where.
     """
 
-    name: Name
-    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
-    position_m: Vector | None = None
-    axis: Direction | None = None
-    angle: Angle
+    name: Name = Field(description="Name of the hinge; its axes are `<target>.<name>`.")
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description=(
+            "Names of the model's parts that turn with the hinge. If omitted, those of the model's hinge of that name."
+        ),
+    )
+    position_m: Vector | None = Field(
+        default=None,
+        description=(
+            "A point on the hinge line in body axes, which is the origin of the hinge's axes [m]. If omitted, the "
+            "model's, or the body's origin."
+        ),
+    )
+    axis: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction of the hinge line in body axes, of any length; rotation is right-handed. If omitted, the "
+            "model's."
+        ),
+    )
+    angle: Angle = Field(description="Law of the hinge angle.")
 
 
 def joints_of(target: Target) -> tuple[HingeAxes, ...]:

@@ -40,12 +40,20 @@ class Schedule(Part):
     keeps its `f_number` where the receiver gives that, and its aperture where it gives `aperture_mm`.
     """
 
-    time_s: tuple[Number, ...]
-    interpolation: Literal["linear", "step"] = "linear"
-    focal_length_mm: tuple[Positive, ...] | None = None
-    divergence_deg: tuple[Annotated[Positive, Field(lt=180)], ...] | None = None
-    energy_mj: tuple[Positive, ...] | None = None
-    gate_delay_ns: tuple[NotNegative, ...] | None = None
+    time_s: tuple[Number, ...] = Field(description="Times since `start_utc`, ascending [s].")
+    interpolation: Literal["linear", "step"] = Field(
+        default="linear", description="Interpolation between times: `linear`, or `step`, which holds the last value."
+    )
+    focal_length_mm: tuple[Positive, ...] | None = Field(
+        default=None, description="Focal length of a zoom lens, one value per time [mm]."
+    )
+    divergence_deg: tuple[Annotated[Positive, Field(lt=180)], ...] | None = Field(
+        default=None, description="Full divergence angle of an adjustable diffuser, one value per time [deg]."
+    )
+    energy_mj: tuple[Positive, ...] | None = Field(default=None, description="Pulse energy, one value per time [mJ].")
+    gate_delay_ns: tuple[NotNegative, ...] | None = Field(
+        default=None, description="Time from emission to the opening of the range gate, one value per time [ns]."
+    )
 
     @model_validator(mode="after")
     def _lists_match(self) -> Self:
@@ -92,12 +100,23 @@ class Lidar(Part):
     along −z. A `schedule` plans zoom, diffuser, energy and gate; a controller's commands come before it.
     """
 
-    preset: Text | None = None
-    mount: Mount = Mount()
-    laser: Laser = Laser()
-    receiver: Receiver
-    detector: Detector = Field(default_factory=Gsfl)
-    schedule: Schedule | None = None
+    preset: Text | None = Field(
+        default=None,
+        description="Name of a shipped camera, whose values apply where none are given here (docs/instrument.md).",
+    )
+    mount: Mount = Field(
+        default=Mount(),
+        description=(
+            "Pose ptu_from_lidar, or follower_from_lidar without a PTU. Without rotation the boresight is the "
+            "carrier's +x."
+        ),
+    )
+    laser: Laser = Field(default=Laser(), description="Laser.")
+    receiver: Receiver = Field(description="Lens and focal plane.")
+    detector: Detector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
+    schedule: Schedule | None = Field(
+        default=None, description="Planned changes of the instrument's settings. If omitted, the settings are constant."
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from rso_lidar.errors import MeshError
 from rso_lidar.part import Part, Positive, Text, Whole
 from rso_lidar.scene.library.catalogue import ModelEntry
@@ -16,10 +18,18 @@ class OfLibrary(Part):
     the library knows of the model (materials, centre of mass, taxonomy, hinges) stands in the target itself.
     """
 
-    sha256: Text
-    scale: Positive = 1.0
-    mesh_axes: Literal["z_up", "y_up"] = "z_up"
-    left_out: tuple[tuple[Whole, Whole], ...] = ()
+    sha256: Text = Field(description="SHA-256 of the mesh file.")
+    scale: Positive = Field(default=1.0, description="Metres per unit of the file.")
+    mesh_axes: Literal["z_up", "y_up"] = Field(
+        default="z_up",
+        description=(
+            "Axes of the file. `z_up`: coordinates apply as they are. `y_up`: the library turns the file's y upward."
+        ),
+    )
+    left_out: tuple[tuple[Whole, Whole], ...] = Field(
+        default=(),
+        description="First and last index of each run of facets in the file that do not belong to the craft.",
+    )
 
     def check(self, entry: ModelEntry) -> None:
         """Raise `MeshError` where the catalogue makes another mesh of that name."""

@@ -25,9 +25,13 @@ _MOST_FRAMES = 5_000_000
 class Time(Part):
     """When frames are taken: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
 
-    start_utc: Instant
-    duration_s: Positive
-    frame_rate_hz: Positive
+    start_utc: Instant = Field(
+        description="Start of the scenario, such as `2024-09-17T12:00:00Z`; a time without an offset is an error."
+    )
+    duration_s: Positive = Field(description="Duration of the scenario [s].")
+    frame_rate_hz: Positive = Field(
+        description="Laser flashes per second [Hz]: round(duration × rate) frames at times k / rate, the end excluded."
+    )
 
     @model_validator(mode="after")
     def _some_frames(self) -> Self:
@@ -56,8 +60,19 @@ class World(Part):
     A local world has a Sun only where `sun_direction`, from the origin toward it in root axes, says so; nothing eclipses it.
     """
 
-    axes: Literal["inertial", "local"] = "inertial"
-    sun_direction: Direction | None = None
+    axes: Literal["inertial", "local"] = Field(
+        default="inertial",
+        description=(
+            "Root axes. `inertial`: GCRS about the Earth. `local`: a bench without an Earth, where orbits are refused."
+        ),
+    )
+    sun_direction: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction to the Sun in `local` axes; if omitted, there is no Sun. In `inertial` axes the date "
+            "determines it."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_sun(self) -> Self:
@@ -79,20 +94,65 @@ class Target(Body):
     `library` is what a recording says of a model of the user's own library; who writes a scenario leaves it out.
     """
 
-    model: Text | None = None
-    terrain: Terrain | None = None
-    scale: Positive | None = None
-    size_m: Positive | None = None
-    mesh_axes: Literal["z_up", "y_up"] = "z_up"
-    material: Material | None = None
-    part_materials: dict[Text, Material] = Field(default_factory=dict)
-    color_materials: dict[Colour, Material] = Field(default_factory=dict)
-    facet_materials: FacetMaterials | None = None
-    smooth_parts: tuple[Text, ...] = ()
-    center_of_mass_m: Vector | None = None
-    joint: tuple[Joint, ...] = ()
-    taxonomy: Taxonomy | None = None
-    library: OfLibrary | None = None
+    model: Text | None = Field(
+        default=None,
+        description=(
+            "Name in the catalogue or in your own library (`rso-lidar models`), or the path of an STL, OBJ, PLY, GLB, "
+            "glTF or OFF file. Give exactly one of this and `terrain`."
+        ),
+    )
+    terrain: Terrain | None = Field(default=None, description="Terrain in place of `model`.")
+    scale: Positive | None = Field(default=None, description="Metres per unit of the file; not together with `size_m`.")
+    size_m: Positive | None = Field(
+        default=None, description="Longest side of the mesh's bounding box, to which the mesh is scaled [m]."
+    )
+    mesh_axes: Literal["z_up", "y_up"] = Field(
+        default="z_up",
+        description="Axes of the file. `z_up`: coordinates apply as they are. `y_up`: the file's y becomes body z.",
+    )
+    material: Material | None = Field(
+        default=None,
+        description=(
+            "Material of all parts: a table, or a name of the catalogue such as `mli_gold`. If omitted, a catalogue "
+            "model keeps its own; another mesh is Lambertian with reflectance 0.30."
+        ),
+    )
+    part_materials: dict[Text, Material] = Field(
+        default_factory=dict,
+        description="Materials of named parts, as tables or catalogue names; they override `material`.",
+    )
+    color_materials: dict[Colour, Material] = Field(
+        default_factory=dict,
+        description=(
+            "Materials of the facets that have a given colour, such as `#a29225`, in a GLB or PLY file; they override "
+            "the other materials."
+        ),
+    )
+    facet_materials: FacetMaterials | None = Field(
+        default=None, description="Materials of the facets that a file lists; they override the other materials."
+    )
+    smooth_parts: tuple[Text, ...] = Field(
+        default=(),
+        description=(
+            "Names of parts that are curved in reality. Their normals are interpolated over the facets for the BRDF."
+        ),
+    )
+    center_of_mass_m: Vector | None = Field(
+        default=None,
+        description=(
+            "Origin of the body axes, in mesh axes after scaling [m]. If omitted, the catalogue's, or the mesh's "
+            "origin with a warning."
+        ),
+    )
+    joint: tuple[Joint, ...] = Field(default=(), description="Hinges that turn some of the target's parts.")
+    taxonomy: Taxonomy | None = Field(
+        default=None,
+        description="Class of the target, for labels and for drawing datasets. If omitted, the catalogue's, or none.",
+    )
+    library: OfLibrary | None = Field(
+        default=None,
+        description="Record of a model of your own library, written into recordings. Do not set it in a scenario.",
+    )
 
     @model_validator(mode="after")
     def _allowed(self) -> Self:
@@ -135,4 +195,4 @@ class Target(Body):
 class Follower(Body):
     """The spacecraft that carries the lidar."""
 
-    name: Literal["follower"] = "follower"
+    name: Literal["follower"] = Field(default="follower", description="Always `follower`; it may be omitted.")

@@ -33,16 +33,23 @@ class Scenario(Part):
     Relative paths are looked up beside the scenario file, then among the shipped data.
     """
 
-    version: Literal[1]
-    name: Text
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    world: World = World()
-    time: Time
-    target: tuple[Target, ...] = ()
-    follower: Follower
-    ptu: Ptu | None = None
-    lidar: Lidar
-    constraints: Constraints | None = None
+    version: Literal[1] = Field(description="Version of the file format.")
+    name: Text = Field(description="Title of the mission.")
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Random seed of all noise; frame k depends on (seed, k) only."
+    )
+    world: World = Field(default=World(), description="Root axes.")
+    time: Time = Field(description="Start, duration and frame rate.")
+    target: tuple[Target, ...] = Field(default=(), description="Targets that may be seen; there may be none.")
+    follower: Follower = Field(description="Spacecraft that carries the lidar.")
+    ptu: Ptu | None = Field(
+        default=None, description="Pan-tilt unit. If omitted, the lidar looks along the follower's +x."
+    )
+    lidar: Lidar = Field(description="Instrument.")
+    constraints: Constraints | None = Field(
+        default=None,
+        description="Limits that `check` verifies: exclusion angles, keep-out spheres and approach corridors.",
+    )
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="scenario")
     _trust_code: bool = PrivateAttr(default=True)

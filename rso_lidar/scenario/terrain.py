@@ -27,9 +27,14 @@ class HeightField(Part):
     """
 
     type: Literal["height_field"] = "height_field"
-    file: Text
-    cell_m: Positive
-    height_scale_m: Number = 1.0
+    file: Text = Field(
+        description=(
+            "Path of a .npy file, a .npz file of one array, or a grey .png file of 8 or 16 bits. Row 0 is the north, "
+            "column 0 the west."
+        )
+    )
+    cell_m: Positive = Field(description="Distance between heights along rows and columns [m].")
+    height_scale_m: Number = Field(default=1.0, description="Height of a value of 1 in the file [m].")
 
 
 class CratersAndBoulders(Part):
@@ -42,15 +47,29 @@ class CratersAndBoulders(Part):
     """
 
     type: Literal["craters_and_boulders"] = "craters_and_boulders"
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    size_m: Positive
-    cell_m: Positive
-    crater_fraction: Fraction = 1.0
-    crater_min_m: Positive | None = None
-    crater_max_m: Positive | None = None
-    rock_fraction: Annotated[Fraction, Field(lt=1)] = 0.05
-    boulder_min_m: Positive = 0.5
-    boulder_max_m: Positive = 5.0
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Random seed of the terrain; another seed gives another place of the same kind."
+    )
+    size_m: Positive = Field(description="Side of the square [m].")
+    cell_m: Positive = Field(
+        description="Distance between heights [m]; features smaller than a few cells are not modelled."
+    )
+    crater_fraction: Fraction = Field(
+        default=1.0, description="Density of craters, as a share of the equilibrium on old surfaces."
+    )
+    crater_min_m: Positive | None = Field(
+        default=None, description="Smallest diameter of a crater [m]. If omitted, four cells."
+    )
+    crater_max_m: Positive | None = Field(
+        default=None, description="Greatest diameter of a crater [m]. If omitted, a quarter of the side."
+    )
+    rock_fraction: Annotated[Fraction, Field(lt=1)] = Field(
+        default=0.05, description="Share of the ground covered by rocks of all sizes; 0 gives no boulders."
+    )
+    boulder_min_m: Positive = Field(
+        default=0.5, description="Smallest diameter of a rock that is modelled as a body [m]."
+    )
+    boulder_max_m: Positive = Field(default=5.0, description="Greatest diameter of a rock [m].")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

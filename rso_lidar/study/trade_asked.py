@@ -80,14 +80,14 @@ class Random(Part):
     """Points drawn at random, each axis evenly over its values or its span."""
 
     type: Literal["random"] = "random"
-    points: Count
+    points: Count = Field(description="Number of points.")
 
 
 class LatinHypercube(Part):
     """Points drawn so that of as many equal strata of each axis every one holds one point (McKay et al. 1979)."""
 
     type: Literal["latin_hypercube"] = "latin_hypercube"
-    points: Count
+    points: Count = Field(description="Number of points, and of strata along each axis.")
 
 
 class Axis(Part):
@@ -97,17 +97,31 @@ class Axis(Part):
     """
 
     field: Annotated[
-        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...],
-        BeforeValidator(_fields),
-        Field(min_length=1, description="place, or list of places"),
-    ]
-    values: Annotated[
-        Any, AfterValidator(_values), Field(description="list; of several fields, lists of one value for each")
-    ] = None
-    low: Number | None = None
-    high: Number | None = None
-    count: Count | None = None
-    scale: Literal["linear", "log"] = "linear"
+        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...], BeforeValidator(_fields), Field(min_length=1)
+    ] = Field(
+        description=(
+            "Place of a field in the scenario, as `--set` takes it, or a list of places. Several fields take one "
+            "value, or each its own."
+        )
+    )
+    values: Annotated[Any, AfterValidator(_values)] = Field(
+        default=None,
+        description=(
+            "List of values for the field; for several fields, a list with one value for each. Random points draw "
+            "each entry with equal probability."
+        ),
+    )
+    low: Number | None = Field(default=None, description="Lowest value, in the unit of the field.")
+    high: Number | None = Field(
+        default=None, description="Highest value, in the unit of the field; random points exclude it."
+    )
+    count: Count | None = Field(
+        default=None, description="Number of values of a grid from `low` to `high`, both included."
+    )
+    scale: Literal["linear", "log"] = Field(
+        default="linear",
+        description="Whether values are evenly spaced themselves (`linear`) or in their logarithms (`log`).",
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -176,28 +190,62 @@ class Axis(Part):
 class Report(Part):
     """What the report shows beside plots and tables."""
 
-    pictures: Annotated[Whole, Field(ge=0, le=24)] = 4
-    frame: Annotated[Whole, Field(ge=0)] | None = None
+    pictures: Annotated[Whole, Field(ge=0, le=24)] = Field(
+        default=4,
+        description=(
+            "Number of points shown with a frame: the best and the worst by the first figure of merit, and evenly "
+            "spaced ones between."
+        ),
+    )
+    frame: Annotated[Whole, Field(ge=0)] | None = Field(
+        default=None, description="Index of the frame shown. If omitted, the middle one of the simulated frames."
+    )
 
 
 class Study(Part):
     """A trade study, as its TOML file says it."""
 
-    version: Literal[1]
-    name: Text
-    scenario: Text
-    set: tuple[Text, ...] = ()
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    seeds: Annotated[Count, Field(le=_MOST_SEEDS)] = 1
-    sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Grid()
-    frames: Annotated[
-        Any, AfterValidator(_frames), Field(description='text `"from:end:step"`, or list of whole numbers')
-    ] = None
-    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)]
-    target: Name | None = None
-    min_detection_fraction: Annotated[Number, Field(ge=0, le=1)] = 0.5
-    axis: tuple[Axis, ...]
-    report: Report = Report()
+    version: Literal[1] = Field(description="Version of the file format.")
+    name: Text = Field(description="Title of the report.")
+    scenario: Text = Field(description="Path of the scenario file, relative to the study's folder.")
+    set: tuple[Text, ...] = Field(
+        default=(), description="Settings that override the scenario for all points, as `--set` takes them."
+    )
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Random seed of the drawn points; noise uses the scenario's seed."
+    )
+    seeds: Annotated[Count, Field(le=_MOST_SEEDS)] = Field(
+        default=1,
+        description=(
+            "Number of runs of each point: the scenario's seed and the ones that follow it, equal for all points."
+        ),
+    )
+    sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Field(
+        default=Grid(), description="Choice of points: all of a grid, or random ones."
+    )
+    frames: Annotated[Any, AfterValidator(_frames)] = Field(
+        default=None,
+        description=(
+            'Frames of each run that are simulated, as text `"from:end:step"` or a list of indices, if a figure of '
+            "merit needs frames. If omitted, all."
+        ),
+    )
+    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)] = Field(
+        description="Names of the figures of merit; the first one ranks the pictures."
+    )
+    target: Name | None = Field(
+        default=None, description="Name of the target that is evaluated. If omitted, the first."
+    )
+    min_detection_fraction: Annotated[Number, Field(ge=0, le=1)] = Field(
+        default=0.5,
+        description=(
+            "Minimum share of the target's pixels that report, averaged over the runs of a point, for a ranking by "
+            "figures of merit that depend on detection; 0 ranks all points. With less than half, the reporting pixels "
+            "are selected by brightness and noise, so that their errors do not represent the camera."
+        ),
+    )
+    axis: tuple[Axis, ...] = Field(description="Fields that change from point to point.")
+    report: Report = Field(default=Report(), description="Contents of the report.")
     _folder: Path | None = PrivateAttr(default=None)
     _where: str = PrivateAttr(default="study")
 

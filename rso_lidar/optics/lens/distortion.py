@@ -124,11 +124,11 @@ class BrownConrady(DistortionPart):
     """
 
     type: Literal["brown_conrady"] = "brown_conrady"
-    k1: Number = 0.0
-    k2: Number = 0.0
-    k3: Number = 0.0
-    p1: Number = 0.0
-    p2: Number = 0.0
+    k1: Number = Field(default=0.0, description="Radial coefficient of r², where r is the tangent of the field angle.")
+    k2: Number = Field(default=0.0, description="Radial coefficient of r⁴.")
+    k3: Number = Field(default=0.0, description="Radial coefficient of r⁶.")
+    p1: Number = Field(default=0.0, description="Tangential coefficient along y.")
+    p2: Number = Field(default=0.0, description="Tangential coefficient along x.")
 
     @property
     def coefficients(self) -> Coefficients:
@@ -144,7 +144,7 @@ class ZemaxDistortion(DistortionPart):
     """
 
     type: Literal["zemax_grid"] = "zemax_grid"
-    file: Text
+    file: Text = Field(description="Path of a Zemax Grid Distortion listing against F-Tan(theta).")
 
     @property
     def coefficients(self) -> Coefficients:

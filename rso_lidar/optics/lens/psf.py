@@ -33,8 +33,10 @@ class _Kernel(Part):
     (ABC model; Harvey & Shack). 29 % of it lie within the radius, and the rest reaches far.
     """
 
-    halo_fraction: Fraction = 0.0
-    halo_radius_um: Positive | None = None
+    halo_fraction: Fraction = Field(default=0.0, description="Share of the light in a wide halo.")
+    halo_radius_um: Positive | None = Field(
+        default=None, description="Radius of the halo, within which 29 % of its light lies [µm]."
+    )
 
     @model_validator(mode="after")
     def _both_or_none(self) -> Self:
@@ -63,7 +65,7 @@ class GaussianPsf(_Kernel):
     """A Gaussian blur of standard deviation `sigma_um` on the focal plane, in each axis."""
 
     type: Literal["gaussian"] = "gaussian"
-    sigma_um: Positive
+    sigma_um: Positive = Field(description="Standard deviation on the focal plane, along each axis [µm].")
 
     def core(self, at: At) -> np.ndarray:
         """Return the hat weights (row, col): exact, by the error function."""
@@ -88,8 +90,8 @@ class GridPsf(_Kernel):
     """
 
     type: Literal["grid"] = "grid"
-    file: Text
-    spacing_um: Positive
+    file: Text = Field(description="Path of a table of intensities, rows from the top down.")
+    spacing_um: Positive = Field(description="Distance between points of the table on the focal plane [µm].")
 
     def read(self) -> None:
         """Read the table."""
@@ -106,7 +108,9 @@ class ZemaxPsf(_Kernel):
     """The kernel of a Zemax Huygens PSF listing, about the listing's center point."""
 
     type: Literal["zemax_huygens"] = "zemax_huygens"
-    file: Text
+    file: Text = Field(
+        description="Path of a Zemax Huygens PSF listing, in UTF-16, UTF-8 or Latin-1, with decimal points or commas."
+    )
 
     def read(self) -> None:
         """Read the listing."""
@@ -124,8 +128,8 @@ Kernel = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf, Field(discriminat
 class FieldPsf(Part):
     """A kernel at the angle `field_deg` from the axis, taken with its field point towards the top row (Zemax: +y)."""
 
-    field_deg: NotNegative
-    psf: Kernel
+    field_deg: NotNegative = Field(description="Field angle from the optical axis [deg].")
+    psf: Kernel = Field(description="Point spread function at this field angle; its top row points away from the axis.")
 
 
 class FieldDependentPsf(Part):
@@ -135,7 +139,9 @@ class FieldDependentPsf(Part):
     """
 
     type: Literal["field_dependent"] = "field_dependent"
-    fields: Annotated[tuple[FieldPsf, ...], Field(min_length=1)]
+    fields: Annotated[tuple[FieldPsf, ...], Field(min_length=1)] = Field(
+        description="Point spread functions by ascending field angle."
+    )
 
     @model_validator(mode="after")
     def _outwards(self) -> Self:

@@ -59,10 +59,25 @@ class Ephemeris(Part):
     """
 
     type: Literal["ephemeris"] = "ephemeris"
-    file: Text
-    object: Text | None = None
-    interpolation: Literal["hermite", "lagrange"] | None = None
-    degree: Annotated[Whole, Field(ge=1, le=GREATEST_DEGREE)] | None = None
+    file: Text = Field(
+        description=(
+            "Path of a CCSDS OEM (KVN or XML), or of a CSV file with one of the columns time_s, utc or epoch; x_m ... "
+            "or x_km ...; and, optionally, vx_m_s ... or vx_km_s ...."
+        )
+    )
+    object: Text | None = Field(
+        default=None, description="Name or identifier of one object, for a file that holds several."
+    )
+    interpolation: Literal["hermite", "lagrange"] | None = Field(
+        default=None,
+        description=(
+            "Interpolation: `hermite` through positions and velocities, or `lagrange`. If omitted, the file's, else "
+            "`hermite` for a file with velocities."
+        ),
+    )
+    degree: Annotated[Whole, Field(ge=1, le=GREATEST_DEGREE)] | None = Field(
+        default=None, description="Degree of the interpolating polynomial. If omitted, the file's, else 7."
+    )
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; epochs outside raise `PropagationError`."""

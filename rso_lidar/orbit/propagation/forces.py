@@ -65,27 +65,39 @@ _FLOORS_KM = [row[0] for row in _AIR]
 class Drag(Part):
     """Drag in an exponential atmosphere that turns with the Earth."""
 
-    area_m2: Positive
-    mass_kg: Positive
-    drag_coefficient: Positive = 2.2
+    area_m2: Positive = Field(description="Cross-section in the flow [m²].")
+    mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
+    drag_coefficient: Positive = Field(default=2.2, description="Drag coefficient; 2.2 suits most satellites.")
 
 
 class RadiationPressure(Part):
     """Pressure of sunlight on a ball, in full light, penumbra or the Earth's shadow."""
 
-    area_m2: Positive
-    mass_kg: Positive
-    coefficient: Positive = 1.3
+    area_m2: Positive = Field(description="Cross-section in the sunlight [m²].")
+    mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
+    coefficient: Positive = Field(
+        default=1.3,
+        description="Radiation pressure coefficient: 1 for a black body, 2 for a flat mirror that faces the Sun.",
+    )
 
 
 class Forces(Part):
     """What acts on a body besides the Earth's central pull: zonal harmonics, drag, radiation pressure, Sun and Moon."""
 
-    zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = 2
-    drag: Drag | None = None
-    radiation_pressure: RadiationPressure | None = None
-    sun: Flag = False
-    moon: Flag = False
+    zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = Field(
+        default=2,
+        description="Highest degree of the zonal harmonics (EGM96) about the pole of date; 0 is a point mass.",
+    )
+    drag: Drag | None = Field(
+        default=None,
+        description="Drag in a mean exponential atmosphere that rotates with the Earth. If omitted, there is none.",
+    )
+    radiation_pressure: RadiationPressure | None = Field(
+        default=None,
+        description="Solar radiation pressure, with the Earth's conical shadow. If omitted, there is none.",
+    )
+    sun: Flag = Field(default=False, description="Whether the Sun's gravity acts.")
+    moon: Flag = Field(default=False, description="Whether the Moon's gravity acts.")
 
     @model_validator(mode="after")
     def _degree(self) -> Self:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
@@ -48,7 +48,13 @@ class J2(OrbitElements):
     """
 
     type: Literal["j2"] = "j2"
-    elements: Literal["mean", "osculating"] = "mean"
+    elements: Literal["mean", "osculating"] = Field(
+        default="mean",
+        description=(
+            "Kind of elements: `mean` of J2 (Brouwer's, without long-period terms), or `osculating` of the state at "
+            "`epoch_utc`."
+        ),
+    )
 
     @model_validator(mode="after")
     def _closed(self) -> Self:

@@ -10,7 +10,7 @@ import math
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import NotNegative, Part, Positive, Vector
@@ -22,9 +22,17 @@ class Impulse(Part):
     """A change of velocity at `at_s` seconds after the start; at the start itself, change the initial state instead."""
 
     type: Literal["impulse"] = "impulse"
-    at_s: Positive
-    delta_v_m_s: Vector
-    axes: Axes3 = "rtn"
+    at_s: Positive = Field(
+        description="Time since `start_utc` [s], above 0. For an impulse at the start, change `initial` instead."
+    )
+    delta_v_m_s: Vector = Field(description="Change of velocity [m/s].")
+    axes: Axes3 = Field(
+        default="rtn",
+        description=(
+            "Axes of `delta_v_m_s` at that time. `rtn`: x radially outward, z along the orbit normal. `vnc`: x along "
+            "the velocity, y along the orbit normal, z = x × y outward. `inertial`: GCRS."
+        ),
+    )
 
     @property
     def size_m_s(self) -> float:
@@ -46,13 +54,24 @@ class Burn(Part):
     """
 
     type: Literal["burn"] = "burn"
-    from_s: NotNegative
-    duration_s: Positive
-    acceleration_m_s2: Vector | None = None
-    thrust_n: Vector | None = None
-    mass_kg: Positive | None = None
-    isp_s: Positive | None = None
-    axes: Axes3 = "rtn"
+    from_s: NotNegative = Field(description="Start of the burn since `start_utc` [s].")
+    duration_s: Positive = Field(description="Duration of the burn [s].")
+    acceleration_m_s2: Vector | None = Field(
+        default=None, description="Constant acceleration [m/s²]; give exactly one of this and `thrust_n`."
+    )
+    thrust_n: Vector | None = Field(
+        default=None, description="Constant thrust on `mass_kg` [N]; give exactly one of this and `acceleration_m_s2`."
+    )
+    mass_kg: Positive | None = Field(default=None, description="Mass at ignition of this burn [kg].")
+    isp_s: Positive | None = Field(
+        default=None, description="Specific impulse, by which the mass decreases [s]. If omitted, the mass is constant."
+    )
+    axes: Axes3 = Field(
+        default="rtn",
+        description=(
+            "Axes of the acceleration or thrust, as for an impulse. They rotate with the orbit during the burn."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_push(self) -> Self:

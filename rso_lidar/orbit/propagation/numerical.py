@@ -34,9 +34,11 @@ class Numerical(Part):
     """Integrated motion: the state of `initial` at `start_utc`, flown by `forces` and `maneuvers`."""
 
     type: Literal["numerical"] = "numerical"
-    initial: Initial
-    forces: Forces = Forces()
-    maneuvers: tuple[Maneuver, ...] = ()
+    initial: Initial = Field(
+        description="Orbit that gives the state at `start_utc`: a `tle`, `omm`, `kepler`, `state` or `j2`."
+    )
+    forces: Forces = Field(default=Forces(), description="Forces besides the central gravity.")
+    maneuvers: tuple[Maneuver, ...] = Field(default=(), description="Impulses and burns, in any order.")
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; a fall to the ground raises `PropagationError`."""

@@ -43,19 +43,31 @@ class Omm(Part):
     """
 
     type: Literal["omm"] = "omm"
-    object_name: Text | None = None
-    norad_id: Annotated[Whole, Field(ge=0, lt=10**9)] = 0
-    epoch_utc: Instant
-    epoch_rest_ns: Annotated[Number, Field(ge=0, lt=1000)] = 0.0
-    mean_motion_rev_day: Number
-    eccentricity: Number
-    inclination_deg: Number
-    raan_deg: Number
-    argument_of_perigee_deg: Number
-    mean_anomaly_deg: Number
-    bstar_per_earth_radius: Number = 0.0
-    mean_motion_dot_rev_day2: Number = 0.0
-    mean_motion_ddot_rev_day3: Number = 0.0
+    object_name: Text | None = Field(default=None, description="Name of the object.")
+    norad_id: Annotated[Whole, Field(ge=0, lt=10**9)] = Field(
+        default=0, description="Catalogue number of up to nine digits; 0 means none yet."
+    )
+    epoch_utc: Instant = Field(description="Time at which the elements apply.")
+    epoch_rest_ns: Annotated[Number, Field(ge=0, lt=1000)] = Field(
+        default=0.0, description="Part of the epoch below its whole microseconds [ns]."
+    )
+    mean_motion_rev_day: Number = Field(description="Mean motion of SGP4 (Kozai) [rev/day].")
+    eccentricity: Number = Field(description="Mean eccentricity, 0 to below 1.")
+    inclination_deg: Number = Field(description="Mean inclination to the equator of TEME, 0 to 180 [deg].")
+    raan_deg: Number = Field(description="Mean right ascension of the ascending node [deg].")
+    argument_of_perigee_deg: Number = Field(description="Mean argument of perigee, from the ascending node [deg].")
+    mean_anomaly_deg: Number = Field(description="Mean anomaly, from perigee [deg].")
+    bstar_per_earth_radius: Number = Field(default=0.0, description="Drag term B* of SGP4 [1/R⊕].")
+    mean_motion_dot_rev_day2: Number = Field(
+        default=0.0,
+        description="Half of the first derivative of mean motion, as an OMM gives it [rev/day²]. SGP4 does not use it.",
+    )
+    mean_motion_ddot_rev_day3: Number = Field(
+        default=0.0,
+        description=(
+            "A sixth of the second derivative of mean motion, as an OMM gives it [rev/day³]. SGP4 does not use it."
+        ),
+    )
 
     @model_validator(mode="after")
     def _of_an_orbit(self) -> Self:
@@ -104,12 +116,32 @@ class Tle(Part):
     """
 
     type: Literal["tle"] = "tle"
-    file: Text | None = None
-    lines: Annotated[tuple[Text, ...], Field(min_length=2)] | None = None
-    messages: tuple[Omm, ...] = ()
-    name: Text | None = None
-    norad_id: Annotated[Whole, Field(ge=1, lt=10**9)] | None = None
-    sets: Literal["nearest", "all"] = "nearest"
+    file: Text | None = Field(
+        default=None,
+        description=(
+            "Path of a file of element sets: TLE, 3LE, or OMM in JSON, CSV, XML or KVN. Give exactly one of `file` "
+            "and `lines`."
+        ),
+    )
+    lines: Annotated[tuple[Text, ...], Field(min_length=2)] | None = Field(
+        default=None, description="The element set itself, or several of one object, two lines each."
+    )
+    messages: tuple[Omm, ...] = Field(
+        default=(), description="Mean-elements messages of the object, in place of `lines` or beside them."
+    )
+    name: Text | None = Field(
+        default=None, description="Name of the object in the file; upper and lower case are equal."
+    )
+    norad_id: Annotated[Whole, Field(ge=1, lt=10**9)] | None = Field(
+        default=None, description="Catalogue number of the object in the file."
+    )
+    sets: Literal["nearest", "all"] = Field(
+        default="nearest",
+        description=(
+            "Choice among several sets. `nearest`: the set nearest to the start applies throughout. `all`: the "
+            "nearest set applies at each time, with a jump between sets."
+        ),
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

@@ -11,7 +11,7 @@ import math
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
@@ -43,14 +43,18 @@ _NEAR_PARABOLA = 1e-7  # perigee over semi-major axis, below which an ellipse is
 class OrbitElements(Part):
     """The base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
 
-    epoch_utc: Instant
-    semi_major_axis_km: Number
-    eccentricity: NotNegative
-    inclination_deg: Number
-    raan_deg: Number
-    argument_of_perigee_deg: Number
-    true_anomaly_deg: Number | None = None
-    mean_anomaly_deg: Number | None = None
+    epoch_utc: Instant = Field(description="Time at which the elements apply.")
+    semi_major_axis_km: Number = Field(description="Semi-major axis [km], negative for a hyperbola.")
+    eccentricity: NotNegative = Field(description="Eccentricity, not 1; use `state` for a parabola.")
+    inclination_deg: Number = Field(description="Inclination to the equator of GCRS, 0 to 180 [deg].")
+    raan_deg: Number = Field(description="Right ascension of the ascending node [deg].")
+    argument_of_perigee_deg: Number = Field(description="Argument of perigee, from the ascending node [deg].")
+    true_anomaly_deg: Number | None = Field(
+        default=None, description="True anomaly [deg]; give exactly one of this and `mean_anomaly_deg`."
+    )
+    mean_anomaly_deg: Number | None = Field(
+        default=None, description="Mean anomaly [deg]; give exactly one of this and `true_anomaly_deg`."
+    )
 
     @model_validator(mode="after")
     def _one_conic(self) -> Self:
@@ -120,9 +124,9 @@ class State(Part):
     """Two-body motion from a position and a velocity in GCRS axes at `epoch_utc`."""
 
     type: Literal["state"] = "state"
-    epoch_utc: Instant
-    position_m: Vector
-    velocity_m_s: Vector
+    epoch_utc: Instant = Field(description="Time at which the state applies.")
+    position_m: Vector = Field(description="Position from the Earth's centre in GCRS axes [m].")
+    velocity_m_s: Vector = Field(description="Velocity in GCRS axes [m/s].")
 
     @model_validator(mode="after")
     def _in_space(self) -> Self:

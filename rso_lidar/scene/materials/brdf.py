@@ -27,7 +27,9 @@ class Lambertian(Scatterer):
     """
 
     type: Literal["lambertian"] = "lambertian"
-    reflectance: Fraction = 0.30
+    reflectance: Fraction = Field(
+        default=0.30, description="Reflectance ρ₀ at the laser's wavelength. Default: Fuller et al., sec. 5."
+    )
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
@@ -48,9 +50,11 @@ class Phong(Scatterer):
     """
 
     type: Literal["phong"] = "phong"
-    diffuse: Fraction
-    specular: Fraction
-    exponent: NotNegative
+    diffuse: Fraction = Field(description="Diffuse reflectance k_d at the laser's wavelength.")
+    specular: Fraction = Field(description="Specular reflectance k_s at the laser's wavelength; k_d + k_s ≤ 1.")
+    exponent: NotNegative = Field(
+        description="Exponent n of the specular lobe; a greater exponent gives a narrower glint."
+    )
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
@@ -85,8 +89,10 @@ class ByWavelength(Scatterer):
     """
 
     type: Literal["by_wavelength"] = "by_wavelength"
-    wavelength_nm: tuple[Positive, ...]
-    materials: tuple[OneMaterial, ...]
+    wavelength_nm: tuple[Positive, ...] = Field(description="Wavelength of each material [nm].")
+    materials: tuple[OneMaterial, ...] = Field(
+        description="Material at each wavelength. The wavelength nearest to the laser's applies, within 5 %."
+    )
 
     @model_validator(mode="after")
     def _in_pairs(self) -> Self:
@@ -122,7 +128,12 @@ class Named(Scatterer):
     """
 
     type: Literal["named"] = "named"
-    name: Text
+    name: Text = Field(
+        description=(
+            "Name in the catalogue models/materials.toml. The nearer of 1064 and 1570 nm to the laser's wavelength "
+            "applies."
+        )
+    )
 
     @model_validator(mode="after")
     def _known(self) -> Self:

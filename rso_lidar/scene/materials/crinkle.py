@@ -30,12 +30,19 @@ class Crinkled(Scatterer):
     """
 
     type: Literal["crinkled"] = "crinkled"
-    diffuse: Fraction
-    specular: Fraction
-    exponent: NotNegative
-    tilt_deg: _Tilt
-    cell_mm: Positive = 50.0
-    pattern: Whole = 0
+    diffuse: Fraction = Field(description="Diffuse reflectance k_d of the foil itself, at the laser's wavelength.")
+    specular: Fraction = Field(description="Specular reflectance k_s of the foil itself; k_d + k_s ≤ 1.")
+    exponent: NotNegative = Field(
+        description="Exponent n of the foil itself; a greater exponent gives a narrower glint from each cell."
+    )
+    tilt_deg: _Tilt = Field(description="Standard deviation of a cell's slope along any direction, as an angle [deg].")
+    cell_mm: Positive = Field(default=50.0, description="Side of a cell [mm].")
+    pattern: Whole = Field(
+        default=0,
+        description=(
+            "Random seed of the arrangement; another number gives another arrangement with the same statistics."
+        ),
+    )
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:

@@ -24,8 +24,10 @@ class TableBrdf(Scatterer):
     """
 
     type: Literal["table"] = "table"
-    incidence_deg: tuple[_Incidence, ...]
-    measured_per_sr: tuple[NotNegative, ...]
+    incidence_deg: tuple[_Incidence, ...] = Field(description="Angles of incidence, ascending [deg].")
+    measured_per_sr: tuple[NotNegative, ...] = Field(
+        description="BRDF measured with the detector beside the laser, one value per angle, without the cosine [1/sr]."
+    )
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:

@@ -22,8 +22,10 @@ class OrenNayar(Scatterer):
     """
 
     type: Literal["oren_nayar"] = "oren_nayar"
-    reflectance: Fraction
-    roughness_deg: Annotated[float, Strict(), Field(ge=0, le=90)]
+    reflectance: Fraction = Field(description="Reflectance ρ₀ of a microfacet at the laser's wavelength.")
+    roughness_deg: Annotated[float, Strict(), Field(ge=0, le=90)] = Field(
+        description="Standard deviation σ of the slope angles of the microfacets [deg]; 0 is Lambertian."
+    )
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
@@ -63,9 +65,11 @@ class Ggx(Scatterer):
     """
 
     type: Literal["ggx"] = "ggx"
-    diffuse: Fraction
-    specular: Fraction
-    roughness: Annotated[float, Strict(), Field(ge=0.01, le=1)]
+    diffuse: Fraction = Field(description="Reflectance k_d of the diffuse base at the laser's wavelength.")
+    specular: Fraction = Field(description="Fresnel reflectance F₀ at normal incidence; k_d + F₀ ≤ 1.")
+    roughness: Annotated[float, Strict(), Field(ge=0.01, le=1)] = Field(
+        description="Roughness α_g: 0.01 is nearly a mirror, 1 is very rough."
+    )
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:

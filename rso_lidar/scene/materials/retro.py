@@ -28,12 +28,16 @@ class RetroReflector(Scatterer):
     """
 
     type: Literal["retro_reflector"] = "retro_reflector"
-    diameter_mm: Positive
-    reflectance: Fraction
-    fill_fraction: Fraction
-    refractive_index: Annotated[float, Strict(), Field(ge=1, le=4)] = 1.45
-    diffuse: Fraction = 0.0
-    wavelength_nm: Positive | None = None
+    diameter_mm: Positive = Field(description="Diameter D of one corner cube [mm].")
+    reflectance: Fraction = Field(description="Combined reflectance ρ of the three faces.")
+    fill_fraction: Fraction = Field(description="Share of the surface covered by corner cubes.")
+    refractive_index: Annotated[float, Strict(), Field(ge=1, le=4)] = Field(
+        default=1.45, description="Refractive index of the glass; 1 for a hollow corner cube."
+    )
+    diffuse: Fraction = Field(default=0.0, description="Diffuse reflectance of the surface between the corner cubes.")
+    wavelength_nm: Positive | None = Field(
+        default=None, description="Wavelength of the light [nm]. If omitted, the laser's."
+    )
 
     @property
     def retro(self) -> bool:
