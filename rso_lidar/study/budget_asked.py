@@ -17,9 +17,9 @@ from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.lidar import presets
-from rso_lidar.scenario.preview import preview
-from rso_lidar.scenario.silhouette import silhouettes
+from rso_lidar.scenario.preview.geometry import preview
+from rso_lidar.scenario.preview.silhouettes import silhouettes
+from rso_lidar.scenario.tables.lidar import presets
 from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
 from rso_lidar.scene.library.catalogue import materials
 

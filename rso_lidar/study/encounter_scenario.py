@@ -215,7 +215,7 @@ def _lidar(table: Encounters) -> str:
 
     tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
     if table.lidar.preset is not None:  # what the preset says itself need not stand here
-        from rso_lidar.scenario.lidar import Lidar
+        from rso_lidar.scenario.tables.lidar import Lidar
 
         if table.lidar == Lidar(preset=table.lidar.preset):  # type: ignore[call-arg]
             tree = {"preset": table.lidar.preset}

@@ -24,8 +24,8 @@ from rso_lidar.study.docked import fold_docked
 from rso_lidar.study.sighting import SMALL_M2, Encounter, keep_out_radius_m, reach_m, rtn_corridors, sightings
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.constraints import Constraints
-    from rso_lidar.scenario.lidar import Lidar
+    from rso_lidar.scenario.tables.constraints import Constraints
+    from rso_lidar.scenario.tables.lidar import Lidar
 
 Order = Literal["range", "time", "speed"]
 MAX_SLEW_DEG_S = 2.0
@@ -243,7 +243,7 @@ def encounters(
     sunlit : only where the object is in sunlight at the closest approach
     min_duration_s : only stays at least so long [s]
     """
-    from rso_lidar.scenario.lidar import Lidar
+    from rso_lidar.scenario.tables.lidar import Lidar
 
     checked_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:

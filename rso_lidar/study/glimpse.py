@@ -14,7 +14,7 @@ from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.detector.trial import plate, trial
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.returns import cast_target
+from rso_lidar.scenario.preview.returns import cast_target
 
 _MOST_RAYS = 40_000_000  # in all casts together, shared evenly: beyond, the grid in a pixel is made coarser
 _LEVELS, _DECADES = 145, (0.0, 6.0)  # of photons, at which a detector is tried

@@ -16,7 +16,7 @@ from rso_lidar.picture.style.output import save_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target
-from rso_lidar.scenario.surfaces import surface_of, taxonomy_of
+from rso_lidar.scenario.mission.surfaces import surface_of, taxonomy_of
 from rso_lidar.scene import Surface
 from rso_lidar.scene.library.catalogue import materials, model
 from rso_lidar.scene.surfaces.portrait import portrait, viewer_axes

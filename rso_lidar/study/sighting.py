@@ -25,8 +25,8 @@ from rso_lidar.records import BodyState
 from rso_lidar.rpo.hill import rtn_matrix
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.constraints import Constraints, Corridor
-    from rso_lidar.scenario.lidar import Lidar
+    from rso_lidar.scenario.tables.constraints import Constraints, Corridor
+    from rso_lidar.scenario.tables.lidar import Lidar
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
 SMALL_M2 = 0.01  # a side of a CubeSat of one unit

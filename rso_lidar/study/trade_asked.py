@@ -16,7 +16,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.files import expanded, path_of
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.load import read_toml, validated
+from rso_lidar.scenario.mission.validation import read_toml, validated
 from rso_lidar.simulate import frame_numbers
 from rso_lidar.study.merits import MERITS, judged_by
 

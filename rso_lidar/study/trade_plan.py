@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, unwarned
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.load import read_toml
+from rso_lidar.scenario.mission.validation import read_toml
 from rso_lidar.study.merits import judged
 from rso_lidar.study.sampling import points, settings
 from rso_lidar.study.trade_asked import Study

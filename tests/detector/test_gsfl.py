@@ -13,7 +13,7 @@ from rso_lidar.detector.trial import plate, trial
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Command
-from rso_lidar.scenario.lidar import Lidar
+from rso_lidar.scenario.tables.lidar import Lidar
 from tests.detector.returns_for_tests import nothing, returns
 
 C = 299_792_458.0

@@ -6,9 +6,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.compliance import broken
-from rso_lidar.scenario.constraints import Constraints, Corridor
-from rso_lidar.scenario.preview import preview
+from rso_lidar.scenario.preview.geometry import preview
+from rso_lidar.scenario.review.compliance import broken
+from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 
 APPROACH = "examples/tdrs_approach.toml"  # from 3000 m behind along -y of rtn to 300 m; boresight along the velocity
 BEHIND = {"target": "tdrs", "axes": "rtn", "axis": (0, -1, 0), "half_angle_deg": 30}

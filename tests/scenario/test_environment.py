@@ -7,8 +7,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import units
-from rso_lidar.scenario.environment import environment_advice, environment_lines, environment_table, surroundings
-from rso_lidar.scenario.preview import preview
+from rso_lidar.scenario.preview.geometry import preview
+from rso_lidar.scenario.preview.sky import environment_advice, environment_lines, environment_table, surroundings
 
 MOON_KM = (-220_497.1, 291_971.7, 164_731.8)  # by astropy 8.0.2 (ERFA's moon98), 2024-03-20 03:06 UTC, in GCRS
 

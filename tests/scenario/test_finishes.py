@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import rso_lidar as rl
-from rso_lidar.scenario.finishes import coloured, finished
+from rso_lidar.scenario.tables.facet_materials import coloured, finished
 from rso_lidar.scene import build_surface, load_mesh
 from tests.optics.bench_for_tests import box, surface
 

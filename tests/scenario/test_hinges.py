@@ -72,7 +72,7 @@ def test_materials_by_name_are_those_of_the_catalogue_at_the_laser_s_wavelength(
 
 
 def test_taxonomy_is_the_catalogue_s_unless_given_and_survives_a_table():
-    from rso_lidar.scenario.surfaces import taxonomy_of
+    from rso_lidar.scenario.mission.surfaces import taxonomy_of
 
     assert taxonomy_of(tdrs()) == model("tdrs").taxonomy
     own = model("tdrs").taxonomy.replace(stabilisation="tumbling", rate_deg_s=(1.0, 2.0))

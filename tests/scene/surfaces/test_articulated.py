@@ -9,7 +9,7 @@ import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.joint import FixedAngle, FollowSun
-from rso_lidar.scenario.hinges import Joint
+from rso_lidar.scenario.tables.hinges import Joint
 from rso_lidar.scene import Hinged, articulated
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

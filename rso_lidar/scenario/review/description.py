@@ -15,15 +15,15 @@ from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.two_body.osculating_elements import elements
 from rso_lidar.rpo.operation import ProximityOperation
-from rso_lidar.scenario.advice import advice
-from rso_lidar.scenario.environment import environment_lines
-from rso_lidar.scenario.preview import Preview, Sight, preview
-from rso_lidar.scenario.returns import TargetReturns, cast_attitudes, try_pixels
-from rso_lidar.scenario.separations import separation_lines
+from rso_lidar.scenario.preview.geometry import Preview, Sight, preview
+from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes, try_pixels
+from rso_lidar.scenario.preview.sky import environment_lines
+from rso_lidar.scenario.review.advice import advice
+from rso_lidar.scenario.review.separations import separation_lines
 from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
 
 _FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default

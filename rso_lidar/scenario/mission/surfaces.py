@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.scenario.finishes import coloured, finished
-from rso_lidar.scenario.parts import Target
-from rso_lidar.scenario.terrain import mesh_of, taxonomy_of_terrain
+from rso_lidar.scenario.tables.facet_materials import coloured, finished
+from rso_lidar.scenario.tables.target import Target
+from rso_lidar.scenario.tables.terrain import mesh_of, taxonomy_of_terrain
 from rso_lidar.scene import (
     Hinged,
     Mesh,

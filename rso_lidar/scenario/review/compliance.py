@@ -11,13 +11,13 @@ from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.event_search import least, spans_below
 from rso_lidar.pose import PoseTree
-from rso_lidar.scenario.constraints import Constraints, Corridor
-from rso_lidar.scenario.environment import share_text, surroundings
+from rso_lidar.scenario.preview.sky import share_text, surroundings
+from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.preview import Preview
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
+    from rso_lidar.scenario.preview.geometry import Preview
 
 _FEWEST, _MOST, _SCAN_S = 400, 20_000, 60.0
 

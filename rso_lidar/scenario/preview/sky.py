@@ -31,9 +31,9 @@ from rso_lidar.pose import ROOT, turned
 from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.constraints import Constraints
-    from rso_lidar.scenario.preview import Preview
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
+    from rso_lidar.scenario.preview.geometry import Preview
+    from rso_lidar.scenario.tables.constraints import Constraints
 
 _NEAR_DEG = 5.0  # outside of the field, where a baffle keeps little of the Sun out
 _ECLIPSES_S = 30 * units.DAY_S  # eclipses are looked for in so much of a scenario

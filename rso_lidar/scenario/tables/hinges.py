@@ -15,7 +15,7 @@ from rso_lidar.scene.library.catalogue import model
 from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.parts import Target
+    from rso_lidar.scenario.tables.target import Target
 
 
 class Joint(Part):

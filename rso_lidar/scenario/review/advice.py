@@ -15,15 +15,15 @@ from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.optics.tables import zemax
 from rso_lidar.orbit import Numerical
 from rso_lidar.rpo import ProximityOperation
-from rso_lidar.scenario.compliance import broken
-from rso_lidar.scenario.environment import environment_advice
-from rso_lidar.scenario.preview import Preview, Sight, parallax_share, preview
-from rso_lidar.scenario.returns import cast_attitudes, try_pixels
-from rso_lidar.scenario.separations import separation_advice
+from rso_lidar.scenario.preview.geometry import Preview, Sight, parallax_share, preview
+from rso_lidar.scenario.preview.returns import cast_attitudes, try_pixels
+from rso_lidar.scenario.preview.sky import environment_advice
+from rso_lidar.scenario.review.compliance import broken
+from rso_lidar.scenario.review.separations import separation_advice
 from rso_lidar.ties import first_least
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
 
 _LIGHT_TIME_M = 0.01
 _BEHIND = 0.5  # of half the field: what is off by so much begins to leave it

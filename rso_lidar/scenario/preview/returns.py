@@ -18,9 +18,9 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Hits, Photons, Truth
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.lidar import Lidar
-    from rso_lidar.scenario.preview import Preview
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
+    from rso_lidar.scenario.preview.geometry import Preview
+    from rso_lidar.scenario.tables.lidar import Lidar
 
 _MOST_RAYS = 4_000_000  # of all casts of one statement together: a large, near target then takes seconds
 _MOST_ATTITUDES = 48

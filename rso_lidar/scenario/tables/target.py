@@ -12,10 +12,10 @@ from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
 from rso_lidar.motion.joint import HingeAxes
 from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
-from rso_lidar.scenario.finishes import FacetMaterials
-from rso_lidar.scenario.hinges import Joint, joints_of
-from rso_lidar.scenario.of_library import OfLibrary
-from rso_lidar.scenario.terrain import Terrain, in_words
+from rso_lidar.scenario.tables.facet_materials import FacetMaterials
+from rso_lidar.scenario.tables.hinges import Joint, joints_of
+from rso_lidar.scenario.tables.library_model import OfLibrary
+from rso_lidar.scenario.tables.terrain import Terrain, in_words
 from rso_lidar.scene import Material
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]

@@ -16,16 +16,16 @@ from rso_lidar.motion.dynamics import in_words
 from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
-from rso_lidar.scenario.files import files_of
-from rso_lidar.scenario.of_library import of_library
-from rso_lidar.scenario.surfaces import placed_in, taxonomy_of
+from rso_lidar.scenario.mission.named_files import files_of
+from rso_lidar.scenario.mission.surfaces import placed_in, taxonomy_of
+from rso_lidar.scenario.tables.library_model import of_library
 from rso_lidar.scene import Lambertian, Named, Scatterer
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.library.catalogue import model
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.parts import Target
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
+    from rso_lidar.scenario.tables.target import Target
     from rso_lidar.scene import Surface
 
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")

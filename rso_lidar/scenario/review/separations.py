@@ -11,8 +11,8 @@ from rso_lidar.detector import Gsfl
 from rso_lidar.detector.separation import OVER, listed_separations
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.preview import Preview
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
+    from rso_lidar.scenario.preview.geometry import Preview
 
 _OFTEN = 0.9  # probability that both are listed, from which a separation counts
 _BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch

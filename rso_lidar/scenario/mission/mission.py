@@ -17,12 +17,12 @@ from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.records import Source
-from rso_lidar.scenario.constraints import Constraints
-from rso_lidar.scenario.files import dynamics_of, with_files
-from rso_lidar.scenario.lidar import Lidar
-from rso_lidar.scenario.load import read_toml, validated
-from rso_lidar.scenario.parts import Follower, Target, Time, World
-from rso_lidar.scenario.surfaces import surfaces_of
+from rso_lidar.scenario.mission.named_files import dynamics_of, with_files
+from rso_lidar.scenario.mission.surfaces import surfaces_of
+from rso_lidar.scenario.mission.validation import read_toml, validated
+from rso_lidar.scenario.tables.constraints import Constraints
+from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario.tables.target import Follower, Target, Time, World
 from rso_lidar.scene import Surface
 from rso_lidar.shipped import find
 
@@ -200,7 +200,7 @@ class Scenario(Part):
     @property
     def source(self) -> Source:
         """Return what every frame carries of where it comes from, the arithmetic in force included."""
-        from rso_lidar.scenario.source import arithmetic_in_words, source_of
+        from rso_lidar.scenario.mission.provenance import arithmetic_in_words, source_of
 
         made_by = arithmetic_in_words()
         if made_by not in self._sources:
@@ -231,13 +231,13 @@ class Scenario(Part):
 
     def describe(self) -> str:
         """Return some twenty lines for a person: orbit, geometry, optics, link budget, warnings."""
-        from rso_lidar.scenario.describe import describe
+        from rso_lidar.scenario.review.description import describe
 
         return describe(self)
 
     def advice(self) -> list[str]:
         """Return one line for each thing that is allowed and probably not meant."""
-        from rso_lidar.scenario.advice import advice
+        from rso_lidar.scenario.review.advice import advice
 
         return advice(self)
 

@@ -19,7 +19,7 @@ from rso_lidar.scene import Surface
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
 
 _MOST_EPOCHS = 400
 _LONGEST_S = {"first_order": 4000.0, "second_order": 4000.0, "state_space": 60.0}  # for which the drive is stepped

@@ -8,11 +8,11 @@ import numpy as np
 
 from rso_lidar import optics, scene, units
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.scenario.preview import Preview
-from rso_lidar.scenario.returns import seen_truth, surface_links, turn_between
+from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.preview.returns import seen_truth, surface_links, turn_between
 
 if TYPE_CHECKING:
-    from rso_lidar.scenario.scenario import Scenario
+    from rso_lidar.scenario.mission.mission import Scenario
 
 _MOST_ATTITUDES = 24
 _CELLS = 160  # along a side of each silhouette

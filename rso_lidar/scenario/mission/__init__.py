@@ -1,0 +1,1 @@
+"""The tables joined: files found, surfaces built, and the record of what was flown."""
