@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import free
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validated
-from rso_lidar.scenario.tables.lidar import presets
+from rso_lidar.scenario.tables.presets import presets
 from rso_lidar.study import budget as worked_out
 from rso_lidar.study.budget import SUFFIXES
 

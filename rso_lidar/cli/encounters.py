@@ -18,7 +18,7 @@ from rso_lidar.files import check_suffix, free, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Constraints, Lidar, Scenario
-from rso_lidar.scenario.tables.lidar import presets
+from rso_lidar.scenario.tables.presets import presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
 from rso_lidar.study.encounters import MAX_SLEW_DEG_S, counted

@@ -1,12 +1,14 @@
 """What a user describes, joined: Time, World, Target, Follower, Lidar, Scenario."""
 
-from rso_lidar.scenario.mission.mission import Scenario, need_scenario
+from rso_lidar.scenario.scenario import Scenario, need_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.hinges import Joint
-from rso_lidar.scenario.tables.lidar import Lidar, Schedule
-from rso_lidar.scenario.tables.target import Follower, Target, Time, World
+from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario.tables.schedule import Schedule
+from rso_lidar.scenario.tables.target import Follower, Target
 from rso_lidar.scenario.tables.terrain import CratersAndBoulders, HeightField
+from rso_lidar.scenario.tables.world import Time, World
 
 __all__ = [
     "Constraints",

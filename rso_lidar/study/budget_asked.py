@@ -19,7 +19,7 @@ from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.geometry import preview
 from rso_lidar.scenario.preview.silhouettes import silhouettes
-from rso_lidar.scenario.tables.lidar import presets
+from rso_lidar.scenario.tables.presets import presets
 from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
 from rso_lidar.scene.library.catalogue import materials
 

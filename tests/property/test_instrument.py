@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import rso_lidar as rl
 from rso_lidar.scenario import Schedule
-from rso_lidar.scenario.tables.lidar import presets
+from rso_lidar.scenario.tables.presets import presets
 
 GATED = {"type": "gsfl", "gate": {"delay_ns": 100.0}}
 LISTS = {

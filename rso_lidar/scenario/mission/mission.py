@@ -1,4 +1,4 @@
-"""Scenario: a mission in one file."""
+"""Mission: the tables of a scenario file joined and checked against one another."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from rso_lidar.files import path_of
 from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole
-from rso_lidar.records import Source
+from rso_lidar.scenario.mission.instrument import check_instrument
 from rso_lidar.scenario.mission.named_files import dynamics_of, with_files
 from rso_lidar.scenario.mission.surfaces import surfaces_of
 from rso_lidar.scenario.mission.validation import read_toml, validated
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.lidar import Lidar
-from rso_lidar.scenario.tables.target import Follower, Target, Time, World
+from rso_lidar.scenario.tables.target import Follower, Target
+from rso_lidar.scenario.tables.world import Time, World
 from rso_lidar.scene import Surface
 from rso_lidar.shipped import find
 
 
-class Scenario(Part):
-    """Everything that a simulation needs, as its TOML file says it.
+class Mission(Part):
+    """Everything that a simulation needs, as its TOML file says it, with the files that it names found.
 
     Relative paths are looked up beside the scenario file, then among the shipped data.
     """
@@ -55,7 +56,7 @@ class Scenario(Part):
     _trust_code: bool = PrivateAttr(default=True)
 
     @classmethod
-    def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Scenario:
+    def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Self:
         """Return the scenario of a TOML file, with some fields set anew, such as ``"lidar.laser.energy_mj=20"``.
 
         Python code that the file names as `dynamics` is run when the scenario is flown.
@@ -72,7 +73,7 @@ class Scenario(Part):
         where: str = "scenario",
         settings: tuple[str, ...] = (),
         trust_code: bool = False,
-    ) -> Scenario:
+    ) -> Self:
         """Return the scenario of a TOML text, such as a recording's.
 
         Parameters
@@ -90,7 +91,7 @@ class Scenario(Part):
 
     def __eq__(self, other: object) -> bool:
         """Two scenarios are equal where they say the same, wherever their files lie."""
-        return isinstance(other, Scenario) and self.model_dump() == other.model_dump()
+        return isinstance(other, Mission) and self.model_dump() == other.model_dump()
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -194,22 +195,8 @@ class Scenario(Part):
         """Return the lidar with the files that it names found and read."""
         with self.placed("lidar"):
             found: Lidar = with_files(self.lidar, self.file)
-            found.check()
+            check_instrument(found)
         return found
-
-    @property
-    def source(self) -> Source:
-        """Return what every frame carries of where it comes from, the arithmetic in force included."""
-        from rso_lidar.scenario.mission.provenance import arithmetic_in_words, source_of
-
-        made_by = arithmetic_in_words()
-        if made_by not in self._sources:
-            self._sources[made_by] = source_of(self)
-        return self._sources[made_by]
-
-    @cached_property
-    def _sources(self) -> dict[str, Source]:
-        return {}
 
     @property
     def span(self) -> tuple[datetime.datetime, float]:
@@ -224,25 +211,3 @@ class Scenario(Part):
     def rng(self, frame: int, stage: int = 0) -> np.random.Generator:
         """Return the generator of one frame's noise: it depends on seed, frame and stage only."""
         return np.random.Generator(np.random.Philox(np.random.SeedSequence(self.seed, spawn_key=(frame, stage))))
-
-    def dumps(self) -> str:
-        """Return the scenario as TOML, every default written out and element sets inline."""
-        return self.source.scenario
-
-    def describe(self) -> str:
-        """Return some twenty lines for a person: orbit, geometry, optics, link budget, warnings."""
-        from rso_lidar.scenario.review.description import describe
-
-        return describe(self)
-
-    def advice(self) -> list[str]:
-        """Return one line for each thing that is allowed and probably not meant."""
-        from rso_lidar.scenario.review.advice import advice
-
-        return advice(self)
-
-
-def need_scenario(given: object, asked_by: str) -> None:
-    """Raise `ScenarioError` for what is no scenario."""
-    if not isinstance(given, Scenario):
-        raise ScenarioError(f"{asked_by}: needs a Scenario, not {given!r:.60}; Scenario.load reads one from a file")

@@ -7,7 +7,7 @@ import hashlib
 import importlib.metadata
 import platform
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
@@ -16,28 +16,25 @@ from rso_lidar.motion.dynamics import in_words
 from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry
+from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.named_files import files_of
 from rso_lidar.scenario.mission.surfaces import placed_in, taxonomy_of
 from rso_lidar.scenario.tables.library_model import of_library
-from rso_lidar.scene import Lambertian, Named, Scatterer
+from rso_lidar.scenario.tables.target import Target
+from rso_lidar.scene import Lambertian, Named, Scatterer, Surface
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.library.catalogue import model
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
-    from rso_lidar.scenario.tables.target import Target
-    from rso_lidar.scene import Surface
 
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 
 
-def source_of(scenario: Scenario) -> Source:
+def source_of(mission: Mission) -> Source:
     """Return the source record of a scenario."""
     return Source(
-        scenario=resolved(scenario),
-        title=scenario.name,
-        start_utc=utc_text(scenario.time.start_utc, 0.0),
-        seed=scenario.seed,
+        scenario=resolve(mission),
+        title=mission.name,
+        start_utc=utc_text(mission.time.start_utc, 0.0),
+        seed=mission.seed,
         versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in _LIBRARIES}
         | {"arithmetic": arithmetic_in_words()},
@@ -51,7 +48,7 @@ def source_of(scenario: Scenario) -> Source:
                 facets=surface.mesh.source_facets,
                 taxonomy=taxonomy_of(target),
             )
-            for target, surface in _meshes(scenario)
+            for target, surface in _meshes(mission)
         ),
     )
 
@@ -62,38 +59,36 @@ def arithmetic_in_words() -> str:
     return arithmetic.name() + (f" with packets of {found.width} rays" if found else "")
 
 
-def resolved(scenario: Scenario) -> str:
+def resolve(mission: Mission) -> str:
     """Return the scenario as TOML with every default written out and element sets inline."""
     import tomli_w
 
-    _warn_of_nameless(scenario)
-    meshes = _meshes(scenario)
-    tree: dict[str, Any] = scenario.model_dump(exclude_none=True)
-    for table, target in zip(tree["target"], scenario.target, strict=True):
+    _warn_of_nameless(mission)
+    meshes = _meshes(mission)
+    tree: dict[str, Any] = mission.model_dump(exclude_none=True)
+    for table, target in zip(tree["target"], mission.target, strict=True):
         if target.joint:
             table["joint"] = [joint.model_dump(exclude_none=True) for joint in target.joints]
         table |= _of_library(target)
         table |= {key: table.pop(key) for key in type(target).model_fields if key in table}  # in order again
     tables = [*tree["target"], tree["follower"]]
-    for table, body in zip(tables, scenario.bodies, strict=True):
-        written = _inline(body.motion, scenario.time.start_utc)
+    for table, body in zip(tables, mission.bodies, strict=True):
+        written = _inline(body.motion, mission.time.start_utc)
         if written is not body.motion:
             table["motion"] = written.model_dump(exclude_none=True)
     sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in meshes]
     parts: list[tuple[str, Part]] = [
-        (body.name, part) for body in scenario.bodies for part in (body.motion, body.attitude) if part is not None
+        (body.name, part) for body in mission.bodies for part in (body.motion, body.attitude) if part is not None
     ]
-    parts += [("the ptu", scenario.pan_tilt)] if scenario.pan_tilt else []
+    parts += [("the ptu", mission.pan_tilt)] if mission.pan_tilt else []
     listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in files_of(part)]
     sums += [f"# file {Path(file).name} of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
     sums += [
-        f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_sha256(str(scenario.file(labels.file)))}"
-        for target in scenario.target
+        f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_sha256(str(mission.file(labels.file)))}"
+        for target in mission.target
         if (labels := target.facet_materials)
     ]
-    sums += [
-        f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(scenario.instrument)
-    ]
+    sums += [f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(mission.instrument)]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])
 
 
@@ -109,12 +104,12 @@ def _inline(part: Any, start_utc: datetime.datetime) -> Any:
     return part.replace(**changes) if changes else part
 
 
-def _warn_of_nameless(scenario: Scenario) -> None:
+def _warn_of_nameless(mission: Mission) -> None:
     """Warn of dynamics that no recording can find again."""
     parts = [
-        (f"{body.name}.{place}", getattr(body, place)) for body in scenario.bodies for place in ("motion", "attitude")
+        (f"{body.name}.{place}", getattr(body, place)) for body in mission.bodies for place in ("motion", "attitude")
     ]
-    parts += [("ptu.response", scenario.ptu.response)] if scenario.ptu else []
+    parts += [("ptu.response", mission.ptu.response)] if mission.ptu else []
     for place, part in parts:
         dynamics = getattr(part, "dynamics", None)
         if dynamics is not None and "<" in in_words(dynamics):
@@ -128,8 +123,8 @@ def _sha256(file: str) -> str:
     return hashlib.sha256(read_bytes(Path(file), 2 * MOST_BYTES, ScenarioError)).hexdigest()  # meshes are the largest
 
 
-def _meshes(scenario: Scenario) -> list[tuple[Target, Surface]]:
-    return [(target, scenario.surfaces_of(number)[0]) for number, target in enumerate(scenario.target)]
+def _meshes(mission: Mission) -> list[tuple[Target, Surface]]:
+    return [(target, mission.surfaces_of(number)[0]) for number, target in enumerate(mission.target)]
 
 
 def _of_library(target: Target) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +15,9 @@ from rso_lidar.optics import Laser
 from rso_lidar.orbit import Epochs
 from rso_lidar.pose import PoseTree
 from rso_lidar.records import BodyState, Truth
+from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scene import Surface
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
 
 _MOST_EPOCHS = 400
 _LONGEST_S = {"first_order": 4000.0, "second_order": 4000.0, "state_space": 60.0}  # for which the drive is stepped
@@ -67,43 +65,43 @@ class Preview:
         return self.truth.states
 
 
-def preview(scenario: Scenario) -> Preview:
+def preview(mission: Mission) -> Preview:
     """Return the geometry of a scenario at up to 400 of its frames."""
-    numbers = np.unique(np.linspace(0, scenario.time.n_frames - 1, _MOST_EPOCHS).round().astype(int))
-    epochs = scenario.epochs(numbers)
+    numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, _MOST_EPOCHS).round().astype(int))
+    epochs = mission.epochs(numbers)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
-        _ = scenario.surfaces  # what building them warns of is told too
-        with scenario.placed():
+        _ = mission.surfaces  # what building them warns of is told too
+        with mission.placed():
             course = motion.truth(
-                scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
+                mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
             )
-            angles, rates, behind_rad = _pointed(scenario, course)
-    poses = motion.with_lidar(course.poses, scenario.ptu, angles, rates, scenario.lidar.mount)
-    receivers = [scenario.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
+            angles, rates, behind_rad = _pointed(mission, course)
+    poses = motion.with_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
+    receivers = [mission.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
     half_field = np.array([receiver.field_edge for receiver in receivers])
     sights = [
-        _sight(target.name, scenario.surfaces_of(number), poses, half_field, len(epochs))
-        for number, target in enumerate(scenario.target)
+        _sight(target.name, mission.surfaces_of(number), poses, half_field, len(epochs))
+        for number, target in enumerate(mission.target)
     ]
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
     return Preview(epochs, tuple(sights), replace(course, poses=poses), tuple(lines), behind_rad)
 
 
-def _pointed(scenario: Scenario, course: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _pointed(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Return pan and tilt (time, 2) [rad] of the PTU, their rates [rad/s], and how far (time) they are behind what is asked.
 
     The drive's own where the run is short enough to step it in a second or two; else its demand, and None for the last.
     """
-    ptu = scenario.pan_tilt
+    ptu = mission.pan_tilt
     if ptu is None:
         return np.zeros((len(course.time_s), 2)), np.zeros((len(course.time_s), 2)), None
-    asked = motion.asked(ptu, scenario.bodies, course)
+    asked = motion.asked(ptu, mission.bodies, course)
     longest_s = 0.0 if ptu.response.type == "ideal" else _LONGEST_S.get(ptu.response.type, _LONGEST_S["second_order"])
     if course.time_s[-1] > longest_s:
         return asked, np.zeros_like(asked), None
-    world: dict[str, Any] = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
-    angles, rates = motion.driven(ptu, scenario.bodies, course, scenario.time.start_utc, **world)
+    world: dict[str, Any] = {"local": mission.local, "sun_direction": mission.world.sun_direction}
+    angles, rates = motion.driven(ptu, mission.bodies, course, mission.time.start_utc, **world)
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])

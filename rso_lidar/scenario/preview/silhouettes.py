@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rso_lidar import optics, scene, units
 from rso_lidar.optics import Laser, Receiver
+from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.preview.attitudes import seen_truth, surface_links, turn_between
 from rso_lidar.scenario.preview.geometry import Preview
-from rso_lidar.scenario.preview.returns import seen_truth, surface_links, turn_between
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
 
 _MOST_ATTITUDES = 24
 _CELLS = 160  # along a side of each silhouette
 _AWAY = 200.0  # radii from which it is seen: perspective changes it by half a per cent
 
 
-def silhouettes(scenario: Scenario, seen: Preview, number: int) -> tuple[np.ndarray, np.ndarray]:
+def silhouettes(mission: Mission, seen: Preview, number: int) -> tuple[np.ndarray, np.ndarray]:
     """Cast the silhouettes of a target as the lidar sees it over a run.
 
     Parameters
     ----------
-    scenario : what is flown.
+    mission : what is flown.
     seen : its preview.
     number : of the target.
 
@@ -42,16 +38,16 @@ def silhouettes(scenario: Scenario, seen: Preview, number: int) -> tuple[np.ndar
         fov_deg=fov_deg, f_number=2.8, n_rows=_CELLS, n_cols=_CELLS, rays_per_pixel=1, min_rays_per_target=0
     )
     laser = Laser(divergence_deg=2.0 * fov_deg)
-    name = scenario.target[number].name
+    name = mission.target[number].name
     ahead_m = np.array([0.0, 0.0, away_m])
     areas, squares = [], []
     rows = np.flatnonzero(sight.range_m > 0.0)
     for row in np.unique(rows[np.linspace(0, len(rows) - 1, min(_MOST_ATTITUDES, len(rows))).round().astype(int)]):
         there = seen.truth.at(int(row))
         place_m, turn = there.poses.place("lidar", name)
-        links = surface_links(scenario, number, there, ahead_m, turn_between(place_m, ahead_m) @ turn)
+        links = surface_links(mission, number, there, ahead_m, turn_between(place_m, ahead_m) @ turn)
         truth = seen_truth(there.time_s, links)
-        surfaces = scenario.surfaces_of(number)
+        surfaces = mission.surfaces_of(number)
         hits = scene.cast(optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth)), surfaces, truth, 1)
         covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # a rim of sky
         covered[1 + hits.pixel // _CELLS, 1 + hits.pixel % _CELLS] = True

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,15 +14,14 @@ from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.optics.tables import zemax
 from rso_lidar.orbit import Numerical
 from rso_lidar.rpo import ProximityOperation
+from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, Sight, parallax_share, preview
-from rso_lidar.scenario.preview.returns import cast_attitudes, try_pixels
-from rso_lidar.scenario.preview.sky import environment_advice
+from rso_lidar.scenario.preview.returns import cast_attitudes
+from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.scenario.review.compliance import broken
+from rso_lidar.scenario.review.environment import environment_advice
 from rso_lidar.scenario.review.separations import separation_advice
 from rso_lidar.ties import first_least
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
 
 _LIGHT_TIME_M = 0.01
 _BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
@@ -34,33 +32,33 @@ _SELDOM = 0.5  # probability of detection below which even the brightest pixel i
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
 
 
-def advice(scenario: Scenario, seen: Preview | None = None) -> list[str]:
+def advice(mission: Mission, seen: Preview | None = None) -> list[str]:
     """Return one line for each thing that is allowed and probably not meant."""
-    seen = seen or preview(scenario)
+    seen = seen or preview(mission)
     lines = list(seen.warned)
-    lines += _drive(scenario, seen)
-    lines += _field(scenario, seen)
-    lines += _plans(scenario)
-    lines += _window(scenario, seen)
-    lines += _detector(scenario)
-    lines += separation_advice(scenario, seen)
-    lines += _lens(scenario)
-    lines += _sun_noise(scenario)
-    lines += _sun(scenario)
-    lines += _beam(scenario, seen)
-    lines += _brightness(scenario, seen)
+    lines += _drive(mission, seen)
+    lines += _field(mission, seen)
+    lines += _plans(mission)
+    lines += _window(mission, seen)
+    lines += _detector(mission)
+    lines += separation_advice(mission, seen)
+    lines += _lens(mission)
+    lines += _sun_noise(mission)
+    lines += _sun(mission)
+    lines += _beam(mission, seen)
+    lines += _brightness(mission, seen)
     lines += _light_time(seen)
-    lines += environment_advice(scenario, seen, scenario.constraints)
-    if scenario.constraints is not None:
-        lines += broken(scenario.constraints, scenario, seen)
-    if not scenario.target:
+    lines += environment_advice(mission, seen, mission.constraints)
+    if mission.constraints is not None:
+        lines += broken(mission.constraints, mission, seen)
+    if not mission.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
     return lines
 
 
-def _drive(scenario: Scenario, seen: Preview) -> list[str]:
+def _drive(mission: Mission, seen: Preview) -> list[str]:
     """Return where the PTU's drive does not keep up with what it is asked."""
-    half_rad = 0.5 * min(scenario.lidar.receiver.fov_rad, scenario.lidar.laser.divergence_rad)
+    half_rad = 0.5 * min(mission.lidar.receiver.fov_rad, mission.lidar.laser.divergence_rad)
     if seen.behind_rad is None or not seen.behind_rad.max() > _BEHIND * half_rad:
         return []
     at = int(np.argmax(seen.behind_rad))
@@ -71,15 +69,15 @@ def _drive(scenario: Scenario, seen: Preview) -> list[str]:
     ]
 
 
-def _plans(scenario: Scenario) -> list[str]:
+def _plans(mission: Mission) -> list[str]:
     """Return what is doubtful about plans: failures that lead into the keep-out sphere, turns that never come."""
     lines = []
-    end_s = scenario.span[1]
-    for body in scenario.bodies:
+    end_s = mission.span[1]
+    for body in mission.bodies:
         flown, law = body.motion, body.attitude
         if isinstance(flown, ProximityOperation) and flown.keep_out_m > 0.0:
-            chief = motion.Chief(scenario.bodies, flown.relative_to, local=scenario.local)
-            safe_m = flown.plan(scenario.time.start_utc, chief).passive_safety_m()
+            chief = motion.Chief(mission.bodies, flown.relative_to, local=mission.local)
+            safe_m = flown.plan(mission.time.start_utc, chief).passive_safety_m()
             if safe_m < flown.keep_out_m:
                 lines.append(
                     f"{body.name}.motion: if thrust stops at the worst instant it drifts to {safe_m:.3g} m, inside its "
@@ -99,9 +97,9 @@ def _plans(scenario: Scenario) -> list[str]:
     return lines
 
 
-def _field(scenario: Scenario, seen: Preview) -> list[str]:
+def _field(mission: Mission, seen: Preview) -> list[str]:
     lines = []
-    for target, sight in zip(scenario.target, seen.sights, strict=True):
+    for target, sight in zip(mission.target, seen.sights, strict=True):
         share = float(np.mean(sight.in_field))
         if share < 1.0:
             first = float(seen.time_s[np.argmin(sight.in_field)])
@@ -123,10 +121,10 @@ def _field(scenario: Scenario, seen: Preview) -> list[str]:
     return lines
 
 
-def _window(scenario: Scenario, seen: Preview) -> list[str]:
+def _window(mission: Mission, seen: Preview) -> list[str]:
     lines = []
     for sight in seen.sights:
-        detectors = [scenario.lidar.at(float(time_s)).detector for time_s in seen.time_s]
+        detectors = [mission.lidar.at(float(time_s)).detector for time_s in seen.time_s]
         opens, closes = (np.array([getattr(d, name) for d in detectors]) for name in ("sees_from_m", "sees_to_m"))
         outside = (sight.range_m < opens) | (sight.range_m > closes)
         near, far = float(sight.range_m.min()), float(sight.range_m.max())
@@ -160,8 +158,8 @@ def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
     return []
 
 
-def _detector(scenario: Scenario) -> list[str]:
-    detector = scenario.lidar.detector
+def _detector(mission: Mission) -> list[str]:
+    detector = mission.lidar.detector
     if not isinstance(detector, Gsfl):
         return []
     lines = []
@@ -174,7 +172,7 @@ def _detector(scenario: Scenario) -> list[str]:
                 "or arm a shorter window"
             )
         stored_ns = (detector.readout.samples - detector.readout.pretrigger_samples) * detector.readout.sample_ns
-        pulse_ns = scenario.instrument.laser.pulse_fwhm_s / units.NS
+        pulse_ns = mission.instrument.laser.pulse_fwhm_s / units.NS
         if stored_ns < 1.5 * pulse_ns:
             lines.append(
                 f"a pulse of {pulse_ns:.3g} ns is longer than what is stored of it, {stored_ns:.3g} ns behind the latch; "
@@ -188,16 +186,16 @@ def _detector(scenario: Scenario) -> list[str]:
     return lines
 
 
-def _sun_noise(scenario: Scenario) -> list[str]:
+def _sun_noise(mission: Mission) -> list[str]:
     """Return what sunlight on the brightest material, facing the Sun, does to the noise."""
-    lidar = scenario.instrument
+    lidar = mission.instrument
     receiver, detector = lidar.receiver, lidar.detector
-    sun = not scenario.local or scenario.world.sun_direction is not None
-    if receiver.filter_width_nm is None or not isinstance(detector, Gsfl) or not sun or not scenario.surfaces:
+    sun = not mission.local or mission.world.sun_direction is not None
+    if receiver.filter_width_nm is None or not isinstance(detector, Gsfl) or not sun or not mission.surfaces:
         return []
     brdf = max(
         float(material.mean_brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
-        for surface in scenario.surfaces
+        for surface in mission.surfaces
         for material in surface.materials
     )
     per_m2 = sun_photons_per_s_m2(lidar.laser.wavelength_m, receiver.filter_width_nm * units.NM)
@@ -212,9 +210,9 @@ def _sun_noise(scenario: Scenario) -> list[str]:
     ]
 
 
-def _lens(scenario: Scenario) -> list[str]:
+def _lens(mission: Mission) -> list[str]:
     """Return what the lens files say of other wavelengths than the laser's."""
-    laser, receiver = scenario.instrument.laser, scenario.instrument.receiver
+    laser, receiver = mission.instrument.laser, mission.instrument.receiver
     psfs = [one.psf for one in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
     told = [(psf.file, zemax.read_huygens_psf(psf.file).wavelength_m) for psf in psfs if isinstance(psf, ZemaxPsf)]
     if isinstance(receiver.distortion, ZemaxDistortion):
@@ -228,8 +226,8 @@ def _lens(scenario: Scenario) -> list[str]:
     ]
 
 
-def _sun(scenario: Scenario) -> list[str]:
-    if scenario.lidar.receiver.filter_width_nm is None or not scenario.local or scenario.world.sun_direction:
+def _sun(mission: Mission) -> list[str]:
+    if mission.lidar.receiver.filter_width_nm is None or not mission.local or mission.world.sun_direction:
         return []
     return [
         "lidar.receiver.filter_width_nm asks for sunlight, and this local world has no Sun; set world.sun_direction, or "
@@ -237,12 +235,12 @@ def _sun(scenario: Scenario) -> list[str]:
     ]
 
 
-def _beam(scenario: Scenario, seen: Preview) -> list[str]:
+def _beam(mission: Mission, seen: Preview) -> list[str]:
     """Return where a laser beside the lens does not light what the lens looks at."""
     lines = []
     for sight in seen.sights:
         nearest_m = float(sight.range_m.min())
-        laser = scenario.instrument.at(float(seen.time_s[first_least(sight.range_m)])).laser
+        laser = mission.instrument.at(float(seen.time_s[first_least(sight.range_m)])).laser
         if nearest_m > 0.0 and parallax_share(laser, nearest_m) < _DIM:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.1f} m the beam of a laser {np.linalg.norm(laser.offset_m):.3g} m from "
@@ -251,7 +249,7 @@ def _beam(scenario: Scenario, seen: Preview) -> list[str]:
     return lines
 
 
-def _brightness(scenario: Scenario, seen: Preview) -> list[str]:
+def _brightness(mission: Mission, seen: Preview) -> list[str]:
     """Return which targets are too dim or too bright at their nearest instant, as they stand there."""
     lines = []
     for number, sight in enumerate(seen.sights):
@@ -259,18 +257,18 @@ def _brightness(scenario: Scenario, seen: Preview) -> list[str]:
         nearest_m, time_s = float(sight.range_m[row]), float(seen.time_s[row])
         if nearest_m < 1e-3:
             continue
-        (returns,) = casts = cast_attitudes(scenario, seen, number, row, most=1)
+        (returns,) = casts = cast_attitudes(mission, seen, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
-        if float(scenario.lidar.detector.counts(np.array(photons))) >= scenario.lidar.detector.full_scale_counts:
+        if float(mission.lidar.detector.counts(np.array(photons))) >= mission.lidar.detector.full_scale_counts:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
                 f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
             )
             continue
-        armed = scenario.instrument.at(time_s).detector
+        armed = mission.instrument.at(time_s).detector
         if not returns.pixel.size or not armed.sees_from_m < nearest_m < armed.sees_to_m:
             continue  # that is said elsewhere
-        probability = try_pixels(scenario, casts, 1.0, time_s).probability
+        probability = try_pixels(mission, casts, 1.0, time_s).probability
         if probability < _SELDOM:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.0f} m, the nearest, even its brightest pixel is found with a "

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rso_lidar import motion, units
@@ -11,31 +9,30 @@ from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.event_search import least, spans_below
 from rso_lidar.pose import PoseTree
-from rso_lidar.scenario.preview.sky import share_text, surroundings
+from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.preview.sky import sky_geometry
+from rso_lidar.scenario.review.environment import share_text
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.ties import first_least
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
-    from rso_lidar.scenario.preview.geometry import Preview
 
 _FEWEST, _MOST, _SCAN_S = 400, 20_000, 60.0
 
 
-def broken(constraints: Constraints, scenario: Scenario, seen: Preview) -> list[str]:
+def broken(constraints: Constraints, mission: Mission, seen: Preview) -> list[str]:
     """Return one sentence for each constraint that the scenario breaks: what, when first, by how much, and the cure.
 
     Angles are looked at in the frames of the preview; a keep-out sphere in all the time from the first frame to the last.
     """
-    lines = _exclusions(constraints, scenario, seen)
-    lines += [line for target in scenario.target for line in _keep_out(constraints, scenario, seen, target.name)]
+    lines = _exclusions(constraints, mission, seen)
+    lines += [line for target in mission.target for line in _keep_out(constraints, mission, seen, target.name)]
     for k, corridor in enumerate(constraints.corridor):
-        lines += _corridor(f"constraints.corridor[{k}]", corridor, scenario, seen)
+        lines += _corridor(f"constraints.corridor[{k}]", corridor, mission, seen)
     return lines
 
 
-def _exclusions(constraints: Constraints, scenario: Scenario, seen: Preview) -> list[str]:
-    around = surroundings(scenario, seen)
+def _exclusions(constraints: Constraints, mission: Mission, seen: Preview) -> list[str]:
+    around = sky_geometry(mission, seen)
     cure = "turn the boresight away, or start at another time"
     lines = []
     for key, what, angle in (
@@ -68,17 +65,17 @@ def _at(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
     return place
 
 
-def _keep_out(constraints: Constraints, scenario: Scenario, seen: Preview, target: str) -> list[str]:
+def _keep_out(constraints: Constraints, mission: Mission, seen: Preview, target: str) -> list[str]:
     radius_m = constraints.radius_m(target)
     if radius_m is None:
         return []
     corridors = [corridor for corridor in constraints.corridor if corridor.target == target]
 
     def poses(time_s: np.ndarray) -> PoseTree:
-        epochs = Epochs(scenario.time.start_utc, time_s)
+        epochs = Epochs(mission.time.start_utc, time_s)
         with unwarned():
             course = motion.truth(
-                scenario.bodies, epochs, local=scenario.local, sun_direction=scenario.world.sun_direction
+                mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
             )
         return course.poses
 
@@ -108,7 +105,7 @@ def _keep_out(constraints: Constraints, scenario: Scenario, seen: Preview, targe
     ]
 
 
-def _corridor(place: str, corridor: Corridor, scenario: Scenario, seen: Preview) -> list[str]:
+def _corridor(place: str, corridor: Corridor, mission: Mission, seen: Preview) -> list[str]:
     place_m = _at(seen.truth.poses, corridor.apex, "follower", len(seen.time_s))
     applies = corridor.applies(place_m)
     angle = corridor.angle_rad(place_m)

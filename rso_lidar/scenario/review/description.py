@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,50 +14,49 @@ from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.two_body.osculating_elements import elements
 from rso_lidar.rpo.operation import ProximityOperation
+from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, Sight, preview
-from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes, try_pixels
-from rso_lidar.scenario.preview.sky import environment_lines
+from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
+from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.scenario.review.advice import advice
+from rso_lidar.scenario.review.environment import environment_lines
 from rso_lidar.scenario.review.separations import separation_lines
 from rso_lidar.ties import first_least
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
 
 _FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
 _FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
-def describe(scenario: Scenario) -> str:
+def describe(mission: Mission) -> str:
     """Return orbit, geometry, optics, link budget and warnings of a scenario, as lines of text."""
-    seen = preview(scenario)
-    time = scenario.time
+    seen = preview(mission)
+    time = mission.time
     lines = [
-        f"{scenario.name}",
-        f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_span(scenario)}; seed {scenario.seed}",
+        f"{mission.name}",
+        f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_span(mission)}; seed {mission.seed}",
     ]
     for number, sight in enumerate(seen.sights):
-        lines += _target_lines(scenario, number, sight, seen)
-    lines.append(f"follower    {_motion(scenario, len(scenario.target), seen)}")
-    lines += _plan_lines(scenario)
-    lines += environment_lines(scenario, seen)
-    lines += _instrument_lines(scenario, seen)
+        lines += _target_lines(mission, number, sight, seen)
+    lines.append(f"follower    {_motion(mission, len(mission.target), seen)}")
+    lines += _plan_lines(mission)
+    lines += environment_lines(mission, seen)
+    lines += _instrument_lines(mission, seen)
     for number in range(len(seen.sights)):
-        lines += _budget_lines(scenario, number, seen)
-    warned = advice(scenario, seen)
+        lines += _budget_lines(mission, number, seen)
+    warned = advice(mission, seen)
     lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
     return "\n".join(lines)
 
 
-def _span(scenario: Scenario) -> str:
-    start, end = scenario.span
+def _span(mission: Mission) -> str:
+    start, end = mission.span
     return f"{utc_text(start, 0.0)} to {utc_text(start, end)}"
 
 
-def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) -> list[str]:
-    target, surfaces = scenario.target[number], scenario.surfaces_of(number)
+def _target_lines(mission: Mission, number: int, sight: Sight, seen: Preview) -> list[str]:
+    target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
-    corners = scenario.corners_of(number).reshape(-1, 3)
+    corners = mission.corners_of(number).reshape(-1, 3)
     facets = sum(len(one.facets) for one in surfaces)
     sides = " x ".join(f"{side:.2f}" for side in corners.max(axis=0) - corners.min(axis=0))
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
@@ -68,7 +66,7 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
     return [
         f"target      {target.name}: model {target.shape}, {sides} m, {facets:,} facets{dropped}, "
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
-        f"  motion    {_motion(scenario, number, seen)}",
+        f"  motion    {_motion(mission, number, seen)}",
         f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
         f"{seen.time_s[first_least(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
         f"light time {sight.light_time_m / units.MM:.3f} mm",
@@ -77,13 +75,13 @@ def _target_lines(scenario: Scenario, number: int, sight: Sight, seen: Preview) 
     ]
 
 
-def _motion(scenario: Scenario, number: int, seen: Preview) -> str:
-    body = scenario.bodies[number]
+def _motion(mission: Mission, number: int, seen: Preview) -> str:
+    body = mission.bodies[number]
     flown = body.motion
     text: str = flown.type
     if isinstance(flown, Tle | Omm):
-        sets = flown.elements(scenario.time.start_utc) if isinstance(flown, Tle) else flown.elements()
-        age_days = flown.epoch_age_days(scenario.epochs(np.array([0])))
+        sets = flown.elements(mission.time.start_utc) if isinstance(flown, Tle) else flown.elements()
+        age_days = flown.epoch_age_days(mission.epochs(np.array([0])))
         text += f" {sets.norad_id} {sets.name}, {age_days:.1f} days from epoch"
     if getattr(flown, "relative_to", None):
         text += f" relative to {flown.relative_to}"  # type: ignore[union-attr]
@@ -115,13 +113,13 @@ def _forces(flown: Numerical) -> str:
     return ", ".join(words)
 
 
-def _plan_lines(scenario: Scenario) -> list[str]:
+def _plan_lines(mission: Mission) -> list[str]:
     """Return what the proximity operations of a scenario cost, and how safe they are."""
     lines = []
-    for body in scenario.bodies:
+    for body in mission.bodies:
         if isinstance(body.motion, ProximityOperation):
-            chief = motion.Chief(scenario.bodies, body.motion.relative_to, local=scenario.local)
-            plan = body.motion.plan(scenario.time.start_utc, chief)
+            chief = motion.Chief(mission.bodies, body.motion.relative_to, local=mission.local)
+            plan = body.motion.plan(mission.time.start_utc, chief)
             lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
     return lines
 
@@ -131,22 +129,22 @@ def _ends(values: np.ndarray, unit: str, digits: int) -> str:
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
 
 
-def _instrument_lines(scenario: Scenario, seen: Preview) -> list[str]:
-    laser, receiver = scenario.lidar.laser, scenario.lidar.receiver
+def _instrument_lines(mission: Mission, seen: Preview) -> list[str]:
+    laser, receiver = mission.lidar.laser, mission.lidar.receiver
     ptu = "none, the lidar looks along the follower's +x"
-    if scenario.ptu:
-        point = scenario.ptu.point
-        ptu = f"{point.type}{' ' + point.at if point.type == 'track' else ''}, response {scenario.ptu.response.type}"
+    if mission.ptu:
+        point = mission.ptu.point
+        ptu = f"{point.type}{' ' + point.at if point.type == 'track' else ''}, response {mission.ptu.response.type}"
     return [
         f"ptu         {ptu}{_behind(seen)}",
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "
-        f"{scenario.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
+        f"{mission.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
         f"IFOV {receiver.ifov_rad / units.UM:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
-        *_more_optics(scenario),
-        *_detector_lines(scenario),
+        *_more_optics(mission),
+        *_detector_lines(mission),
     ]
 
 
@@ -157,9 +155,9 @@ def _behind(seen: Preview) -> str:
     return f", at most {seen.behind_rad.max() / units.DEG:.3f}° behind what it is asked"
 
 
-def _more_optics(scenario: Scenario) -> list[str]:
+def _more_optics(mission: Mission) -> list[str]:
     """Return lines on what not every instrument has: offset, jitter, files, PSF, distortion, filter, and a plan."""
-    lidar = scenario.lidar
+    lidar = mission.lidar
     laser, receiver, schedule = lidar.laser, lidar.receiver, lidar.schedule
     beam, lens = [], []
     if laser.offset is not None:
@@ -188,8 +186,8 @@ def _more_optics(scenario: Scenario) -> list[str]:
     return lines
 
 
-def _detector_lines(scenario: Scenario) -> list[str]:
-    detector = scenario.lidar.detector
+def _detector_lines(mission: Mission) -> list[str]:
+    detector = mission.lidar.detector
     if isinstance(detector, Empirical):
         return [
             f"detector    empirical, 95 % at {detector.reference_photons:g} photons, "
@@ -207,7 +205,7 @@ def _detector_lines(scenario: Scenario) -> list[str]:
         parts.append(f"returns: {detector.returns} of up to {detector.max_returns}")
     if parts:
         lines.append(f"  with      {', '.join(parts)}")
-    lines += separation_lines(scenario)
+    lines += separation_lines(mission)
     if detector.gate is not None:
         gate = detector.gate
         lines.append(
@@ -215,7 +213,7 @@ def _detector_lines(scenario: Scenario) -> list[str]:
             f"false alarms {gate.false_alarm_probability:g} a pixel and frame"
         )
         return lines
-    n_pixels = scenario.lidar.receiver.n_rows * scenario.lidar.receiver.n_cols
+    n_pixels = mission.lidar.receiver.n_rows * mission.lidar.receiver.n_cols
     false = detector.false_trigger_fraction * n_pixels
     lines.append(
         f"  trigger   {detector.trigger.threshold_electrons:.0f} electrons ({detector.threshold_photons:.0f} photons), "
@@ -225,7 +223,7 @@ def _detector_lines(scenario: Scenario) -> list[str]:
     return lines
 
 
-def _budget_lines(scenario: Scenario, number: int, seen: Preview) -> list[str]:
+def _budget_lines(mission: Mission, number: int, seen: Preview) -> list[str]:
     """Return what the median and the brightest pixel of a target get of one flash, and what the detector makes of that."""
     sight = seen.sights[number]
     lines = [
@@ -236,12 +234,12 @@ def _budget_lines(scenario: Scenario, number: int, seen: Preview) -> list[str]:
         if range_m < 1e-3:
             lines.append(f"  {place:<9} the lidar is at the target's origin")
             continue
-        pixel_m = range_m * scenario.lidar.at(time_s).receiver.pixel_tangent
+        pixel_m = range_m * mission.lidar.at(time_s).receiver.pixel_tangent
         across = sight.across_m[row] / pixel_m
         size = f"{across:.0f}" if across >= 10.0 else f"{across:.1f}"
-        casts = cast_attitudes(scenario, seen, number, row)
+        casts = cast_attitudes(mission, seen, number, row)
         fill = float(np.mean([one.brightest_fill for one in casts]))
-        chosen = [try_pixels(scenario, casts, share, time_s) for share in (0.5, 1.0)]
+        chosen = [try_pixels(mission, casts, share, time_s) for share in (0.5, 1.0)]
         probability = _ends_of([f"{one.probability:.3f}" for one in chosen])
         noise = _ends_of([_noise(one) for one in chosen])
         shift = _shift(chosen[1])

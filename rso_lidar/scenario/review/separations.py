@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar.detector import Gsfl
 from rso_lidar.detector.separation import OVER, listed_separations
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.mission.mission import Scenario
-    from rso_lidar.scenario.preview.geometry import Preview
+from rso_lidar.scenario.mission.mission import Mission
+from rso_lidar.scenario.preview.geometry import Preview
 
 _OFTEN = 0.9  # probability that both are listed, from which a separation counts
 _BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch
 _MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 12, 20_000, 3  # enough for a depth in words, to a tenth of a metre
 
 
-def separation_lines(scenario: Scenario) -> list[str]:
+def separation_lines(mission: Mission) -> list[str]:
     """Return in words the separations at which the detector lists two returns of a pixel; empty where it lists only one."""
-    detector = scenario.lidar.detector
+    detector = mission.lidar.detector
     if not isinstance(detector, Gsfl) or detector.max_returns == 1:
         return []
-    listed = [(over, _listed_m(scenario, over)) for over in (OVER, _BRIGHT)]
+    listed = [(over, _listed_m(mission, over)) for over in (OVER, _BRIGHT)]
     words = [
         f"{_span(one)} with {over * detector.threshold_photons:,.0f} photons each" if one else ""
         for over, one in listed
@@ -35,13 +32,13 @@ def separation_lines(scenario: Scenario) -> list[str]:
     return [f"  returns   two of a pixel are both listed, 9 times in 10 and equally bright, {text}"]
 
 
-def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
+def separation_advice(mission: Mission, seen: Preview) -> list[str]:
     """Return a warning where the stored samples of a pixel lose returns, with the parts of the targets that are affected.
 
     A pixel that triggers itself stores little behind its latch, so it always has one where more than the first return is
     asked for. Under a gate there is one where a part is deeper than the gate lists two returns of.
     """
-    detector = scenario.lidar.detector
+    detector = mission.lidar.detector
     if not isinstance(detector, Gsfl) or (detector.returns == "first" and detector.max_returns == 1):
         return []
     words = []
@@ -53,24 +50,22 @@ def separation_advice(scenario: Scenario, seen: Preview) -> list[str]:
         )
     if detector.max_returns == 1:
         return words
-    listed = _listed_m(scenario, OVER)
+    listed = _listed_m(mission, OVER)
     if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
     apart = f"two returns of a pixel are both listed {_span(listed)} apart in depth"
-    found, lost = zip(
-        *(_outside(scenario, seen, number, listed) for number in range(len(scenario.target))), strict=True
-    )
+    found, lost = zip(*(_outside(mission, seen, number, listed) for number in range(len(mission.target))), strict=True)
     if detector.gate is None or any(lost):
         words.append("; ".join([apart, *(text for text in found if text)]))
     return ["; ".join(words)] if words else []
 
 
-def _outside(scenario: Scenario, seen: Preview, number: int, listed: tuple[float, float]) -> tuple[str, bool]:
+def _outside(mission: Mission, seen: Preview, number: int, listed: tuple[float, float]) -> tuple[str, bool]:
     """Return in words the parts of a target whose depth is outside the separations, and whether any part is too deep."""
-    target = scenario.target[number]
+    target = mission.target[number]
     if target.terrain is not None:
         return "", False
-    deepest = {name: float(deep.max()) for name, deep in part_depths_m(scenario, seen, number).items()}
+    deepest = {name: float(deep.max()) for name, deep in part_depths_m(mission, seen, number).items()}
     merged = {name: deep for name, deep in deepest.items() if deep < listed[0]}
     lost = {name: deep for name, deep in deepest.items() if deep > listed[1]}
     words = [f"{_named(merged)} merge" if merged else "", f"{_named(lost)} can be parted too far" if lost else ""]
@@ -78,19 +73,19 @@ def _outside(scenario: Scenario, seen: Preview, number: int, listed: tuple[float
     return (f"the two edges of {target.name}'s {text}" if text else ""), bool(lost)
 
 
-def part_depths_m(scenario: Scenario, seen: Preview, number: int) -> Mapping[str, np.ndarray]:
+def part_depths_m(mission: Mission, seen: Preview, number: int) -> Mapping[str, np.ndarray]:
     """Return the depth [m] along the line of sight of each part of a target, at some instants of a preview (time).
 
     Parameters
     ----------
-    scenario : what is flown.
+    mission : what is flown.
     seen : its preview.
     number : of the target.
     """
     rows = np.unique(np.linspace(0, len(seen.time_s) - 1, _MOST_EPOCHS).round().astype(int))
     near: dict[str, np.ndarray] = {}
     far: dict[str, np.ndarray] = {}
-    for surface in scenario.surfaces_of(number):
+    for surface in mission.surfaces_of(number):
         place, turn = seen.truth.poses.place("lidar", surface.name)
         place, turn = np.broadcast_to(place, (len(seen.time_s), 3)), np.broadcast_to(turn, (len(seen.time_s), 3, 3))
         order = np.argsort(surface.part, kind="stable")
@@ -109,8 +104,8 @@ def part_depths_m(scenario: Scenario, seen: Preview, number: int) -> Mapping[str
     return {name: far[name] - near[name] for name in near}
 
 
-def _listed_m(scenario: Scenario, over: float) -> tuple[float, float] | None:
-    lidar = scenario.instrument
+def _listed_m(mission: Mission, over: float) -> tuple[float, float] | None:
+    lidar = mission.instrument
     if not isinstance(lidar.detector, Gsfl) or lidar.detector.max_returns == 1:
         return None
     return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(_OFTEN)

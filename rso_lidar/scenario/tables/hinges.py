@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -11,11 +14,7 @@ from rso_lidar.craft import Hinge
 from rso_lidar.errors import ScenarioError, placed
 from rso_lidar.motion.joint import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
-from rso_lidar.scene.library.catalogue import model
 from rso_lidar.scene.meshes.mesh import body_from_mesh
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.tables.target import Target
 
 
 class Joint(Part):
@@ -50,44 +49,52 @@ class Joint(Part):
     angle: Angle = Field(description="Law of the hinge angle.")
 
 
-def joints_of(target: Target) -> tuple[HingeAxes, ...]:
-    """Return the hinges of a target in body axes, those that its model declares completed."""
-    if not target.joint:
-        return ()
-    complete = target.is_path or target.library is not None  # a recording has written out what its library declared
-    declared = {} if complete else {hinge.name: hinge for hinge in model(target.shape).hinges}
-    return tuple(_completed(joint, declared, target) for joint in target.joint)
+@dataclass(frozen=True)
+class ModelPlacement:
+    """How a catalogue model lies in its body's axes: scale, centre of mass (xyz) [m] after scaling, and mesh axes."""
+
+    scale: float
+    center_of_mass_m: np.ndarray
+    mesh_axes: str
+
+    def point(self, position: tuple[float, float, float]) -> Vector:
+        """Return a point of the model, in the mesh's own axes and unit, in body axes [m]."""
+        x, y, z = body_from_mesh(self.scale * np.array(position) - self.center_of_mass_m, self.mesh_axes).tolist()
+        return x, y, z
+
+    def direction(self, direction: tuple[float, float, float]) -> Vector:
+        """Return a direction of the model, in the mesh's own axes, in body axes."""
+        x, y, z = body_from_mesh(np.array(direction), self.mesh_axes).tolist()
+        return x, y, z
 
 
-def _completed(joint: Joint, declared: dict[str, Hinge], target: Target) -> HingeAxes:
-    """Return a joint with what it leaves out taken from the hinge of its name."""
+def complete_joint(
+    joint: Joint,
+    shape: str,
+    declared: Mapping[str, Hinge] = MappingProxyType({}),
+    placement: ModelPlacement | None = None,
+) -> HingeAxes:
+    """Return a hinge in body axes; what the joint leaves out comes from the hinge of its name that the model declares.
+
+    Parameters
+    ----------
+    joint : what the scenario says of the hinge.
+    shape : name of the model, for the message of an error.
+    declared : the model's hinges by name.
+    placement : how the model lies in body axes; needed where it declares hinges.
+    """
     hinge, angle = declared.get(joint.name), joint.angle
     parts, position_m, axis = joint.parts, joint.position_m, joint.axis
-    if hinge is not None:
-        scale, center_of_mass_m = placed_as(target)
-        place = body_from_mesh(scale * np.array(hinge.position_m) - center_of_mass_m, target.mesh_axes)
+    if hinge is not None and placement is not None:
         parts = parts or hinge.parts
-        position_m = position_m or (float(place[0]), float(place[1]), float(place[2]))
-        axis = axis or _direction(hinge.axis, target)
+        position_m = position_m or placement.point(hinge.position_m)
+        axis = axis or placement.direction(hinge.axis)
         if isinstance(angle, FollowSun) and angle.normal is None and hinge.normal is not None:
-            angle = FollowSun(normal=_direction(hinge.normal, target))
+            angle = FollowSun(normal=placement.direction(hinge.normal))
     with placed(f"joint {joint.name}"):
         if parts is None or axis is None:
             what = " and ".join(name for name, value in (("parts", parts), ("axis", axis)) if value is None)
-            known = f" ({target.shape} has {', '.join(declared)})" if declared else ""
+            known = f" ({shape} has {', '.join(declared)})" if declared else ""
             raise ScenarioError(f"{what} missing, and the model declares no such hinge{known}; give what is missing")
         fields: dict[str, Any] = {"name": joint.name, "parts": parts, "axis": axis, "angle": angle}
         return HingeAxes(position_m=position_m or (0.0, 0.0, 0.0), **fields)
-
-
-def _direction(direction: tuple[float, float, float], target: Target) -> tuple[float, float, float]:
-    x, y, z = body_from_mesh(np.array(direction), target.mesh_axes).tolist()
-    return x, y, z
-
-
-def placed_as(target: Target) -> tuple[float, np.ndarray]:
-    """Return scale and centre of mass (xyz) [m, after scaling] of a target whose model is in the catalogue."""
-    entry = model(target.shape)
-    scale = target.scale or (target.size_m / max(entry.size_m) if target.size_m else 1.0)
-    center = target.center_of_mass_m
-    return scale, np.array(center if center is not None else [scale * x for x in entry.center_of_mass_m])

@@ -1,95 +1,25 @@
-"""The instrument of a scenario: laser, receiver, detector, what of it changes with time, and presets by name."""
+"""The instrument of a scenario: laser, receiver, detector and mount."""
 
 from __future__ import annotations
 
-import numbers
-import tomllib
 from collections.abc import Mapping
-from functools import cache, lru_cache
-from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from functools import lru_cache
+from typing import Any, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.detector import Detector, Gsfl
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.motion import Mount
-from rso_lidar.optics import Laser, Receiver, read_files
-from rso_lidar.part import NotNegative, Number, Part, Positive, Text
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.part import Part, Text
 from rso_lidar.records import Command
-
-_MOST_STEPS = 2**14  # of time in one trace, and ...
-_MOST_GATED = 2**27  # ... in all pixels under a gate: half a gigabyte
+from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.tables.schedule import Schedule, commanded_settings
 
 # Of these a user's choice replaces the preset's, whichever of the two it is.
 _EITHER = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
-
-
-@cache
-def presets() -> dict[str, dict[str, Any]]:
-    """Return the shipped cameras by name, as TOML tables of `[lidar]` with a line `what`."""
-    return tomllib.loads(Path(__file__).with_name("presets.toml").read_text(encoding="utf-8"))
-
-
-class Schedule(Part):
-    """Settings that follow a plan: at `time_s` the lists hold; between, they are interpolated or stay (``step``).
-
-    Before the first instant and after the last the first and last values hold. Lists left out do not change. A zoom lens
-    keeps its `f_number` where the receiver gives that, and its aperture where it gives `aperture_mm`.
-    """
-
-    time_s: tuple[Number, ...] = Field(description="Times since `start_utc`, ascending [s].")
-    interpolation: Literal["linear", "step"] = Field(
-        default="linear", description="Interpolation between times: `linear`, or `step`, which holds the last value."
-    )
-    focal_length_mm: tuple[Positive, ...] | None = Field(
-        default=None, description="Focal length of a zoom lens, one value per time [mm]."
-    )
-    divergence_deg: tuple[Annotated[Positive, Field(lt=180)], ...] | None = Field(
-        default=None, description="Full divergence angle of an adjustable diffuser, one value per time [deg]."
-    )
-    energy_mj: tuple[Positive, ...] | None = Field(default=None, description="Pulse energy, one value per time [mJ].")
-    gate_delay_ns: tuple[NotNegative, ...] | None = Field(
-        default=None, description="Time from emission to the opening of the range gate, one value per time [ns]."
-    )
-
-    @model_validator(mode="after")
-    def _lists_match(self) -> Self:
-        if not self.time_s:
-            raise ValueError("time_s is empty; give at least one instant")
-        if np.any(np.diff(self.time_s) <= 0.0):
-            raise ValueError("time_s must rise from entry to entry; sort it")
-        if not self.planned:
-            raise ValueError(f"nothing is planned; give a list for one of {', '.join(_PLANNED)}")
-        for name in self.planned:
-            if len(getattr(self, name)) != len(self.time_s):
-                raise ValueError(
-                    f"{name} has {len(getattr(self, name))} entries and time_s {len(self.time_s)}; match them"
-                )
-        return self
-
-    @property
-    def planned(self) -> tuple[str, ...]:
-        """Return the names of the settings that follow the plan."""
-        return tuple(name for name in _PLANNED if getattr(self, name) is not None)
-
-    def at(self, time_s: float) -> dict[str, float]:
-        """Return the planned settings at an instant [s since start_utc], by name."""
-        if self.interpolation == "step":
-            place = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
-            return {name: float(getattr(self, name)[place]) for name in self.planned}
-        return {name: float(np.interp(time_s, self.time_s, getattr(self, name))) for name in self.planned}
-
-
-_COMMANDS = {  # of a controller: what each sets of the plan, and the unit there
-    "focal_length_m": ("focal_length_mm", units.MM),
-    "divergence_rad": ("divergence_deg", units.DEG),
-    "energy_j": ("energy_mj", units.MJ),
-    "gate_delay_s": ("gate_delay_ns", units.NS),
-}
-_PLANNED = ("focal_length_mm", "divergence_deg", "energy_mj", "gate_delay_ns")
 
 
 class Lidar(Part):
@@ -156,8 +86,12 @@ class Lidar(Part):
         """Return the instrument with what is in force at an instant [s since start_utc], as planned and commanded."""
         wanted = self.schedule.at(time_s) if self.schedule else {}
         with placed("simulate: the controller's command" if command else "lidar.schedule"):
-            wanted |= _asked(command) if command else {}
-            return _with(self, tuple(wanted.items())) if wanted else self
+            wanted |= commanded_settings(command) if command else {}
+            return self.with_settings(wanted) if wanted else self
+
+    def with_settings(self, settings: Mapping[str, float]) -> Lidar:
+        """Return the instrument with settings in force, given by the names of a schedule."""
+        return _with_settings(self, tuple(settings.items()))
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some fields changed; another preset brings its own values where the old one's held."""
@@ -171,34 +105,6 @@ class Lidar(Part):
                 kept = {key for key in part.model_fields_set if getattr(part, key) != getattr(before, key)}
                 changes[name] = {key: getattr(part, key) for key in kept}
         return super().replace(**changes)
-
-    def check(self) -> None:
-        """Read all files, which must have been found, and refuse an axis of time too long to work on."""
-        lenses = {self.receiver}
-        if self.schedule is not None and self.schedule.focal_length_mm is not None:
-            ends = min(self.schedule.focal_length_mm), max(self.schedule.focal_length_mm)
-            lenses |= {_with(self, (("focal_length_mm", end),)).receiver for end in ends}
-        for receiver in lenses:
-            read_files(self.laser, receiver)
-        if not isinstance(self.detector, Gsfl):
-            return
-        plan = self.detector.plan(self.laser.pulse_fwhm_s)
-        steps = plan.before + plan.watched + plan.after
-        if steps > _MOST_STEPS:
-            raise ScenarioError(
-                f"a pulse of {self.laser.pulse_fwhm_s / units.NS:.3g} ns, samples of {self.detector.readout.sample_ns:.3g} "
-                f"ns and {self.detector.amplifier.bandwidth_mhz:.3g} MHz need {steps:.3g} steps of time for each pixel, "
-                f"over {_MOST_STEPS:,}; bring laser.pulse_fwhm_ns, detector.readout and detector.amplifier nearer"
-            )
-        if self.detector.gate is not None:
-            n_pixels = self.receiver.n_rows * self.receiver.n_cols
-            stored = self.detector.gate.n_samples(self.detector.readout.sample_s) * plan.steps_per_sample
-            if stored * n_pixels > _MOST_GATED:
-                most_ns = _MOST_GATED / n_pixels * plan.step_s / units.NS
-                raise ScenarioError(
-                    f"detector.gate.width_ns: {self.detector.gate.width_ns:g} in {n_pixels:,} pixels is more than can be "
-                    f"stored; take up to {most_ns:.0f}, or fewer pixels"
-                )
 
     @property
     def settings(self) -> dict[str, float]:
@@ -239,24 +145,8 @@ def _type(value: Any, old: Mapping[str, Any]) -> Any:
     return getattr(value, "type", old.get("type"))
 
 
-def _asked(command: Command) -> dict[str, float]:
-    """Return what a controller asks of the instrument, by the names of a schedule, or raise `ScenarioError`."""
-    asked = {}
-    for field, (name, unit) in _COMMANDS.items():
-        value = getattr(command, field)
-        if value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            raise ScenarioError(f"{field}: needs a number, not {value!r:.60}; give one, or None to leave it")
-        try:
-            asked[name] = float(value) / unit
-        except OverflowError:
-            raise ScenarioError(f"{field}: is a number beyond all reason; check its unit") from None
-    return asked
-
-
 @lru_cache(maxsize=64)
-def _with(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar:
+def _with_settings(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar:
     values = dict(wanted)
     changes: dict[str, Any] = {}
     light = {name: values[name] for name in ("divergence_deg", "energy_mj") if name in values}

@@ -1,4 +1,4 @@
-"""The parts of a scenario that join rooms: time, world, target, follower."""
+"""The bodies of a scenario: targets, which have a surface and move, and the follower, which carries the lidar."""
 
 from functools import cached_property
 from typing import Annotated, Literal, Self
@@ -11,74 +11,15 @@ from rso_lidar.errors import MeshError, ScenarioError
 from rso_lidar.motion import Body
 from rso_lidar.motion.body import RESERVED
 from rso_lidar.motion.joint import HingeAxes
-from rso_lidar.part import Direction, Instant, Part, Positive, Text, Vector
+from rso_lidar.part import Positive, Text, Vector
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
-from rso_lidar.scenario.tables.hinges import Joint, joints_of
+from rso_lidar.scenario.tables.hinges import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import OfLibrary
 from rso_lidar.scenario.tables.terrain import Terrain, in_words
 from rso_lidar.scene import Material
+from rso_lidar.scene.library.catalogue import model
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
-_MOST_FRAMES = 5_000_000
-
-
-class Time(Part):
-    """When frames are taken: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
-
-    start_utc: Instant = Field(
-        description="Start of the scenario, such as `2024-09-17T12:00:00Z`; a time without an offset is an error."
-    )
-    duration_s: Positive = Field(description="Duration of the scenario [s].")
-    frame_rate_hz: Positive = Field(
-        description="Laser flashes per second [Hz]: round(duration × rate) frames at times k / rate, the end excluded."
-    )
-
-    @model_validator(mode="after")
-    def _some_frames(self) -> Self:
-        frames = self.duration_s * self.frame_rate_hz
-        if frames < 0.5 or round(frames) < 1:
-            raise ValueError(
-                f"duration_s * frame_rate_hz is {frames:.3g}, which makes no frame; give a longer duration or a higher rate"
-            )
-        if frames > _MOST_FRAMES:
-            raise ValueError(f"duration_s * frame_rate_hz is {frames:.3g} frames, over {_MOST_FRAMES:,}; split the run")
-        return self
-
-    @property
-    def n_frames(self) -> int:
-        """Return how many frames the scenario has."""
-        return round(self.duration_s * self.frame_rate_hz)
-
-    def seconds(self, frames: np.ndarray) -> np.ndarray:
-        """Return the instants [s since start_utc] of frames by number."""
-        return np.asarray(frames, dtype=float) / self.frame_rate_hz
-
-
-class World(Part):
-    """What the root axes are: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
-
-    A local world has a Sun only where `sun_direction`, from the origin toward it in root axes, says so; nothing eclipses it.
-    """
-
-    axes: Literal["inertial", "local"] = Field(
-        default="inertial",
-        description=(
-            "Root axes. `inertial`: GCRS about the Earth. `local`: a bench without an Earth, where orbits are refused."
-        ),
-    )
-    sun_direction: Direction | None = Field(
-        default=None,
-        description=(
-            "Direction to the Sun in `local` axes; if omitted, there is no Sun. In `inertial` axes the date "
-            "determines it."
-        ),
-    )
-
-    @model_validator(mode="after")
-    def _one_sun(self) -> Self:
-        if self.sun_direction is not None and self.axes != "local":
-            raise ValueError('sun_direction is for axes = "local"; in inertial axes the date says where the Sun is')
-        return self
 
 
 class Target(Body):
@@ -178,8 +119,16 @@ class Target(Body):
 
     @cached_property
     def joints(self) -> tuple[HingeAxes, ...]:
-        """Return the hinges of the body, those of its model completed."""
-        return joints_of(self)
+        """Hinges of the body in body axes; what a joint leaves out comes from its model."""
+        if not self.joint or self.is_path or self.library is not None:
+            return tuple(complete_joint(joint, self.shape) for joint in self.joint)  # a recording leaves nothing out
+        entry = model(self.shape)
+        scale = self.scale or (self.size_m / max(entry.size_m) if self.size_m else 1.0)
+        center = self.center_of_mass_m
+        center_m = np.array(center if center is not None else [scale * x for x in entry.center_of_mass_m])
+        placement = ModelPlacement(scale, center_m, self.mesh_axes)
+        declared = {hinge.name: hinge for hinge in entry.hinges}
+        return tuple(complete_joint(joint, self.shape, declared, placement) for joint in self.joint)
 
     @property
     def is_path(self) -> bool:

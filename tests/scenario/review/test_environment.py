@@ -8,7 +8,8 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import units
 from rso_lidar.scenario.preview.geometry import preview
-from rso_lidar.scenario.preview.sky import environment_advice, environment_lines, environment_table, surroundings
+from rso_lidar.scenario.preview.sky import environment_table, sky_geometry
+from rso_lidar.scenario.review.environment import environment_advice, environment_lines
 
 MOON_KM = (-220_497.1, 291_971.7, 164_731.8)  # by astropy 8.0.2 (ERFA's moon98), 2024-03-20 03:06 UTC, in GCRS
 
@@ -162,7 +163,7 @@ class TestAdvice:
     def test_the_sun_behind_the_earth_blinds_nothing(self):
         """In the umbra, straight down at the Earth, with the Sun behind it."""
         scenario, seen = flown(height_m=500e3, angle_deg=180.0, place=(500, 0, 0), fov_deg=150.0)
-        assert not surroundings(scenario, seen).sun_seen.any()
+        assert not sky_geometry(scenario, seen).sun_seen.any()
         assert environment_advice(scenario, seen) == []
 
     def test_the_earth_in_the_field_where_sunlight_counts(self):

@@ -5,7 +5,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.tables.lidar import presets
+from rso_lidar.scenario.tables.presets import presets
 
 PRESETS = tuple(presets())
 RANGE_M = {"proximity_1570": 50, "long_range_1064": 3000}

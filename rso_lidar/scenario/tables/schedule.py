@@ -1,0 +1,86 @@
+"""Settings of the instrument that change with time, as planned or as commanded."""
+
+import numbers
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import NotNegative, Number, Part, Positive
+from rso_lidar.records import Command
+
+_PLANNED = ("focal_length_mm", "divergence_deg", "energy_mj", "gate_delay_ns")
+_COMMANDS = {  # field of a Command: the setting of a schedule that it replaces, and the unit of that
+    "focal_length_m": ("focal_length_mm", units.MM),
+    "divergence_rad": ("divergence_deg", units.DEG),
+    "energy_j": ("energy_mj", units.MJ),
+    "gate_delay_s": ("gate_delay_ns", units.NS),
+}
+
+
+class Schedule(Part):
+    """Settings that follow a plan: at `time_s` the lists hold; between, they are interpolated or stay (``step``).
+
+    Before the first instant and after the last the first and last values hold. Lists left out do not change. A zoom lens
+    keeps its `f_number` where the receiver gives that, and its aperture where it gives `aperture_mm`.
+    """
+
+    time_s: tuple[Number, ...] = Field(description="Times since `start_utc`, ascending [s].")
+    interpolation: Literal["linear", "step"] = Field(
+        default="linear", description="Interpolation between times: `linear`, or `step`, which holds the last value."
+    )
+    focal_length_mm: tuple[Positive, ...] | None = Field(
+        default=None, description="Focal length of a zoom lens, one value per time [mm]."
+    )
+    divergence_deg: tuple[Annotated[Positive, Field(lt=180)], ...] | None = Field(
+        default=None, description="Full divergence angle of an adjustable diffuser, one value per time [deg]."
+    )
+    energy_mj: tuple[Positive, ...] | None = Field(default=None, description="Pulse energy, one value per time [mJ].")
+    gate_delay_ns: tuple[NotNegative, ...] | None = Field(
+        default=None, description="Time from emission to the opening of the range gate, one value per time [ns]."
+    )
+
+    @model_validator(mode="after")
+    def _lists_match(self) -> Self:
+        if not self.time_s:
+            raise ValueError("time_s is empty; give at least one instant")
+        if np.any(np.diff(self.time_s) <= 0.0):
+            raise ValueError("time_s must rise from entry to entry; sort it")
+        if not self.planned:
+            raise ValueError(f"nothing is planned; give a list for one of {', '.join(_PLANNED)}")
+        for name in self.planned:
+            if len(getattr(self, name)) != len(self.time_s):
+                raise ValueError(
+                    f"{name} has {len(getattr(self, name))} entries and time_s {len(self.time_s)}; match them"
+                )
+        return self
+
+    @property
+    def planned(self) -> tuple[str, ...]:
+        """Return the names of the settings that follow the plan."""
+        return tuple(name for name in _PLANNED if getattr(self, name) is not None)
+
+    def at(self, time_s: float) -> dict[str, float]:
+        """Return the planned settings at an instant [s since start_utc], by name."""
+        if self.interpolation == "step":
+            place = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
+            return {name: float(getattr(self, name)[place]) for name in self.planned}
+        return {name: float(np.interp(time_s, self.time_s, getattr(self, name))) for name in self.planned}
+
+
+def commanded_settings(command: Command) -> dict[str, float]:
+    """Return the settings that a controller commands, by the names of a schedule, or raise `ScenarioError`."""
+    asked = {}
+    for field, (name, unit) in _COMMANDS.items():
+        value = getattr(command, field)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise ScenarioError(f"{field}: needs a number, not {value!r:.60}; give one, or None to leave it")
+        try:
+            asked[name] = float(value) / unit
+        except OverflowError:
+            raise ScenarioError(f"{field}: is a number beyond all reason; check its unit") from None
+    return asked

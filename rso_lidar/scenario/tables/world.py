@@ -1,0 +1,69 @@
+"""When frames are taken, and what the root axes are."""
+
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.part import Direction, Instant, Part, Positive
+
+_MOST_FRAMES = 5_000_000
+
+
+class Time(Part):
+    """When frames are taken: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
+
+    start_utc: Instant = Field(
+        description="Start of the scenario, such as `2024-09-17T12:00:00Z`; a time without an offset is an error."
+    )
+    duration_s: Positive = Field(description="Duration of the scenario [s].")
+    frame_rate_hz: Positive = Field(
+        description="Laser flashes per second [Hz]: round(duration × rate) frames at times k / rate, the end excluded."
+    )
+
+    @model_validator(mode="after")
+    def _some_frames(self) -> Self:
+        frames = self.duration_s * self.frame_rate_hz
+        if frames < 0.5 or round(frames) < 1:
+            raise ValueError(
+                f"duration_s * frame_rate_hz is {frames:.3g}, which makes no frame; give a longer duration or a higher rate"
+            )
+        if frames > _MOST_FRAMES:
+            raise ValueError(f"duration_s * frame_rate_hz is {frames:.3g} frames, over {_MOST_FRAMES:,}; split the run")
+        return self
+
+    @property
+    def n_frames(self) -> int:
+        """Return how many frames the scenario has."""
+        return round(self.duration_s * self.frame_rate_hz)
+
+    def seconds(self, frames: np.ndarray) -> np.ndarray:
+        """Return the instants [s since start_utc] of frames by number."""
+        return np.asarray(frames, dtype=float) / self.frame_rate_hz
+
+
+class World(Part):
+    """What the root axes are: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
+
+    A local world has a Sun only where `sun_direction`, from the origin toward it in root axes, says so; nothing eclipses it.
+    """
+
+    axes: Literal["inertial", "local"] = Field(
+        default="inertial",
+        description=(
+            "Root axes. `inertial`: GCRS about the Earth. `local`: a bench without an Earth, where orbits are refused."
+        ),
+    )
+    sun_direction: Direction | None = Field(
+        default=None,
+        description=(
+            "Direction to the Sun in `local` axes; if omitted, there is no Sun. In `inertial` axes the date "
+            "determines it."
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _one_sun(self) -> Self:
+        if self.sun_direction is not None and self.axes != "local":
+            raise ValueError('sun_direction is for axes = "local"; in inertial axes the date says where the Sun is')
+        return self
