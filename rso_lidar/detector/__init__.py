@@ -1,47 +1,74 @@
 """Photons in, counts out."""
 
-from typing import Annotated
-
-import numpy as np
-from pydantic import Field
-
 from rso_lidar.detector.amplifier import Amplifier
 from rso_lidar.detector.apd import Apd
+from rso_lidar.detector.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.detect import (
+    AnyDetector,
+    DescribedDetector,
+    Detector,
+    advise,
+    array_load,
+    check_size,
+    describe,
+    describe_storage,
+    describe_window,
+    detect,
+    detection_probability,
+    draw_crosstalk_m,
+    false_alarm_probability,
+    frame_jitter_s,
+    isolate,
+    list_uncounted,
+    noise_growth,
+)
 from rso_lidar.detector.empirical import Empirical
 from rso_lidar.detector.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
 from rso_lidar.detector.gate import Gate
 from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.load import ArrayLoad
+from rso_lidar.detector.prediction import predict
 from rso_lidar.detector.ranging import Ranging
 from rso_lidar.detector.readout import Readout
+from rso_lidar.detector.traits import DetectorTraits
 from rso_lidar.detector.trigger import Trigger
-from rso_lidar.records import Photons, Reading, Waveforms
-
-Detector = Annotated[Gsfl | Empirical, Field(discriminator="type")]
 
 __all__ = [
     "Amplifier",
+    "AnyDetector",
     "Apd",
+    "ArrayLoad",
     "Crosstalk",
     "Defects",
+    "DescribedDetector",
     "Detector",
+    "DetectorTraits",
     "Droop",
     "Empirical",
     "Gate",
     "Gsfl",
+    "LaserPulse",
     "Maps",
+    "Prediction",
     "Ranging",
     "Readout",
     "Saturation",
     "Speckle",
     "Timing",
     "Trigger",
+    "advise",
+    "array_load",
+    "check_size",
+    "describe",
+    "describe_storage",
+    "describe_window",
     "detect",
+    "detection_probability",
+    "draw_crosstalk_m",
+    "false_alarm_probability",
+    "frame_jitter_s",
+    "isolate",
+    "list_uncounted",
+    "noise_growth",
+    "predict",
 ]
-
-
-def detect(photons: Photons, detector: Gsfl | Empirical, rng: np.random.Generator) -> tuple[Reading, Waveforms | None]:
-    """Return what the sensor says of one flash, and what it stored to say so (None: it has no waveforms).
-
-    All noise comes from `rng`.
-    """
-    return detector.detect(photons, rng)

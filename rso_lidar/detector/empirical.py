@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.detector.load import ArrayLoad
 from rso_lidar.detector.presets import FITTED
+from rso_lidar.detector.traits import DetectorTraits
 from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
 from rso_lidar.records import Photons, Reading
 
@@ -152,6 +153,24 @@ class Empirical(Part):
     def full_scale_counts(self) -> int:
         """Return the greatest count that the converter reports."""
         return int(2**self.adc_bits) - 1
+
+    @property
+    def saturation_photons(self) -> float:
+        """Return the photons of a return whose counts clip; infinite where they bend before."""
+        over = self.full_scale_counts / self.compression_counts
+        if over >= 1.0:
+            return math.inf
+        return self.full_scale_counts / math.sqrt(math.sqrt(1.0 - over**4)) / self.counts_per_photon
+
+    @cached_property
+    def traits(self) -> DetectorTraits:
+        """Return what a scenario must know of this detector."""
+        return DetectorTraits(
+            sees_to_m=self.sees_to_m,
+            threshold_photons=self.threshold_photons,
+            sees_from_m=self.sees_from_m,
+            saturation_photons=self.saturation_photons,
+        )
 
     @cached_property
     def threshold_photons(self) -> float:

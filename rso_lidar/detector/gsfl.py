@@ -33,6 +33,7 @@ from rso_lidar.detector.presets import PRESETS
 from rso_lidar.detector.pulse import Pulse
 from rso_lidar.detector.ranging import Ranging
 from rso_lidar.detector.readout import Readout
+from rso_lidar.detector.traits import DetectorTraits
 from rso_lidar.detector.trigger import Bridge, Trigger
 from rso_lidar.detector.waveform import Plan
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
@@ -265,6 +266,38 @@ class Gsfl(Part):
     def sees_to_m(self) -> float:
         """Return the greatest range [m] at which anything is detected."""
         return self.gate.to_m if self.gate else self.armed_to_m
+
+    @property
+    def saturation_photons(self) -> float:
+        """Return the photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
+        return self.full_scale_counts * self.readout.electrons_per_count / self.electrons_per_photon
+
+    @cached_property
+    def traits(self) -> DetectorTraits:
+        """Return what a scenario must know of this detector."""
+        gate = self.gate
+        gated = {"gate_delay_s": gate.delay_ns * units.NS, "gate_width_s": gate.width_ns * units.NS} if gate else {}
+        return DetectorTraits(
+            sees_to_m=self.sees_to_m,
+            threshold_photons=self.threshold_photons,
+            sees_from_m=self.sees_from_m,
+            max_returns=self.max_returns,
+            returns=self.returns,
+            stored_behind_m=self.stored_behind_m,
+            saturation_photons=self.saturation_photons,
+            settings=gated,
+            has_waveforms=True,
+            is_gated=gate is not None,
+            clock_s=self.readout.sample_s,
+            pulses=gate.pulses if gate else 1,
+            samples=gate.n_samples(self.readout.sample_s) if gate else self.readout.samples,
+        )
+
+    def with_gate_delay(self, delay_ns: float) -> Self:
+        """Return a copy whose gate opens `delay_ns` after emission."""
+        if self.gate is None:
+            raise ValueError("the detector has no gate; add [lidar.detector.gate]")
+        return self.replace(gate=self.gate.replace(delay_ns=delay_ns))
 
     def plan(self, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
         """Return the layout of the time axis.

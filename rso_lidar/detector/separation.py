@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.detect import Detector, detect, isolate
+from rso_lidar.detector.empirical import Empirical
+from rso_lidar.detector.gsfl import Gsfl
 from rso_lidar.detector.trial import point_returns
-
-if TYPE_CHECKING:
-    from rso_lidar.detector.gsfl import Gsfl
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return
 OVER = 5.0  # times the threshold, the light of each return
-_FARTHEST_M = 20.0  # at least so far away, so that both are in the armed window
+_MARGIN_M = 20.0  # from the ends of the armed window, where that is long enough
 _SEED = 9  # random seed of the trials
 
 
@@ -53,7 +53,7 @@ class Separations:
 
 
 def simulate_pairs(
-    gsfl: Gsfl,
+    detector: Gsfl | Empirical | Detector,
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
     separation_m: np.ndarray,
@@ -66,28 +66,26 @@ def simulate_pairs(
 
     Parameters
     ----------
-    gsfl : the detector, with at least two returns listed.
+    detector : the detector, with at least two returns listed.
     pulse : the laser's step [s] and power (tap) [1/s].
     pulse_fwhm_s : its length [s].
     separation_m : (separation) distances of the two in range [m].
     photons : of the near and the far return (None: five times the threshold each).
     each : trials of each separation.
     """
-    alone = gsfl.alone()
-    near, far = photons or (OVER * gsfl.threshold_photons,) * 2
+    traits = detector.traits
+    near, far = photons or (OVER * traits.threshold_photons,) * 2
     separation = np.repeat(np.asarray(separation_m, dtype=float), each)
     n = len(separation)
-    phase = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0] * gsfl.readout.sample_s * units.RANGE_PER_DELAY_M_S
-    if gsfl.gate is not None:  # the two about the middle of the gate
-        near_m = np.maximum(0.5 * (gsfl.gate.from_m + gsfl.gate.to_m - separation) + phase, 0.1)
-    else:
-        near_m = gsfl.armed_from_m + _FARTHEST_M + phase
-        alone = alone.replace(armed_to_m=max(gsfl.armed_to_m, float((near_m + separation).max()) + _FARTHEST_M))
+    phase = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0] * traits.clock_s * units.RANGE_PER_DELAY_M_S
+    near_m = traits.sees_from_m + _MARGIN_M + phase
+    if traits.is_gated or float((near_m + separation).max()) + _MARGIN_M > traits.sees_to_m:
+        near_m = np.maximum(0.5 * (traits.sees_from_m + traits.sees_to_m - separation) + phase, 0.1)
     true_m = np.stack([near_m, near_m + separation], axis=1)
     light = point_returns(
         (1, n), pulse, pulse_fwhm_s, np.repeat(np.arange(n), 2), true_m.ravel(), np.tile([float(near), float(far)], n)
     )
-    reading, _ = alone.detect(light, np.random.Generator(np.random.Philox(_SEED)))
+    reading, _ = detect(light, isolate(detector), np.random.Generator(np.random.Philox(_SEED)))
     assert reading.return_range_m is not None, "a detector that lists one return has no second"
     listed_m = reading.return_range_m.reshape(n, 1, -1).astype(float)
     within_m = np.minimum(_TOLERANCE_M, 0.5 * separation)[:, None, None]
@@ -97,26 +95,27 @@ def simulate_pairs(
 
 
 def listed_separations(
-    gsfl: Gsfl, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
+    detector: Gsfl | Empirical | Detector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
 ) -> Separations:
     """Simulate pairs at the separations that decide: about the pulse's length, and about the end of the stored depth.
 
     Parameters
     ----------
-    gsfl : the detector, with at least two returns listed.
+    detector : the detector, with at least two returns listed.
     pulse : the laser's step [s] and power (tap) [1/s].
     pulse_fwhm_s : its length [s].
     over : light of each return over the threshold.
     """
-    return _listed(gsfl, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+    asked: Any = detector  # every detector is hashable
+    return _listed(asked, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
 
 
 @lru_cache(maxsize=16)
-def _listed(gsfl: Gsfl, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
-    width_m = pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
-    stored_m = gsfl.stored_behind_m
+def _listed(detector: Any, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+    traits, width_m = detector.traits, pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
+    stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)
     far = np.linspace(max(stored_m - 3.0 * width_m, 0.25 * width_m), stored_m + 0.5 * width_m, 45)
     separation_m = np.unique(np.concatenate([near, far]).round(3))
-    light = over * gsfl.threshold_photons
-    return simulate_pairs(gsfl, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))
+    light = over * traits.threshold_photons
+    return simulate_pairs(detector, (step_s, np.frombuffer(power_per_s)), pulse_fwhm_s, separation_m, (light, light))

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.detect import Detector, detect, draw_crosstalk_m, frame_jitter_s, isolate
+from rso_lidar.detector.empirical import Empirical
+from rso_lidar.detector.gsfl import Gsfl
 from rso_lidar.records import Photons
-
-if TYPE_CHECKING:
-    from rso_lidar.detector.empirical import Empirical
-    from rso_lidar.detector.gsfl import Gsfl
 
 COHERENCE_CELLS = (
     885.0  # A_lens A_pixel / (wavelength focal_length)² of a pixel that the default lens fills, at 1064 nm
@@ -121,7 +119,7 @@ def point_returns(
 
 
 def trial(
-    detector: Gsfl | Empirical,
+    detector: Gsfl | Empirical | Detector,
     photons: Photons,
     rng: np.random.Generator,
     true_m: np.ndarray | None = None,
@@ -145,13 +143,13 @@ def trial(
     if around.energy_jitter_fraction > 0.0:
         factor = 1.0 + around.energy_jitter_fraction * rng.standard_normal(photons.shape[0] * photons.shape[1])
         photons = replace(photons, photons=photons.photons * np.maximum(factor, 1e-3)[photons.pixel])
-    reading, _ = detector.alone(around.gain).detect(photons, rng)
+    reading, _ = detect(photons, isolate(detector, around.gain), rng)
     error = reading.range_m.ravel().astype(float) - true_m
-    common_s = math.hypot(detector.frame_jitter_s, around.timing_jitter_s)
+    common_s = math.hypot(frame_jitter_s(detector), around.timing_jitter_s)
     if common_s > 0.0:
         error += common_s * units.RANGE_PER_DELAY_M_S * rng.standard_normal(len(error))
     if np.any(around.together_fraction):
-        error += detector.crosstalk_m(np.broadcast_to(around.together_fraction, error.shape), rng)
+        error += draw_crosstalk_m(detector, np.broadcast_to(around.together_fraction, error.shape), rng)
     with np.errstate(invalid="ignore"):
         detected = np.abs(error) < _NEAR_M
     return Trial(detected, error[detected], reading.intensity_counts.ravel()[detected])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector import Empirical, Gsfl, LaserPulse, false_alarm_probability, predict
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import free, write_text
 from rso_lidar.picture.plots.budget import Line, budget_figure
@@ -32,7 +32,6 @@ from rso_lidar.study.budget_asked import (
     target_of,
     with_divergence,
 )
-from rso_lidar.study.detection import false_alarms_before, told
 from rso_lidar.study.link import depth_s, light, pixel_width_m
 
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
@@ -275,7 +274,7 @@ def budget(
         for tilt in tilts
     ]
     n_pixels = receiver.n_rows * receiver.n_cols
-    each = float(false_alarms_before(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
+    each = float(false_alarm_probability(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
     return Budget(
         name,
         float(probability),
@@ -318,15 +317,17 @@ def _curve(
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
     tilt_rad = tilt * units.DEG
     photons, fill = light(laser, receiver, material, tilt_rad, range_m, facet_m2)
-    seen = told(detector, laser, photons, depth_s(receiver, tilt_rad, range_m, fill))
-    first = false_alarms_before(detector, range_m)
+    pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
+    seen = predict(detector, pulse, photons, depth_s(receiver, tilt_rad, range_m, fill))
+    first = false_alarm_probability(detector, range_m)
     pixel_m = pixel_width_m(receiver, range_m)
     lit = np.minimum(_beam_m2(lidar, range_m), receiver.n_rows * receiver.n_cols * pixel_m**2)
 
     def probability(at_m: np.ndarray) -> np.ndarray:
         photons, fill = light(laser, receiver, material, tilt_rad, at_m, facet_m2)
-        detected = told(detector, laser, photons, depth_s(receiver, tilt_rad, at_m, fill), surely=True).probability
-        return detected * (1.0 - false_alarms_before(detector, at_m))
+        stretch_s = depth_s(receiver, tilt_rad, at_m, fill)
+        detected = predict(detector, pulse, photons, stretch_s, only_probability=True).probability
+        return detected * (1.0 - false_alarm_probability(detector, at_m))
 
     farthest, armed_limits = _greatest(probability, *_reach_m(detector), wanted)
     fill_limits = farthest > filled_to_m

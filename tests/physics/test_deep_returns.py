@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from rso_lidar import arithmetic
-from rso_lidar.detector import Gsfl
+from rso_lidar.detector import Gsfl, LaserPulse, predict
 from rso_lidar.detector.trial import plate
 from rso_lidar.detector.waveform import rows_about
 from rso_lidar.optics import Laser
-from rso_lidar.study.detection import told
 from tests.physics import chain_by_hand as by_hand
 
 FWHM_S = 8e-9
+PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
 N, N_BY_HAND = 32_768, 12_000
 BY_HAND = [(1000.0, 10e-9), (2600.0, 40e-9), (5500.0, 100e-9)]
 CLOSED = 0.003  # of a probability: the closed form's lattice, and depths rounded by up to half a per cent
@@ -48,7 +48,7 @@ def band(p, *numbers):
     [*((1000.0, 10e-9, steps) for steps in (2, 4, 8, 16)), (1000.0, 6e-9, 8), (1200.0, 14e-9, 2)],
 )
 def test_detection_of_a_deep_return(validation, photons, depth_s, steps):
-    p = float(told(Gsfl(), Laser(), np.array([photons]), np.array([depth_s]), surely=True).probability[0])
+    p = float(predict(Gsfl(), PULSE, np.array([photons]), np.array([depth_s]), only_probability=True).probability[0])
     validation(
         case=f"{photons:g} photons {depth_s * 1e9:g} ns deep, {steps} steps to a sample: probability of detection",
         source=f"the closed form, to {CLOSED:g}; {N} pixels, binomial, 4 sigma",

@@ -11,16 +11,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, Readout, Timing, Trigger
+from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, Timing, Trigger, predict
 from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.detector.trial import plate as pixels
 from rso_lidar.detector.trial import trial
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
-from rso_lidar.study.detection import told
 from rso_lidar.study.link import depth_s, light, pixel_width_m
 from tests.optics.bench_for_tests import look, place, plate
 
+PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
 LENS = Receiver(focal_length_mm=293.3, f_number=2.8, n_rows=33, n_cols=33)  # the seed's, with a middle pixel
 MATERIALS = {
     "Lambertian 0.3": Lambertian(),
@@ -123,7 +123,7 @@ def tried(detector, photons, n=16_384, laser=None):
 
 
 def compare(validation, case, detector, photons, floor, n=16_384):
-    got = told(detector, Laser(), np.array([photons], dtype=float), np.zeros(1))
+    got = predict(detector, PULSE, np.array([photons], dtype=float), np.zeros(1))
     found = tried(detector, photons, n)
     p = float(got.probability[0])
     validation(
@@ -179,7 +179,8 @@ def test_a_plate_through_the_whole_chain(validation, tilt_deg, range_m, steps):
     at_m = np.sort(seen.labels.range_m.ravel())
     n, at_m = flashes * at_m.size, at_m[8::16]
     photons, fill = light(Laser(), lens, Lambertian(), math.radians(tilt_deg), at_m)
-    p = told(detector, Laser(), photons, depth_s(lens, math.radians(tilt_deg), at_m, fill), surely=True).probability
+    stretch_s = depth_s(lens, math.radians(tilt_deg), at_m, fill)
+    p = predict(detector, PULSE, photons, stretch_s, only_probability=True).probability
     expected = float(p.mean())
     validation(
         case=f"wall at {range_m / 1000:g} km, {tilt_deg:g} deg, {steps} steps to a sample: share of pixels that detect it",
@@ -222,7 +223,7 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
     phases = (np.arange(16) + 0.5) / 16 - 0.5
     bounds_s = [crlb_s(pulse, height, 2.38e-9, covariance, phase) for phase in phases]
     bound_m = 0.5 * 299_792_458.0 * math.sqrt(np.mean(np.square(bounds_s)))
-    got = told(detector, Laser(), np.array([photons]), np.zeros(1))
+    got = predict(detector, PULSE, np.array([photons]), np.zeros(1))
     validation(
         case="range precision in amplifier noise over the Cramer-Rao bound",
         source="Kay 1993, eq. 3.31; the project's limit is 1.10",

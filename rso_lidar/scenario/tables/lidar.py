@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import Detector, Gsfl
+from rso_lidar.detector import DescribedDetector, Gsfl
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
@@ -43,7 +43,7 @@ class Lidar(Part):
     )
     laser: Laser = Field(default=Laser(), description="Laser.")
     receiver: Receiver = Field(description="Lens and focal plane.")
-    detector: Detector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
+    detector: DescribedDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
     schedule: Schedule | None = Field(
         default=None, description="Planned changes of the instrument's settings. If omitted, the settings are constant."
     )

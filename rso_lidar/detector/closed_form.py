@@ -15,17 +15,18 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.detector.apd import cumulants
+from rso_lidar.detector.empirical import Empirical
 from rso_lidar.detector.gate_threshold import gate_thresholds
+from rso_lidar.detector.gsfl import Gsfl
 from rso_lidar.detector.matched import Matched
 from rso_lidar.detector.pulse import Pulse
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics import Laser
 
 _Seen = Callable[[np.ndarray], np.ndarray]
 
@@ -42,70 +43,98 @@ _STRETCHES = 32  # depths computed within a pulse's length and for each factor o
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What a detector says of returns (return): how surely, how precisely [m, 1 sigma], how far above its noise."""
+class Prediction:
+    """What is expected of a detector for some returns; arrays (return).
+
+    Parameters
+    ----------
+    probability : of detection, given that the return is in reach and no false alarm comes before it.
+    range_precision_m : standard deviation of the range [m].
+    snr : signal over noise, as amplitudes.
+    saturated : whether the intensity is clipped, bool.
+    """
 
     probability: np.ndarray
     range_precision_m: np.ndarray
     snr: np.ndarray
-    saturated: np.ndarray  # bool
+    saturated: np.ndarray
 
 
-def told(
-    detector: Gsfl | Empirical, laser: Laser, photons: np.ndarray, depth_s: np.ndarray, *, surely: bool = False
-) -> Told:
-    """Return what a detector makes of so many photons (return) that a surface stretches by `depth_s` [s] (return).
+class LaserPulse(NamedTuple):
+    """The laser's pulse as a detector meets it.
 
-    The return is in reach, and no false alarm comes before it. With `surely`, only the probability is worked out.
+    Parameters
+    ----------
+    step_s : time between the taps of `power_per_s` [s].
+    power_per_s : (tap) power over energy [1/s].
+    fwhm_s : full width at half maximum [s].
+    timing_jitter_ns : jitter of emission, 1 sigma.
     """
-    photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    if isinstance(detector, Empirical):
-        precision_m = np.hypot(
-            detector.range_noise_m(photons, laser.pulse_fwhm_s), laser.timing_jitter_ns * _RANGE_PER_NS
-        )
-        return Told(
-            np.where(photons > 0.0, detector.detection_probability(photons), 0.0),
-            np.where(photons > 0.0, precision_m, np.inf),
-            photons / detector.noise_photons(photons),
-            detector.counts(photons) >= detector.full_scale_counts,
-        )
-    if detector.amplifier.pole_s * _FASTEST < laser.pulse_fwhm_s:
+
+    step_s: float
+    power_per_s: np.ndarray
+    fwhm_s: float
+    timing_jitter_ns: float = 0.0
+
+
+def predict_empirical(detector: Empirical, pulse: LaserPulse, photons: np.ndarray) -> Prediction:
+    """Predict the returns of the empirical detector by its curves.
+
+    Parameters
+    ----------
+    detector : the detector.
+    pulse : the laser's pulse.
+    photons : (return) expected photons.
+    """
+    precision_m = np.hypot(detector.range_noise_m(photons, pulse.fwhm_s), pulse.timing_jitter_ns * _RANGE_PER_NS)
+    return Prediction(
+        np.where(photons > 0.0, detector.detection_probability(photons), 0.0),
+        np.where(photons > 0.0, precision_m, np.inf),
+        photons / detector.noise_photons(photons),
+        detector.counts(photons) >= detector.full_scale_counts,
+    )
+
+
+def predict_gsfl(
+    gsfl: Gsfl, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, *, only_probability: bool = False
+) -> Prediction:
+    """Predict the returns of the full chain in closed form.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    pulse : the laser's pulse.
+    photons : (return) expected photons.
+    depth_s : (return) time over which the surface stretches each return [s].
+    only_probability : leave the other members of the prediction zero, which is faster.
+    """
+    if gsfl.amplifier.pole_s * _FASTEST < pulse.fwhm_s:
         raise ScenarioError(
-            f"amplifier.bandwidth_mhz: {detector.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
-            f"{laser.pulse_fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
+            f"amplifier.bandwidth_mhz: {gsfl.amplifier.bandwidth_mhz:g}: is too fast for the closed form of a pulse of "
+            f"{pulse.fwhm_s / units.NS:.3g} ns; narrow it, or simulate"
         )
     probability, precision_m, snr = (np.zeros(photons.shape) for _ in range(3))
-    number = _depth_number(depth_s / laser.pulse_fwhm_s)
-    step_s, power = laser.pulse
+    number = _depth_number(depth_s / pulse.fwhm_s)
+    power = pulse.power_per_s.tobytes()
     for k in np.unique([np.floor(number), np.ceil(number)]):
         of = np.abs(number - k) < 1.0
         weight = 1.0 - np.abs(number[of] - k)
-        stretch_s = laser.pulse_fwhm_s * _depth_of(k)
-        seen = _response(detector, step_s, power.tobytes(), stretch_s)
+        stretch_s = pulse.fwhm_s * _depth_of(k)
+        seen = _response(gsfl, pulse.step_s, power, stretch_s)
         probability[of] += weight * seen.probability(photons[of])
-        if not surely:
-            widest_m = (stretch_s + laser.pulse_fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
+        if not only_probability:
+            widest_m = (stretch_s + pulse.fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
             known_m = np.minimum(seen.precision_m(photons[of]), widest_m)  # a report is from within the pulse
             precision_m[of] += weight * known_m
             snr[of] += weight * seen.snr(photons[of])
-    own_ns = math.hypot(detector.timing.pixel_jitter_ns, detector.timing.frame_jitter_ns)
-    saturated = detector.counts(photons) >= detector.full_scale_counts
-    own_ns /= math.sqrt(detector.gate.pulses if detector.gate else 1)  # of a frame's pulses the laser's is the same
-    jitter_ns = math.hypot(own_ns, laser.timing_jitter_ns)
-    return Told(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
+    own_ns = math.hypot(gsfl.timing.pixel_jitter_ns, gsfl.timing.frame_jitter_ns)
+    saturated = gsfl.counts(photons) >= gsfl.full_scale_counts
+    own_ns /= math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # of a frame's pulses the laser's is the same
+    jitter_ns = math.hypot(own_ns, pulse.timing_jitter_ns)
+    return Prediction(probability, np.hypot(precision_m, jitter_ns * _RANGE_PER_NS), snr, saturated)
 
 
 _RANGE_PER_NS = units.NS * units.RANGE_PER_DELAY_M_S
-
-
-def false_alarms_before(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
-    """Return the probability (range) that noise in the dark triggers an armed pixel before light from there comes."""
-    if isinstance(detector, Gsfl) and detector.gate is not None:
-        return np.full(np.shape(range_m), detector.gate.false_alarm_probability)
-    rate = detector.mean_false_alarms_per_s if isinstance(detector, Gsfl) else detector.false_alarms_per_s
-    armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
-    before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
-    return before
 
 
 def _depth_number(depth: np.ndarray) -> np.ndarray:

@@ -1,0 +1,68 @@
+"""What a detector makes of returns of given light: in closed form where it has one, else by trials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.detect import Detector, predict_closed_form
+from rso_lidar.detector.empirical import Empirical
+from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.trial import plate, trial
+
+_TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035
+_MOST_SAMPLES = 8_000_000  # that all trials together may take
+_FARTHEST_M = 1e6
+_SEED = 17  # random seed of the trials
+
+
+def predict(
+    detector: Gsfl | Empirical | Detector,
+    pulse: LaserPulse,
+    photons: np.ndarray,
+    depth_s: np.ndarray,
+    *,
+    only_probability: bool = False,
+) -> Prediction:
+    """Predict what a detector reports of returns.
+
+    Parameters
+    ----------
+    detector : a part, or an object that follows the protocol `Detector`.
+    pulse : the laser's pulse.
+    photons, depth_s : (return) expected photons, and the time over which a surface stretches them [s].
+    only_probability : the other members of the prediction are not needed.
+    """
+    known = predict_closed_form(detector, pulse, photons, depth_s, only_probability=only_probability)
+    return _predict_by_trial(detector, pulse, photons, depth_s) if known is None else known
+
+
+def _predict_by_trial(
+    detector: Gsfl | Empirical | Detector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray
+) -> Prediction:
+    """Predict from pixels that each meet one of the returns, in the middle of what the detector sees."""
+    photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
+    traits, levels = detector.traits, photons.size
+    n = max(min(_TRIALS, _MOST_SAMPLES // (traits.samples * traits.pulses * max(levels, 1))), _FEWEST)
+    middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, _FARTHEST_M))
+    light = plate(np.repeat(photons, n), n * levels, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, middle_m)
+    light = replace(light, depth_spread_s=np.repeat(depth_s.ravel(), n))
+    found = trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
+    level = np.flatnonzero(found.detected) // n
+    precision_m, snr = np.full(levels, np.inf), np.zeros(levels)
+    jitter_m = pulse.timing_jitter_ns * units.NS * units.RANGE_PER_DELAY_M_S
+    for k in np.unique(level):
+        errors_m, counts = found.range_error_m[level == k], found.intensity_counts[level == k].astype(float)
+        if len(errors_m) > 1:
+            precision_m[k] = np.hypot(errors_m.std(), jitter_m)
+            snr[k] = counts.mean() / max(counts.std(), 1e-9)
+    shape = photons.shape
+    return Prediction(
+        found.detected.reshape(levels, n).mean(axis=1).reshape(shape),
+        precision_m.reshape(shape),
+        snr.reshape(shape),
+        photons >= traits.saturation_photons,
+    )

@@ -1,0 +1,45 @@
+"""What a scenario must know of a detector, whatever kind of detector it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class DetectorTraits:
+    """The facts about a detector that a scenario, its description and the studies read.
+
+    Parameters
+    ----------
+    sees_to_m : greatest range at which anything is detected [m].
+    threshold_photons : photons of a return that is detected in about half of all flashes.
+    sees_from_m : least range at which anything is detected [m].
+    max_returns : how many returns of a pixel are listed.
+    returns : which return of a pixel is reported as its range and intensity.
+    stored_behind_m : depth behind the first return in which others are still seen [m].
+    saturation_photons : photons of a return from which the intensity no longer rises.
+    settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``.
+    has_waveforms : whether `detect` returns Waveforms.
+    is_gated : whether it sees a short window that a plan or a controller moves. Such a detector has a method
+        ``with_gate_delay(delay_ns)`` that returns a copy whose window opens that long after emission.
+    pulses : laser pulses that one frame averages.
+    clock_s : time between samples or bins [s]. Trials move their returns evenly over it.
+    samples : samples that a pixel stores of a pulse. Trials of a detector are fewer where these are many.
+    """
+
+    sees_to_m: float
+    threshold_photons: float
+    sees_from_m: float = 0.0
+    max_returns: int = 1
+    returns: Literal["first", "strongest", "last"] = "first"
+    stored_behind_m: float = math.inf
+    saturation_photons: float = math.inf
+    settings: Mapping[str, float] = field(default_factory=dict, hash=False)
+    has_waveforms: bool = False
+    is_gated: bool = False
+    clock_s: float = 0.0
+    pulses: int = 1
+    samples: int = 1
