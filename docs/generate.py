@@ -1,9 +1,8 @@
 """Write the parts of the pages in docs/ that the package itself states: ``python docs/generate.py``.
 
 A page is written by hand but for what stands between ``<!-- generated: name -->`` and ``<!-- end of name -->``. Names,
-types, limits and defaults come from the parts, fields and meanings of records from their statements, and the layout of
-a recording from a file that is laid out in memory. What a key means, and an attribute of a file, stands in
-meanings.toml; a key without a meaning, or a meaning without a key, is an error.
+types, limits, defaults and meanings of keys come from the parts, fields and meanings of records from their statements,
+and the layout of a recording from a file that is laid out in memory.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import re
-import tomllib
 import types
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,18 +27,31 @@ from rso_lidar.study.trade_asked import Study
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"
 
-UNITS = {
-    "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "mj": "mJ",
-    "m_s": "m/s", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "kg_m2": "kg m²", "per_s": "1/s",
-    "counts": "counts", "photons": "photons", "electrons": "electrons", "per_sr": "1/sr", "mhz": "MHz", "na": "nA",
-    "nf": "nF", "ohm": "Ω", "per_v": "1/V", "m_s2": "m/s²", "m2": "m²", "n": "N", "rev_day": "rev/day",
-    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "per_earth_radius": "1/R⊕", "kg": "kg",
-}  # fmt: skip
-UNITS_BY_NAME = {
-    "counts_per_photon": "counts/photon", "electrons_per_count": "electrons/count", "adc_bits": "bits",
-    "low": "the field's", "high": "the field's",
-}  # fmt: skip
+ATTRIBUTES = {  # what each attribute of a recording means
+    "Conventions": "the CF conventions that the file follows",
+    "title": "the scenario's `name`",
+    "history": "which program made the file; CF asks for it",
+    "schema_version": "of this layout",
+    "rso_lidar_version": "that wrote it",
+    "versions": "JSON: versions of Python and of the libraries, and the `arithmetic` that made the frames: numba or numpy",
+    "scenario": "the scenario as TOML, every default written out, element sets inline; `Scenario.loads` reads it",
+    "seed": "of all noise",
+    "start_utc": "ISO 8601",
+    "texts_crc32": "CRC-32 of the texts that `rl.open` takes from `/` and `/truth`, for HDF5 has no checksum of texts",
+    "targets": "JSON list: name, model, mesh SHA-256, parts, materials and facets; labels are places in it",
+    "quaternion_order": "always `xyzw`",
+    "axes": "what the axes are, in words",
+    "tree": "JSON: the parent of each node of the tree of axes",
+    "states": "JSON list: the bodies that have an inertial state",
+    "parent": "name of the parent axes",
+    "optional_datasets": "JSON list: the datasets that this recording has beside those of every recording",
+}
 
+# Parts whose numbers physics.md lists with their sources: what follows "Default:" in the description of a field.
+SOURCED = (
+    rl.Laser, rl.Receiver, rl.Lambertian, rl.Empirical, rl.Gsfl, rl.Apd, rl.Amplifier, rl.Trigger, rl.Readout,
+    rl.Ranging, rl.Timing,
+)  # fmt: skip
 SAID_BY_KEY = {  # types of fields that take what pydantic has no word for
     ("Axis", "field"): "place, or list of places",
     ("Axis", "values"): "list; of several fields, lists of one value for each",
@@ -71,10 +82,6 @@ def _filled(page: Path, blocks: dict[str, str]) -> str:
         _, _, tail = rest.partition(end)
         text = f"{head}{begin}\n\n{block.strip()}\n\n{end}{tail}"
     return text
-
-
-def _meanings() -> dict[str, Any]:
-    return tomllib.loads((DOCS / "meanings.toml").read_text(encoding="utf-8"))
 
 
 def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
@@ -130,9 +137,7 @@ def _parts(annotation: Any) -> list[type[part.Part]]:
 
 def scenario_keys() -> str:
     """Return a section with a table of keys for each part of a scenario."""
-    found = sections()
-    _complete({**found, **_study_sections()}, _meanings()["keys"])
-    return _key_tables(found)
+    return _key_tables(sections())
 
 
 def _key_tables(found: dict[type[part.Part], Section]) -> str:
@@ -146,36 +151,13 @@ def _key_tables(found: dict[type[part.Part], Section]) -> str:
             (
                 f"`{name}`",
                 _type(name, field, cls, found),
-                _unit(name, field),
                 _default(name, field, section),
-                _meaning(cls, name),
+                field.description or "",
             )
             for name, field in sorted(cls.model_fields.items(), key=lambda item: item[0] != "type")
         ]
-        lines += [_table(("key", "type", "unit", "default", "meaning"), rows), ""]
+        lines += [_table(("key", "type", "default", "meaning"), rows), ""]
     return "\n".join(lines)
-
-
-def _complete(found: dict[type[part.Part], Section], meanings: Any) -> None:
-    """Raise where a key has no meaning, or a meaning no key."""
-    known = {
-        (base.__name__, name) for cls in found for base in cls.__mro__ for name in getattr(base, "model_fields", ())
-    }
-    said = {(cls, name) for cls, table in meanings.items() for name in table}
-    if wrong := sorted(said - known):
-        raise SystemExit(f"meanings.toml: no key {wrong[0][0]}.{wrong[0][1]}; {len(wrong)} in all")
-    if missing := sorted(
-        f"{cls.__name__}.{name}" for cls in found for name in cls.model_fields if not _meaning(cls, name)
-    ):
-        raise SystemExit(f"meanings.toml: no meaning of {', '.join(missing)}")
-
-
-def _meaning(cls: type[part.Part], name: str) -> str:
-    """Return what a key means: said for its class, for one that the class extends, or for all."""
-    meanings = _meanings()["keys"]
-    if name == "type" and name not in meanings.get(cls.__name__, {}):
-        return "which one"
-    return next((meanings[c.__name__][name] for c in cls.__mro__ if name in meanings.get(c.__name__, {})), "")
 
 
 def _type(name: str, field: Any, cls: type[part.Part], found: dict[type[part.Part], Section]) -> str:
@@ -241,23 +223,6 @@ def _limit(item: Any) -> str:
             bound = getattr(item, name)
             return f"{sign} 2^{bound.bit_length() - 1}" if bound == 2**63 else f"{sign} {bound:g}"
     return ""
-
-
-def _unit(name: str, field: Any) -> str:
-    if not _numeric(field.annotation):
-        return ""
-    if name in UNITS_BY_NAME:
-        return UNITS_BY_NAME[name]
-    words = name.split("_")
-    ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
-    return next((UNITS[end] for end in ends if end in UNITS), "1")
-
-
-def _numeric(annotation: Any) -> bool:
-    """Return whether a number can stand in a field, on its own or in a list."""
-    if get_origin(annotation) in (Annotated, tuple, Union, types.UnionType):
-        return any(_numeric(inner) for inner in get_args(annotation))
-    return annotation in (float, int)
 
 
 def _default(name: str, field: Any, section: Section) -> str:
@@ -348,7 +313,7 @@ def file_layout() -> str:
     frame = next(rl.simulate(rl.Scenario.load(EXAMPLE), frames=[0], threads=1))
     with h5py.File("layout", "w", driver="core", backing_store=False, libver="v110") as file:
         hdf5_layout.lay_out(file, frame.source, frame)
-        meanings, attributes = _meanings()["attributes"], dict.fromkeys(file.attrs, "/")
+        attributes = dict.fromkeys(file.attrs, "/")
         datasets: list[tuple[str, ...]] = []
         node = next(iter(frame.truth.states))
 
@@ -362,10 +327,10 @@ def file_layout() -> str:
                 attributes.update({f"{general}: {name}": f"/{general}" for name in place.attrs})
 
         file.visititems(visit)
-        if set(meanings) != {key.partition(": ")[2] or key for key in attributes}:
-            raise SystemExit(f"meanings.toml: [attributes] must be those of a recording: {', '.join(attributes)}")
+        if set(ATTRIBUTES) != {key.partition(": ")[2] or key for key in attributes}:
+            raise SystemExit(f"generate.py: ATTRIBUTES must be those of a recording: {', '.join(attributes)}")
     rows = [
-        (f"`{where}`", f"`{name}`", meanings[name])
+        (f"`{where}`", f"`{name}`", ATTRIBUTES[name])
         for key, where in attributes.items()
         for name in [key.partition(": ")[2] or key]
     ]
@@ -429,12 +394,16 @@ def detection() -> str:
 def defaults() -> str:
     """Return every number that a scenario may leave out of the instrument, and where it comes from."""
     rows = []
-    for name, sources in _meanings()["sources"].items():
-        fields = getattr(rl, name).model_fields
-        given = {key for key, field in fields.items() if key != "type" and _is_a_value(field)}
-        if set(sources) != given:
-            raise SystemExit(f"meanings.toml: [sources.{name}] must say {', '.join(sorted(given))}")
-        rows += [(f"`{name}.{key}`", f"`{_toml(fields[key].default)}`", said) for key, said in sources.items()]
+    for cls in SOURCED:
+        for key, field in cls.model_fields.items():
+            if key == "type" or not _is_a_value(field):
+                continue
+            _, found, source = (field.description or "").partition("Default: ")
+            if not found:
+                raise SystemExit(
+                    f"{cls.__name__}.{key}: its description must say 'Default: ' and where the default is from"
+                )
+            rows.append((f"`{cls.__name__}.{key}`", f"`{_toml(field.default)}`", re.sub(r"(?<!et al)\.$", "", source)))
     return _table(("default", "value", "where it comes from"), rows)
 
 

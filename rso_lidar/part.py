@@ -106,6 +106,13 @@ class Part(BaseModel, metaclass=_PartMeta):
         defer_build=True,  # what checks a part is made when one is first asked for: few scenarios use them all
     )
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Describe the `type` of a part, if it has one, by the first line of the class."""
+        tag = cls.__pydantic_fields__.get("type")
+        if tag is not None and tag.description is None:
+            tag.description = (cls.__doc__ or "").strip().partition("\n")[0].replace("``", "`")
+
     def __eq__(self, other: object) -> bool:
         """Two parts are equal where their fields are, whatever has been worked out from them."""
         return type(other) is type(self) and all(self.__dict__[name] == other.__dict__[name] for name in self._names())

@@ -88,12 +88,6 @@ def test_every_part_of_a_scenario_has_its_table(generator):
             assert f"| `{key}` |" in page
 
 
-def test_a_key_without_a_meaning_is_seen(generator):
-    found = generator["sections"]()
-    with pytest.raises(SystemExit, match=r"no key Laser\.colour"):
-        generator["_complete"](found, {"Laser": {"colour": "of the light"}})
-
-
 @pytest.mark.parametrize("page", WRITTEN, ids=NAMES)
 def test_links_lead_somewhere(page):
     assert broken_links(page, page.read_text(encoding="utf-8")) == []

@@ -1,18 +1,23 @@
-"""Every number that a user writes ends in its unit, or is known to need none."""
+"""Every field of a part says what it means, and every number in which unit."""
 
 import importlib
+import re
 import types
 from pathlib import Path
 from typing import Annotated, Union, get_args, get_origin
 
 from rso_lidar.part import Part
+from rso_lidar.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
-UNITS = """
-    m km s ns rad deg m_s m_s2 deg_s deg_s2 rev_day rev_day2 rev_day3 kg m2 n per_earth_radius hz mhz nm um mm mj kg
-    kg_m2 n_m na nf ohm per_v per_sr per_s counts photons electrons fraction
-"""
-SUFFIXES = tuple(f"_{unit}" for unit in UNITS.split())
+UNITS = {  # how a name ends, and what its description says in brackets
+    "m": "m", "km": "km", "mm": "mm", "um": "µm", "nm": "nm", "s": "s", "ns": "ns", "deg": "deg", "rad": "rad",
+    "mj": "mJ", "m_s": "m/s", "m_s2": "m/s²", "deg_s": "deg/s", "deg_s2": "deg/s²", "hz": "Hz", "mhz": "MHz", "kg": "kg",
+    "kg_m2": "kg m²", "m2": "m²", "n": "N", "per_s": "1/s", "per_sr": "1/sr", "per_v": "1/V", "na": "nA", "nf": "nF",
+    "ohm": "Ω", "counts": "counts", "photons": "photons", "electrons": "electrons", "rev_day": "rev/day",
+    "rev_day2": "rev/day²", "rev_day3": "rev/day³", "per_earth_radius": "1/R⊕", "fraction": None,
+}  # fmt: skip
+SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
     "absolute_tolerance": "in the units of the state",
     "adc_bits": "a number of bits",
@@ -109,13 +114,45 @@ def numeric(annotation):
     return False
 
 
+def unit(name):
+    """Return the unit that a name ends in, by its longest ending; nothing where it needs none."""
+    words = name.split("_")
+    endings = ("_".join(words[k:]) for k in range(1, len(words)))
+    return next((UNITS[ending] for ending in endings if ending in UNITS), None)
+
+
 PARTS = parts()
+FIELDS = [(f"{cls.__name__}.{name}", field) for cls in PARTS for name, field in cls.model_fields.items()]
 NUMBERS = [(cls, name) for cls in PARTS for name, field in cls.model_fields.items() if numeric(field.annotation)]
 
 
 def test_there_are_parts_with_numbers():
     assert len(PARTS) > 100
     assert len(NUMBERS) > 300
+
+
+def test_every_field_says_its_meaning_in_sentences():
+    sentence = re.compile(r"[A-Z0-9`].*\.", re.DOTALL)
+    silent = [name for name, field in FIELDS if not sentence.fullmatch(field.description or "")]
+    assert len(FIELDS) > 500 and not silent
+
+
+def test_a_number_with_a_unit_in_its_name_has_it_in_its_meaning():
+    wanted = {
+        f"{cls.__name__}.{name}": (f"[{unit(name)}]", cls.model_fields[name].description)
+        for cls, name in NUMBERS
+        if unit(name) and name not in NO_SUFFIX
+    }
+    assert len(wanted) > 200
+    assert not {name: told for name, (told, description) in wanted.items() if told not in description}
+
+
+def test_the_schema_describes_every_property():
+    schema = Scenario.model_json_schema()
+    tables = {"Scenario": schema} | schema["$defs"]
+    properties = {f"{name}.{key}": it for name, table in tables.items() for key, it in table["properties"].items()}
+    assert len(properties) > 500
+    assert not [name for name, it in properties.items() if not it.get("description")]
 
 
 def test_numbers_end_in_their_unit():
