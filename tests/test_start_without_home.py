@@ -7,29 +7,34 @@ from pathlib import Path
 
 import pytest
 
-LOOP = """
-from rso_lidar.arithmetic import loop
+STAGE = """
+from pathlib import Path
 
-@loop
-def doubled(x):
+from rso_lidar import kernels
+
+kernels.__file__ = str(Path(__file__).with_name("kernels.py"))  # as if the package stood in this folder
+
+
+@kernels.kernel
+def double(x):
     return x * 2.0
 """
 ASKED = (
-    "import locked_loops as some; "
-    "print(some.doubled(1.0), len(some.doubled.stats.cache_hits), some.doubled.stats.cache_path)"
+    "import locked_stage as some; value = some.double(1.0); known = some.double.dispatcher.stats; "
+    "print(value, len(known.cache_hits), known.cache_path)"
 )
 
 
 @pytest.fixture
 def answer(tmp_path):
-    """Return a function that calls a loop in a fresh process that can keep nothing beside the loop or in its home.
+    """Return a function that calls a kernel in a fresh process that can keep nothing beside the package or in its home.
 
     A file stands where a folder would be made, which keeps root off too.
     """
     code, home, temporary = (tmp_path / name for name in ("code", "home", "temporary"))
     for folder in (code, home, temporary):
         folder.mkdir()
-    (code / "locked_loops.py").write_text(LOOP)
+    (code / "locked_stage.py").write_text(STAGE)
     (code / "__pycache__").touch()
     (home / ".cache").touch()
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, Protocol
 
-from rso_lidar.arithmetic import watch_compiling
 from rso_lidar.cli.terminal import echo
 from rso_lidar.interruption import removing
+from rso_lidar.kernels import watch_compiling
 from rso_lidar.records import Frame
 
 _LOG_EVERY_S = 5.0
@@ -46,8 +46,20 @@ def progress(total: int, done: int, doing: str = "flying", of: str = "frame") ->
 
 
 def announce_compiling() -> AbstractContextManager[None]:
-    """Return a context that says, once, when numba compiles: it takes longer than most commands, and nothing moves."""
-    return watch_compiling(lambda: echo("compiling    once for each installation: some 15 s", err=True))
+    """Return a context that says how far numba has come where it compiles: it takes longer than most commands."""
+    last_s = time.monotonic()
+
+    def tell(count: int, most: int) -> None:
+        nonlocal last_s
+        if count == 1:
+            echo("compiling    once for each installation: some 15 s", err=True)
+        elif time.monotonic() >= last_s + _LOG_EVERY_S:
+            echo(f"compiling    inner loop {count} of at most {most}", err=True)
+        else:
+            return
+        last_s = time.monotonic()
+
+    return watch_compiling(tell)
 
 
 def counted(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
