@@ -36,7 +36,7 @@ from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.surfaces import surface_of
 from rso_lidar.scene.surfaces.portrait import portrait
-from rso_lidar.study.timeline import course
+from rso_lidar.study.time_history.open_loop import course
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]

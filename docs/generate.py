@@ -21,8 +21,8 @@ import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
-from rso_lidar.study.merits import MERITS
-from rso_lidar.study.trade_asked import Study
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.merits import MERITS
 
 DOCS = Path(__file__).resolve().parent
 EXAMPLE = DOCS.parent / "examples" / "tdrs_approach.toml"

@@ -152,12 +152,12 @@ from rso_lidar.scenario import (
 from rso_lidar.scene import ByWavelength, Crinkled, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
 from rso_lidar.simulate import flash, simulate
 from rso_lidar.study import budget
-from rso_lidar.study.conops import Timeline, timeline
-from rso_lidar.study.conversion import save
-from rso_lidar.study.tracking import Tracking, tracking
-from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trading import Trade, trade
-from rso_lidar.study.viewing import view
+from rso_lidar.study.recorded_runs.conversion import save
+from rso_lidar.study.recorded_runs.display import view
+from rso_lidar.study.time_history.timeline import Timeline, timeline
+from rso_lidar.study.tracking.evaluation import Tracking, tracking
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.execution import Trade, trade
 
 __version__ = _version("rso-lidar")
 

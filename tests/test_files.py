@@ -13,7 +13,7 @@ from rso_lidar.motion.ephemeris import read_table
 from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.optics.tables.zemax import read_huygens_psf
 from rso_lidar.scene import load_mesh
-from rso_lidar.study.budget_asked import _table
+from rso_lidar.study.budgets.inputs import _table
 
 STUDY = {"version": 1, "name": "s", "merits": ["range_rms_m"], "axis": [{"field": "seed", "values": [1]}]}
 READERS = {

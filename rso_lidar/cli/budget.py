@@ -17,7 +17,7 @@ from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validated
 from rso_lidar.scenario.tables.presets import presets
 from rso_lidar.study import budget as worked_out
-from rso_lidar.study.budget import SUFFIXES
+from rso_lidar.study.budgets.range_budget import SUFFIXES
 
 
 def budget(

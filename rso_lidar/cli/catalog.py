@@ -17,7 +17,7 @@ from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import beside, free
 from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
 from rso_lidar.orbit.sets.catalog import REGIMES, read_element_sets
-from rso_lidar.study.encounters import counted
+from rso_lidar.study.passes.search import counted
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
 _FIRST = 10  # problems that are told unasked

@@ -21,7 +21,7 @@ from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.encounters import MAX_SLEW_DEG_S, counted
+from rso_lidar.study.passes.search import MAX_SLEW_DEG_S, counted
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")

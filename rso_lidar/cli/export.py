@@ -13,7 +13,7 @@ from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.registry import FORMATS, Format, format_for
-from rso_lidar.study.conversion import save
+from rso_lidar.study.recorded_runs.conversion import save
 
 _OF_A_TARGET = ("tum", "kitti")
 _OF_A_BODY = ("oem", "aem")

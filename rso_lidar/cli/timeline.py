@@ -11,8 +11,8 @@ from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import free
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.conops import SUFFIXES, Timeline
-from rso_lidar.study.conops import timeline as timeline_of
+from rso_lidar.study.time_history.timeline import SUFFIXES, Timeline
+from rso_lidar.study.time_history.timeline import timeline as timeline_of
 from rso_lidar.ties import first_least
 
 

@@ -13,11 +13,11 @@ from rso_lidar.cli.terminal import echo, one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import beside, check_suffix, free
 from rso_lidar.interruption import advise
-from rso_lidar.study import report
-from rso_lidar.study.ranking import summary
-from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trade_plan import plan_of
-from rso_lidar.study.trading import Rows, Trade, tabled, work, working_file
+from rso_lidar.study.trades import report
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.execution import Rows, Trade, tabled, work, working_file
+from rso_lidar.study.trades.plan import plan_of
+from rso_lidar.study.trades.ranking import summary
 
 
 def trade(

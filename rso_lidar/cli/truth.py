@@ -22,8 +22,8 @@ from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.globe import globe
-from rso_lidar.study.timeline import burned, columns, course, plan_of, umbras
+from rso_lidar.study.recorded_runs.globe import globe
+from rso_lidar.study.time_history.open_loop import burned, columns, course, plan_of, umbras
 
 FIGURES = ("relative", "orbit", "angles", "ptu")
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")

@@ -12,7 +12,7 @@ from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.study.viewing import COLOURS, TOOLS, Way, show, way
+from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, Way, show, way
 
 
 def view(

@@ -10,8 +10,8 @@ from functools import partial
 
 import pytest
 
-from rso_lidar.study.trading import Rows
-from tests.study.trade_for_tests import STUDY, folder_with
+from rso_lidar.study.trades.execution import Rows
+from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 NO_PICTURES = "\n[report]\npictures = 0\n"
 

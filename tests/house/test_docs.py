@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.trade_asked import Study
-from rso_lidar.study.trade_plan import plan_of
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.plan import plan_of
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

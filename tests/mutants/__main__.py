@@ -22,7 +22,7 @@ WHOLE = ["tests/test_simulate.py", "tests/golden", "tests/property", "tests/phys
 ROOM = {
     "simulate": [],
     "export": ["tests/export", "tests/property/test_save_load.py"],
-    "orbit": ["tests/orbit", "tests/study/test_screening.py", "tests/study/test_screening_sets.py"],
+    "orbit": ["tests/orbit", "tests/study/passes/test_screening_sets.py"],
 }
 
 

@@ -17,7 +17,7 @@ from rso_lidar.detector.trial import plate as pixels
 from rso_lidar.detector.trial import trial
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
-from rso_lidar.study.link import depth_s, light, pixel_width_m
+from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
 from tests.optics.bench_for_tests import look, place, plate
 
 PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)

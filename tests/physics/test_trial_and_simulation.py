@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.range_noise import recorded_range_noise_m
+from rso_lidar.study.tracking.range_noise import recorded_range_noise_m
 from tests.detector.returns_for_tests import returns
 from tests.optics.bench_for_tests import plate, write_stl
 

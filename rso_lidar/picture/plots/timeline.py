@@ -40,7 +40,7 @@ def timeline_figure(
 
     Parameters
     ----------
-    table : columns (time) by name, as `study.conops.timeline` makes them; without a Sun or a PTU their panels are left out.
+    table : columns (time) by name, as `rso_lidar.timeline` makes them; without a Sun or a PTU their panels are left out.
     half_field_rad : half the side of the field of view [rad].
     travel_rad : ends of pan and of tilt [rad], drawn where finite and near.
     max_rate_rad_s : greatest rate of the PTU [rad/s], drawn where near.

@@ -7,7 +7,7 @@ import rso_lidar as rl
 from rso_lidar.errors import MeshError, RecordingError, RsoLidarWarning, ScenarioError
 from rso_lidar.export import run_id
 from rso_lidar.scene.library.adding import Wanted, add_model
-from rso_lidar.study.recorded import scenario_of, surfaces_of
+from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
 HINGE = """

@@ -12,7 +12,7 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
 from rso_lidar.scene.materials.crinkle import tilted
-from rso_lidar.study.link import light
+from rso_lidar.study.budgets.pixel_light import light
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 
 FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=20.0)

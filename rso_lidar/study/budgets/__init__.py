@@ -1,0 +1,1 @@
+"""How far a camera detects, and how precisely it ranges: link budgets in closed form."""

@@ -1,0 +1,390 @@
+"""The link budget of a filled pixel: light, detection and precision against range, in closed form; pixels on a target."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector import Empirical, Gsfl, LaserPulse, false_alarm_probability, predict
+from rso_lidar.errors import ScenarioError
+from rso_lidar.files import free, write_text
+from rso_lidar.picture.plots.budget import Line, budget_figure
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.scenario import Lidar, Scenario
+from rso_lidar.scene import Scatterer
+from rso_lidar.study.budgets.inputs import (
+    BudgetTarget,
+    angles_deg,
+    camera_of,
+    has_retros,
+    left_out,
+    materials_of,
+    positive,
+    ranges_m,
+    target_of,
+    with_divergence,
+)
+from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
+
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+_MOST_CURVES = 200
+_MOST_DRAWN = 12
+_SCANNED = 64  # ranges at which the greatest range is looked for before it is solved for
+_FARTHEST_M = 1e7
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One material at one tilt under one divergence: numbers (range) along `range_m`.
+
+    `detection_probability` counts false alarms that come first as misses, and is 0 where the camera is not armed;
+    `false_alarm_probability` is theirs. `range_precision_m` is 1 sigma of a detected return. `pixels_on_target` is the
+    target's lit area over a pixel's, `pixels_across` its longest side over a pixel's. `max_range_m` is the greatest range
+    of the wanted probability, NaN where it is never reached; with `armed_limits` the armed window ends there, not the light;
+    with `fill_limits` the target fills a pixel no farther. `target_fills_pixel` says where it does: light and detection are
+    those of a filled pixel, and hold for the target there only.
+    """
+
+    material: str
+    tilt_deg: float
+    divergence_deg: float
+    range_m: np.ndarray
+    photons: np.ndarray
+    fill_fraction: np.ndarray
+    detection_probability: np.ndarray
+    range_precision_m: np.ndarray
+    snr: np.ndarray
+    saturated: np.ndarray
+    false_alarm_probability: np.ndarray
+    pixel_m: np.ndarray
+    pixels_on_target: np.ndarray
+    pixels_across: np.ndarray
+    target_fills_pixel: np.ndarray
+    max_range_m: float
+    armed_limits: bool
+    fill_limits: bool
+
+
+COLUMNS = (
+    "range_m",
+    "photons",
+    "fill_fraction",
+    "detection_probability",
+    "range_precision_m",
+    "snr",
+    "saturated",
+    "false_alarm_probability",
+    "pixel_m",
+    "pixels_on_target",
+    "pixels_across",
+    "target_fills_pixel",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """What one pixel of a camera can do against range: a pixel that a facet fills, or one facet of `facet_m2`.
+
+    `target` names in words what pixels are counted on: the scenario's target, a square that faces the lidar or a box that
+    tumbles. `target_m` are its sides, and `target_area_m2` is its silhouette, the mean over attitudes. `filled_to_m` is the
+    range to which it fills a pixel, infinite where no target was asked for, or a facet was. `notes` say what is not counted.
+    """
+
+    camera: str
+    probability: float
+    curves: tuple[Curve, ...]
+    target: str
+    target_m: tuple[float, ...]
+    target_area_m2: float
+    filled_to_m: float
+    facet_m2: float | None
+    false_alarms_per_frame: float
+    pixel_rad: float
+    notes: tuple[str, ...]
+
+    def range_of_pixels(self, pixels: float) -> float:
+        """Return the range [m] at which the target covers so many pixels, all of it in the field and lit."""
+        return math.sqrt(self.target_area_m2 / positive("pixels", pixels)) / self.pixel_rad
+
+    def csv_text(self) -> str:
+        """Return all curves as one table of CSV, a row for each range; names end in their unit."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["material", "tilt_deg", "divergence_deg", *COLUMNS])
+        for curve in self.curves:
+            columns = [getattr(curve, name) for name in COLUMNS]
+            for row in zip(*columns, strict=True):
+                values = [int(value) if isinstance(value, np.bool_) else f"{float(value):.7g}" for value in row]
+                writer.writerow([curve.material, f"{curve.tilt_deg:g}", f"{curve.divergence_deg:g}", *values])
+        return text.getvalue()
+
+    def figure(self) -> Any:
+        """Return the figure of photons, probability, precision and pixels against range."""
+        if len(self.curves) > _MOST_DRAWN:
+            raise ScenarioError(
+                f"budget: {len(self.curves)} curves are too many for one picture; ask for at most {_MOST_DRAWN}, or "
+                "write .csv"
+            )
+        lines = [
+            Line(
+                name,
+                curve.range_m,
+                curve.photons,
+                curve.detection_probability,
+                curve.range_precision_m,
+                curve.pixels_on_target,
+                curve.max_range_m,
+                curve.armed_limits,
+                curve.fill_limits,
+                self.filled_to_m,
+            )
+            for name, curve in zip(self.names(), self.curves, strict=True)
+        ]
+        return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Return the path of the budget written whole or not at all: a table (.csv) or a picture (.png, .pdf, .svg)."""
+        place = free(path, SUFFIXES, overwrite=overwrite)
+        if place.suffix.lower() != ".csv":
+            return save_figure(self.figure(), place)
+        return write_text(place, self.csv_text(), overwrite=overwrite)
+
+    def names(self) -> list[str]:
+        """Return what tells each curve from the others, in words."""
+        several = [
+            len({getattr(c, name) for c in self.curves}) > 1 for name in ("material", "tilt_deg", "divergence_deg")
+        ]
+        if not any(several):
+            several[0] = True
+        names = []
+        for curve in self.curves:
+            words = (curve.material, f"tilt {curve.tilt_deg:g}°", f"beam {curve.divergence_deg:.4g}°")
+            names.append(", ".join(word for word, told_apart in zip(words, several, strict=True) if told_apart))
+        return names
+
+    def about(self) -> str:
+        """Return in words what the curves are of."""
+        what = "a pixel that a facet fills" if self.facet_m2 is None else f"a facet of {self.facet_m2:g} m²"
+        return f"{what}, on the boresight   ·   {self.target}"
+
+    def table(self) -> str:
+        """Return the greatest range of each curve, and what is seen there, as lines of text."""
+        heads = [
+            "material",
+            "tilt",
+            "beam",
+            f"{'filled pixel' if self.facet_m2 is None else 'facet'}, P = {self.probability:g} to",
+            "photons",
+            "precision",
+            "pixel",
+            "on target",
+        ]
+        rows = [heads]
+        for curve in self.curves:
+            row = [curve.material, f"{curve.tilt_deg:g}°", f"{curve.divergence_deg:.4g}°"]
+            if math.isnan(curve.max_range_m):
+                rows.append([*row, "never", *["-"] * 4])
+                continue
+            photons, precision_m, pixels = (
+                math.exp(
+                    float(np.interp(math.log(curve.max_range_m), np.log(curve.range_m), np.log(np.maximum(y, 1e-30))))
+                )
+                for y in (curve.photons, curve.range_precision_m, curve.pixels_on_target)
+            )
+            inside = curve.range_m[0] <= curve.max_range_m <= curve.range_m[-1]
+            seen = [f"{photons:,.0f}", f"{precision_m / units.CM:.1f} cm"] if inside else ["-", "-"]
+            ends = " (armed)" if curve.armed_limits else " (fills no more)" if curve.fill_limits else ""
+            reach = f"{curve.max_range_m:,.0f} m{ends}"
+            on_target = f"{pixels:,.3g} px" if inside else "-"
+            rows.append([*row, reach, *seen, f"{curve.max_range_m * self.pixel_rad:.3g} m", on_target])
+        widths = [max(len(row[k]) for row in rows) for k in range(len(heads))]
+        lines = [
+            "  ".join(
+                text.ljust(w) if k == 0 else text.rjust(w) for k, (text, w) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        ]
+        return "\n".join([f"{self.camera}: {self.about()}", *(line.rstrip() for line in lines), *self.notes])
+
+
+def budget(
+    camera: Lidar | Scenario | str,
+    *,
+    range_m: tuple[float, float] | Sequence[float] | np.ndarray | None = None,
+    materials: Sequence[str | float | Scatterer] | None = None,
+    tilt_deg: Sequence[float] | float = 0.0,
+    divergence_deg: Sequence[float] | float | None = None,
+    probability: float = 0.95,
+    target_m: Sequence[float] | float | None = None,
+    facet_m2: float | None = None,
+) -> Budget:
+    """Return photons, detection, precision and pixels against range, for each material, tilt and divergence.
+
+    Parameters
+    ----------
+    camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
+    range_m : from and to, or three or more ranges [m]; None: a fiftieth of the detector's reach to all of it.
+    materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials; None: the
+        dimmest and the brightest of the scenario's first target, or Lambertian 0.30.
+    tilt_deg : of the facet against the boresight [deg].
+    divergence_deg : full angles of the beam [deg]; None: the laser's own.
+    probability : of detection that the greatest ranges are solved for [1].
+    target_m : side of a square, or three sides of a box [m]; None: the scenario's first target, or else pixels are counted
+        on a square of 1 m. Of a target, greatest ranges end where it no longer fills a pixel.
+    facet_m2 : area of a facet that may be smaller than a pixel [m²]; None: it fills the pixel.
+
+    >>> seed = budget("gsfl_1064")
+    >>> round(seed.curves[0].max_range_m, -1)
+    3000.0
+    """
+    lidar, scenario, name = camera_of(camera)
+    if not 0.0 < float(probability) < 1.0:
+        raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
+    if facet_m2 is not None:
+        positive("facet_m2", facet_m2)
+    along_m = ranges_m(range_m, lidar.detector)
+    chosen = materials_of(materials, scenario, lidar.laser.wavelength_m)
+    tilts = angles_deg("tilt_deg", tilt_deg, 0.0, 89.0)
+    widths = angles_deg(
+        "divergence_deg", lidar.laser.divergence_deg if divergence_deg is None else divergence_deg, 1e-6, 179.0
+    )
+    if len(chosen) * len(tilts) * len(widths) > _MOST_CURVES:
+        raise ScenarioError(
+            f"budget: {len(chosen)} materials x {len(tilts)} tilts x {len(widths)} divergences are over {_MOST_CURVES} "
+            "curves; ask for fewer at once"
+        )
+    target = target_of(target_m, scenario)
+    receiver, detector = lidar.receiver, lidar.detector
+    pixel_rad = receiver.pixel_pitch_m / receiver.focal_length_m
+    filled_to_m = math.inf if facet_m2 is not None or target.square_m is None else target.square_m / pixel_rad
+    curves = [
+        _curve(
+            with_divergence(lidar, width), label, material, tilt, along_m, facet_m2, target, filled_to_m, probability
+        )
+        for width in widths
+        for label, material in chosen
+        for tilt in tilts
+    ]
+    n_pixels = receiver.n_rows * receiver.n_cols
+    each = float(false_alarm_probability(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
+    return Budget(
+        name,
+        float(probability),
+        tuple(curves),
+        target.words,
+        target.sides_m,
+        target.area_m2,
+        filled_to_m,
+        facet_m2,
+        each * n_pixels,
+        pixel_rad,
+        (
+            *_filled(filled_to_m),
+            *left_out(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
+        ),
+    )
+
+
+def _filled(to_m: float) -> tuple[str, ...]:
+    """Return in words to which range the law of a filled pixel holds for the target."""
+    if not math.isfinite(to_m):
+        return ()
+    return (
+        f"the target fills a pixel to {to_m:,.0f} m and is found less far than a filled pixel beyond: `rso-lidar check` "
+        "casts the body that is there",
+    )
+
+
+def _curve(
+    lidar: Lidar,
+    label: str,
+    material: Scatterer,
+    tilt: float,
+    range_m: np.ndarray,
+    facet_m2: float | None,
+    target: BudgetTarget,
+    filled_to_m: float,
+    wanted: float,
+) -> Curve:
+    laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
+    tilt_rad = tilt * units.DEG
+    photons, fill = light(laser, receiver, material, tilt_rad, range_m, facet_m2)
+    pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
+    seen = predict(detector, pulse, photons, depth_s(receiver, tilt_rad, range_m, fill))
+    first = false_alarm_probability(detector, range_m)
+    pixel_m = pixel_width_m(receiver, range_m)
+    lit = np.minimum(_beam_m2(lidar, range_m), receiver.n_rows * receiver.n_cols * pixel_m**2)
+
+    def probability(at_m: np.ndarray) -> np.ndarray:
+        photons, fill = light(laser, receiver, material, tilt_rad, at_m, facet_m2)
+        stretch_s = depth_s(receiver, tilt_rad, at_m, fill)
+        detected = predict(detector, pulse, photons, stretch_s, only_probability=True).probability
+        return detected * (1.0 - false_alarm_probability(detector, at_m))
+
+    farthest, armed_limits = _greatest(probability, *_reach_m(detector), wanted)
+    fill_limits = farthest > filled_to_m
+    return Curve(
+        material=label,
+        tilt_deg=tilt,
+        divergence_deg=laser.divergence_deg,
+        range_m=range_m,
+        photons=photons,
+        fill_fraction=fill,
+        detection_probability=np.where(_armed(detector, range_m), seen.probability * (1.0 - first), 0.0),
+        range_precision_m=seen.range_precision_m,
+        snr=seen.snr,
+        saturated=seen.saturated,
+        false_alarm_probability=first,
+        pixel_m=pixel_m,
+        pixels_on_target=np.minimum(target.area_m2, lit) / pixel_m**2,
+        pixels_across=np.minimum(max(target.sides_m), receiver.n_cols * pixel_m) / pixel_m,
+        target_fills_pixel=range_m <= filled_to_m,
+        max_range_m=filled_to_m if fill_limits else farthest,
+        armed_limits=armed_limits and not fill_limits,
+        fill_limits=fill_limits,
+    )
+
+
+def _beam_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
+    """Return the area of the footprint (range) [m²]; of a Gaussian one within 1/e²."""
+    half_m = range_m * math.tan(0.5 * lidar.laser.divergence_deg * units.DEG)
+    round_ = lidar.laser.footprint in ("circle", "gaussian")
+    area: np.ndarray = (math.pi if round_ else 4.0) * half_m**2
+    return area
+
+
+def _reach_m(detector: Gsfl | Empirical) -> tuple[float, float]:
+    """Return from where to where [m] light may be waited for; a gate is put about the target, wherever that is."""
+    if isinstance(detector, Gsfl) and detector.gate is not None:
+        return 1.0, _FARTHEST_M
+    return max(detector.armed_from_m, 1e-3), min(detector.armed_to_m, _FARTHEST_M)
+
+
+def _armed(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
+    low, high = _reach_m(detector)
+    armed: np.ndarray = (range_m >= low * (1.0 - 1e-9)) & (range_m <= high * (1.0 + 1e-9))
+    return armed
+
+
+def _greatest(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
+    """Return the greatest range [m] between two at which the wanted probability is reached, and whether it is the last."""
+    from scipy.optimize import brentq
+
+    scanned = np.geomspace(low_m, high_m, _SCANNED)
+    reached = np.flatnonzero(probability(scanned) >= wanted)
+    if not len(reached):
+        return math.nan, False
+    last = int(reached[-1])
+    if last == _SCANNED - 1:
+        return high_m, True
+    between = [math.log(scanned[last]), math.log(scanned[last + 1])]
+    solved = brentq(lambda x: float(probability(np.exp([x]))[0]) - wanted, *between, xtol=1e-6)
+    return float(math.exp(solved)), False

@@ -1,0 +1,1 @@
+"""Which objects of a catalogue pass near a follower, and what a lidar could see of them."""

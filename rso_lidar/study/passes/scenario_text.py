@@ -1,0 +1,251 @@
+"""The scenario file of one encounter: both element sets inline, the pan-tilt unit on the object, ready to run."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.errors import ScenarioError
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.sets.element_set import ElementSet, printable
+from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
+from rso_lidar.pose import turned
+from rso_lidar.rpo.hill import rtn_axes
+from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
+from rso_lidar.study.passes.search import Encounters
+
+_LONGEST_S, _SHORTEST_S = 1200.0, 10.0
+_MOST_FRAMES = 1250
+_MARGIN_S = 5.0
+
+# By words in an object's name; the model is a guess, and the file says so.
+_HINTS = (
+    (r"\bDEB\b|DEBRIS|\bFRAG", "debris_plate"),
+    (r"\bSL-16\b|ZENIT", "zenit_stage"),
+    (r"\bR/B\b|ROCKET|STAGE|CENTAUR|BREEZE|FREGAT|\bH-2A\b|\bSL-\d|\bCZ-\d", "rocket_body"),
+    (r"\bTDRS\b", "tdrs"),
+    (r"ENVISAT", "envisat"),
+    (r"INTELSAT|GALAXY|\bSES\b|EUTELSAT|ASTRA|MEV", "comsat"),
+    (r"JUNO", "juno"),
+)
+
+
+def scenario_text(table: Encounters, number: int) -> str:
+    """Return the scenario file (TOML) of the encounter in row `number` (from 1) of a table.
+
+    It lasts while the object is in the lidar's reach, or else while it is within the limit, 20 minutes at most about the
+    closest approach. The follower is turned in its rtn axes so that its +x looks at the object at the closest approach
+    and its pan axis is the one about which the line of sight turns.
+    """
+    if not table.rows:
+        raise ScenarioError(
+            f"scenario {number}: there is no encounter to write; look within a greater range or more days"
+        )
+    if not 1 <= number <= len(table.rows):
+        raise ScenarioError(
+            f"scenario {number}: there are {len(table.rows)} rows; give a number from 1 to {len(table.rows)}"
+        )
+    row = table.rows[number - 1]
+    _refuse_together(table, number)
+    start_utc, duration_s, rate_hz = _time(table, row)
+    name = _slug(row)
+    pan, pitch, roll = _attitude(table, row)
+    model, why = _model(row.name)
+    title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
+    lines = [
+        *map(printable, _facts(table, number)),  # names were written by others: a comment stays in its line
+        *map(printable, _warnings(table, row)),
+        "version = 1",
+        f"name    = {_quoted(title)}",
+        f"seed    = {row.norad_id % 2**31}",
+        "",
+        "[time]",
+        f"start_utc     = {start_utc:%Y-%m-%dT%H:%M:%SZ}",
+        f"duration_s    = {duration_s:g}",
+        f"frame_rate_hz = {rate_hz:g}",
+        "",
+        "[[target]]",
+        f"name     = {_quoted(name)}",
+        f"model    = {_quoted(model)}   # {why}: size and material are no better; put your own here",
+        f"motion   = {_motion(row.elements)}",
+        'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
+        "",
+        "[follower]",
+        f"motion   = {_motion(row.follower)}",
+        f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
+        "",
+        "[ptu]                                   # the rate of the drive is the limit that was asked about",
+        f'point    = {{ type = "track", at = {_quoted(name)} }}',
+        'response = { type = "second_order", natural_hz = 4.0, damping = 0.7, '
+        f"max_rate_deg_s = {table.max_slew_deg_s:g} }}",
+        "",
+        _lidar(table),
+        *_constraints(table, name),
+    ]
+    return "\n".join(lines)
+
+
+def _refuse_together(table: Encounters, number: int) -> None:
+    """Refuse an encounter of what is docked, or has the follower's own elements at the closest approach."""
+    row = table.rows[number - 1]
+    whom = f"{row.label} and {table.follower.name or table.follower.label}"
+    if row.docked:
+        raise ScenarioError(f"scenario {number}: {whom} are docked or one object: {row.docked}; give another row")
+    if row.range_m < TOGETHER_M:
+        raise ScenarioError(
+            f"scenario {number}: at the closest approach the catalogue gives {whom} the same elements, so that they are "
+            "docked there or one object; give another row, or a span after they part"
+        )
+
+
+def _facts(table: Encounters, number: int) -> list[str]:
+    """Return the comments that say which encounter this is, and how good."""
+    row = table.rows[number - 1]
+    light = "in sunlight" if row.sunlit_fraction >= 0.5 else "in the Earth's shadow"
+    phase = "" if math.isnan(row.phase_deg) else f", {row.phase_deg:.0f} deg between Sun and follower at the object"
+    inside = f"{row.inside_s:,.1f} s" + ("" if row.entered and row.left else " and more")
+    return [
+        f"# {row.label}{f' (NORAD {row.norad_id})' if row.name else ''} past {table.follower.label}:",
+        f"# row {number} of {len(table.rows)}, of {' '.join(table.title.split())}.",
+        f"# Closest approach {row.closest_utc}: {row.range_m / units.KM:.3f} km at {row.speed_m_s:.1f} m/s, {light}{phase}.",
+        f"# It is within {table.within_m / units.KM:g} km for {inside}, in the lidar's reach for {row.lidar_s:,.1f} s; the "
+        f"line of sight turns at {row.slew_deg_s:.3g} deg/s.",
+        "# Both fly by element sets, which are good to about a kilometre at their epochs and worse away from them:",
+        f"# the object's {_age(row.age_days)}, the follower's {_age(row.follower_age_days)} the closest approach.",
+        "# A plausible encounter, not a prediction.",
+    ]
+
+
+def _age(days: float) -> str:
+    """Return how long before or after an instant an epoch lies, from the age of its elements there."""
+    return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
+
+
+def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, float]:
+    """Return start (a whole second), duration [s] and frame rate [Hz]."""
+    begin, end = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
+    begin = max(begin - _MARGIN_S, row.time_s - 0.5 * _LONGEST_S)
+    end = max(min(end + _MARGIN_S, row.time_s + 0.5 * _LONGEST_S), begin + _SHORTEST_S)
+    start_utc = (table.start_utc.astimezone(datetime.UTC) + datetime.timedelta(seconds=begin)).replace(microsecond=0)
+    duration_s = float(math.ceil(end - begin) + 1)
+    rate_hz = max(rate for rate in (1.0, 2.0, 5.0, 10.0) if duration_s * rate <= _MOST_FRAMES)
+    return start_utc, duration_s, rate_hz
+
+
+def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
+    """Return the intrinsic angles z, y, x [deg] of the follower's body in its rtn axes."""
+    from scipy.spatial.transform import Rotation
+
+    epochs = Epochs(table.start_utc, np.array([row.time_s]))
+    fleet = Fleet([row.elements, row.follower], table.start_utc)
+    position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))
+    rotation = np.repeat(gcrs_from_teme(epochs), 2, axis=0)
+    position, velocity = turned(rotation, position), turned(rotation, velocity)
+    ahead, rate = position[0] - position[1], velocity[0] - velocity[1]
+    up = np.cross(ahead, rate)
+    if np.linalg.norm(up) < max(1e-6 * float(np.linalg.norm(ahead) * np.linalg.norm(rate)), 1e-12):
+        up = np.cross(position[1], velocity[1])
+    if np.linalg.norm(np.cross(ahead, up)) == 0.0:
+        return 90.0, 0.0, 0.0  # along the orbit normal, which leaves the roll open
+    x = ahead / np.linalg.norm(ahead)
+    y = np.cross(up, x)
+    y /= np.linalg.norm(y)
+    inertial_from_body = Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=1))
+    inertial_from_rtn = rtn_axes(position[1:], velocity[1:])[0][0]
+    angles = (inertial_from_rtn.inv() * inertial_from_body).as_euler("ZYX", degrees=True)
+    return float(angles[0]), float(angles[1]), float(angles[2])
+
+
+def _warnings(table: Encounters, row: Encounter) -> list[str]:
+    lines = []
+    if row.lidar_s == 0.0:
+        lines.append(
+            f"# BEWARE: it never comes into the lidar's reach ({table.reach_m[0]:,.0f} to {table.reach_m[1]:,.0f} m for a "
+            "facing plate of 1 m2): expect empty frames."
+        )
+    if row.slew_deg_s > table.max_slew_deg_s:
+        lines.append(
+            f"# BEWARE: the line of sight turns at {row.slew_deg_s:.3g} deg/s at the closest approach, more than the "
+            f"{table.max_slew_deg_s:g} deg/s of the drive."
+        )
+    if row.breaks:
+        lines.append(
+            f"# BEWARE: at the closest approach it breaks what is asked by [constraints]: {', '.join(row.breaks)}."
+        )
+    return lines
+
+
+def _constraints(table: Encounters, name: str) -> list[str]:
+    """Return the table of what is asked, of this target; corridors in axes that an element set cannot tell are left out."""
+    if table.constraints is None:
+        return []
+    import tomli_w
+
+    tree = table.constraints.model_dump(exclude={"keep_out_m", "corridor"}, exclude_unset=True, exclude_none=True)
+    radius_m = keep_out_radius_m(table.constraints)
+    if radius_m is not None:
+        tree["keep_out_m"] = radius_m
+    corridors = [corridor.replace(target=name) for corridor in rtn_corridors(table.constraints)]
+    if corridors:
+        tree["corridor"] = [corridor.model_dump(exclude_unset=True, exclude_none=True) for corridor in corridors]
+    return [tomli_w.dumps({"constraints": tree})] if tree else []
+
+
+def _motion(elements: ElementSet) -> str:
+    """Return the inline table of a motion by an element set: its two lines, or the fields of its message."""
+    if elements.line1 and elements.line2:
+        named = f", name = {_quoted(elements.name)}" if elements.name else ""
+        first, second = _quoted(elements.line1), _quoted(elements.line2)
+        return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
+    from rso_lidar.orbit.sets.sgp4_motion import Omm
+
+    fields = Omm.of(elements).model_dump(exclude_none=True)
+    return "{ " + ", ".join(f"{key} = {_quoted(value)}" for key, value in fields.items()) + " }"
+
+
+def _lidar(table: Encounters) -> str:
+    import tomli_w
+
+    tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
+    if table.lidar.preset is not None:  # what the preset says itself need not stand here
+        from rso_lidar.scenario.tables.lidar import Lidar
+
+        if table.lidar == Lidar(preset=table.lidar.preset):  # type: ignore[call-arg]
+            tree = {"preset": table.lidar.preset}
+    return tomli_w.dumps({"lidar": tree})
+
+
+def _model(name: str) -> tuple[str, str]:
+    """Return a model of the catalogue for an object, and why."""
+    for pattern, model in _HINTS:
+        if re.search(pattern, name.upper()):
+            return model, "guessed from the object's name"
+    return "cubesat_3u", "a stand-in, for nothing in the object's name says what it is"
+
+
+def _slug(row: Encounter) -> str:
+    words = re.sub(r"[^a-z0-9]+", "_", row.name.lower()).strip("_")
+    return (
+        f"norad_{row.norad_id}"
+        if not words
+        else words
+        if words[0].isalpha() and words not in _TAKEN
+        else f"object_{words}"
+    )
+
+
+_TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
+
+
+def _quoted(value: Any) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, datetime.datetime):
+        return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
+    return json.dumps(printable(value) if isinstance(value, str) else value, ensure_ascii=False)

@@ -1,0 +1,1 @@
+"""Recordings shown, converted to other formats, and traced back to their scenario."""

@@ -1,0 +1,171 @@
+"""Frames written in any format: those of `export`, and those that need time scales and the Earth."""
+
+from __future__ import annotations
+
+import datetime
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import orbit
+from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
+from rso_lidar.export.formats.czml import thinned, write_czml
+from rso_lidar.export.formats.truth_batches import Course, courses, source_of, whole
+from rso_lidar.export.reader.recording import Frames, Recording
+from rso_lidar.export.registry import format_for, writer_for
+from rso_lidar.files import free, path_of
+from rso_lidar.motion.aem import write_aem
+from rso_lidar.orbit.ccsds.ephemeris import write_oem
+from rso_lidar.pose import ROOT
+from rso_lidar.records import BodyState, Frame, Source
+from rso_lidar.study.recorded_runs.flown_scenario import scenario_of
+from rso_lidar.study.recorded_runs.globe import globe
+from rso_lidar.study.time_history.open_loop import breaks_s
+from rso_lidar.toml_text import parse_toml
+
+
+def save(
+    path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
+) -> Path:
+    """Write frames to a file or folder, one at a time as they come, and return its path.
+
+    The suffix picks the format: .h5 and .nc are recordings that `open` reads and that hold all the frames have; what the
+    others keep stands in docs/exports.md. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. What is written appears under
+    its name when it is complete. `rso-lidar export` knows the same suffixes.
+
+    Parameters
+    ----------
+    path : of the file or folder.
+    frames : from `simulate` or `open`.
+    overwrite : whether an older file or export may be replaced.
+    format : name of the format, where the suffix does not say it.
+
+    Other Parameters
+    ----------------
+    options : of that format, such as ``viewpoint="tdrs"`` of pcd, ``target="tdrs"`` of tum, kitti, oem (a body; the
+        follower if left out) and aem (any axes).
+
+    Returns
+    -------
+    Path
+        Of the file or folder.
+
+    Raises
+    ------
+    RecordingError
+        For an unknown suffix, a path that may not be written, and frames that the format cannot hold.
+    """
+    path = path_of(path, RecordingError)
+    wanted = format_for(format or path)
+    if wanted.writer and wanted.name != "csv":
+        return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
+    place = free(path, overwrite=overwrite)
+    source, frames = source_of(place, frames)
+    if wanted.name == "csv":
+        texts = _utc_texts(source)
+        return writer_for("csv")(place, frames, utc=texts, overwrite=overwrite, **options)
+    if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
+        raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
+    if wanted.name == "czml":
+        return _write_czml(place, frames, source, **options)
+    write = {"oem": _write_oem, "aem": _write_aem}[wanted.name]
+    return write(place, frames, source, **options)
+
+
+def _utc_texts(source: Source) -> Any:
+    """Return a function that turns times [s since the start] into ISO UTC texts to the microsecond, leap seconds counted."""
+    start_utc = _start(source)
+    return lambda time_s: np.array(orbit.Epochs(start_utc, time_s).skyfield_time().utc_iso(places=6))
+
+
+def _start(source: Source) -> datetime.datetime:
+    return datetime.datetime.fromisoformat(source.start_utc)
+
+
+def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
+    """Write the states of a body; a new segment begins at each impulse."""
+    folder = _folder(frames)
+    batches = list(courses(frames))
+    name = _known(target, list(batches[0][0].states))
+    time_s = _times(batches)
+    states = BodyState(
+        np.concatenate([truth.states[name].position_m for truth, _ in batches]),
+        np.concatenate([truth.states[name].velocity_m_s for truth, _ in batches]),
+    )
+    breaks = _breaks(source, name, time_s, folder)
+    epochs = orbit.Epochs(_start(source), time_s)
+    return write_oem(place, name, name, epochs, states, breaks_s=breaks, overwrite=True)
+
+
+def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
+    """Write how axes are turned in inertial ones."""
+    from scipy.spatial.transform import Rotation
+
+    batches = list(courses(frames))
+    name = _known(target, list(batches[0][0].poses))
+    turned = np.concatenate(
+        [
+            np.broadcast_to(truth.pose(ROOT, name).rotation.as_matrix(), (truth.time_s.size, 3, 3))
+            for truth, _ in batches
+        ]
+    )
+    epochs = orbit.Epochs(_start(source), _times(batches))
+    return write_aem(place, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
+
+
+def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
+    """Write bodies, lines of sight and boresight for a globe, thinned to what a viewer plays smoothly."""
+    if isinstance(frames, Recording):
+        frames = frames[:]
+    if isinstance(frames, Frames):  # only those that are wanted are read
+        chosen = courses(Frames(frames.recording, [frames.places[k] for k in thinned(len(frames)).tolist()]))
+        truth, _ = whole(chosen)
+    else:
+        truth, _ = whole(courses(frames), thinned)
+    targets = [one.name for one in source.targets]
+    return write_czml(place, globe(source.title, _start(source), targets, truth))
+
+
+def _times(batches: list[Course]) -> np.ndarray:
+    return np.concatenate([truth.time_s for truth, _ in batches])
+
+
+def _known(name: str | None, known: list[str]) -> str:
+    """Return a body or axes by name, the follower if none is given."""
+    wanted = "follower" if name is None else name
+    if wanted not in known:
+        guess = did_you_mean(wanted, known)
+        raise RecordingError(
+            f"--target {wanted}: nothing of that name can be written{guess} (known: {', '.join(known)})"
+        )
+    return wanted
+
+
+def _folder(frames: Iterable[Frame]) -> Path | None:
+    """Return the folder of a recording, in which files that its scenario names are looked up; None without a file."""
+    recording = frames.recording if isinstance(frames, Frames) else frames
+    return recording.path.parent if isinstance(recording, Recording) else None
+
+
+def _breaks(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
+    """Return the instants [s] of impulses between frames that have two frames on either side."""
+    try:
+        with unwarned():
+            planned = sorted(breaks_s(scenario_of(source, folder), name))
+    except (RsoLidarError, OSError):  # a body that is no body of the scenario, or files that are not here
+        planned = []
+    edges: list[float] = []
+    low = 0
+    for at in planned:
+        place = int(np.searchsorted(time_s, at))
+        if not 0 < place < time_s.size:
+            continue
+        if place - low < 2 or time_s.size - place < 2:
+            warn(f"{name}: the impulse at {at:g} s has fewer than two frames beside it and is not marked")
+            continue
+        edges.append(at)
+        low = place
+    return edges

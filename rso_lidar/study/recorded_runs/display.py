@@ -1,0 +1,203 @@
+"""A recording looked at: in Rerun where the extra is installed, else in a window of matplotlib, else in files."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rso_lidar import picture
+from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
+from rso_lidar.export import Frames, Recording
+from rso_lidar.files import free
+from rso_lidar.interruption import temporary_folder
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES
+from rso_lidar.picture.viewers.player import Colour, play, richest, save_view, window_backend
+from rso_lidar.picture.viewers.rerun_scene import installed, need_rerun, open_rerun, write_rerun
+from rso_lidar.picture.viewers.shape import Shape
+from rso_lidar.records import Frame, Source
+from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
+
+TOOLS = ("rerun", "window", "files")
+COLOURS: tuple[Colour, ...] = ("range", "intensity")
+_SCENE = ".rrd"
+_FILMS = (".gif", ".mp4")
+_PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
+_SHEET = "_view_sheet.png"
+_SHEET_FRAMES = 16
+_BESIDE = ("_view.png", _SHEET, "_view.gif")  # what is written beside a recording
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a recording is shown: by which of `TOOLS`, why, in words, and the files that are written; none, a window opens."""
+
+    tool: str
+    why: str
+    paths: tuple[Path, ...] = ()
+
+
+def way(
+    tool: str | None = None,
+    output: str | Path | None = None,
+    *,
+    recording: Path | None = None,
+    overwrite: bool = False,
+) -> Way:
+    """Return how a recording is shown best here, or as asked, once that is sure to be possible.
+
+    Parameters
+    ----------
+    tool : one of `TOOLS` (None: the first that is there and has a display; the suffix of `output` says it too).
+    output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
+    recording : the file beside which is written what has no name (None: nothing is).
+    overwrite : whether what is there already is replaced.
+    """
+    if tool is not None and tool not in TOOLS:
+        raise RecordingError(f"view: nothing is called '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})")
+    if output is not None:
+        return _written(tool, Path(output), overwrite=overwrite)
+    if tool == "rerun":
+        need_rerun("view")
+    display = has_display()
+    if display and (tool == "rerun" or (tool is None and installed())):
+        return Way("rerun", "Rerun")
+    backend = window_backend() if display and tool != "files" else None
+    if backend is not None:
+        return Way("window", f"matplotlib's window ({backend})")
+    why = "matplotlib has nothing to open a window with (pip install PyQt6)" if display else "no display"
+    if tool == "window":
+        raise RecordingError(f"view: {why}; choose files, or rerun and a name that ends in .rrd")
+    return _beside(tool or "files", "" if tool == "files" else why, recording, overwrite=overwrite)
+
+
+def view(
+    frames: Sequence[Frame],
+    *,
+    tool: str | None = None,
+    colour: Colour = "range",
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    folder: Path | None = None,
+) -> Way:
+    """Return how a recording was shown, after its window is closed: in Rerun, else matplotlib's window, else files.
+
+    Parameters
+    ----------
+    frames : a recording, or some of one: ``recording[::10]``.
+    tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: what is there; without a display, files beside the recording).
+    colour : of the points, ``"range"`` or ``"intensity"``.
+    output : what to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
+    overwrite : whether files that are there already are replaced.
+    folder : where mesh files lie that the scenario names (None: beside the recording).
+    """
+    path = _path(frames)
+    chosen = way(tool, output, recording=path, overwrite=overwrite)
+    show(chosen, frames, colour=colour, folder=folder or (path.parent if path else None))
+    return chosen
+
+
+def show(
+    chosen: Way,
+    frames: Sequence[Frame],
+    *,
+    colour: Colour = "range",
+    folder: Path | None = None,
+    each: Iterable[Frame] | None = None,
+) -> tuple[str, ...]:
+    """Return which frames each file shows, in words, once frames are shown in the way chosen; nothing without a file.
+
+    `each` are the same frames, where somebody counts them as a scene is written.
+    """
+    if colour not in COLOURS:
+        raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
+    if not len(frames):
+        raise RecordingError("view: the recording holds no frames; record some")
+    suffixes = {path.suffix.lower() for path in chosen.paths}
+    needless = bool(suffixes) and suffixes <= {*_FILMS}  # in a film no mesh is drawn
+    shapes = [] if needless else true_shapes(frames[0].source, folder)
+    if chosen.tool == "window":
+        play(frames, shapes, colour)
+        return ()
+    if _SCENE in suffixes:
+        write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
+        return (_frames(len(frames)),)
+    if chosen.tool == "rerun":
+        with temporary_folder() as place:
+            open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
+        return ()
+    return tuple(_draw(chosen.paths, frames, shapes, colour))
+
+
+def _frames(count: int) -> str:
+    return f"{count} frame{'s' * (count != 1)}"
+
+
+def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour) -> list[str]:
+    """Return which frames each picture shows, once they are written, by their names."""
+    count, told = len(frames), []
+    for path in paths:
+        if path.suffix.lower() in _FILMS:
+            picture.animate(frames, path)
+            told.append(_frames(count))
+        elif len(paths) > 1 and path.name.endswith(_SHEET):
+            picture.contact_sheet(frames, path)
+            told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _frames(count))
+        else:
+            best = frames[richest(frames)]
+            save_view([best], path, shapes, colour)
+            told.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
+    return told
+
+
+def true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
+    """Return the meshes that were recorded, each in its axes of the truth; none, with a warning, where one is not here."""
+    shapes: list[Shape] = []
+    try:
+        scenario = scenario_of(source, folder)
+        for number in range(len(source.targets)):
+            surfaces = surfaces_of(scenario, source, number, "view")
+            shapes += [Shape(surface.name, surface.corners) for surface in surfaces]
+    except (RsoLidarError, OSError) as error:
+        warn(f"view: drawn without true meshes: {error}")
+        return []
+    return shapes
+
+
+def has_display() -> bool:
+    """Return whether there is a screen: always by macOS and Windows, else as DISPLAY or WAYLAND_DISPLAY say."""
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def _written(tool: str | None, output: Path, *, overwrite: bool) -> Way:
+    """Return the way that writes one file, by its suffix."""
+    known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
+    if tool == "window":
+        raise RecordingError(f"{output}: a window writes nothing; leave the name out, or choose rerun or files")
+    place = free(output, known, overwrite=overwrite)
+    if place.suffix.lower() == _SCENE:
+        need_rerun(str(place))
+        return Way("rerun", "", (place,))
+    return Way("files", "", (place,))
+
+
+def _beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> Way:
+    """Return the way that writes beside a recording."""
+    if recording is None:
+        raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
+    names = (_SCENE,) if tool == "rerun" else _BESIDE
+    paths = [recording.with_name(recording.stem + name) for name in names]
+    for path in paths:
+        try:
+            free(path, (path.suffix,), overwrite=overwrite)
+        except RecordingError as error:
+            raise RecordingError(f"{why + ', so it would write files: ' if why else ''}{error}") from None
+    return Way(tool, why, tuple(paths))
+
+
+def _path(frames: Sequence[Frame]) -> Path | None:
+    """Return the file that frames are read from, None of those made in memory."""
+    recording = frames.recording if isinstance(frames, Frames) else frames
+    return recording.path if isinstance(recording, Recording) else None

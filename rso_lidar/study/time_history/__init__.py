@@ -1,0 +1,1 @@
+"""One run over time, computed without rendering its frames."""

@@ -1,0 +1,295 @@
+"""Reference trackers run on a recording, from its points and the model mesh that it names, with their errors against truth.
+
+A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's), its own
+orbit and its own burns. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar import motion, units
+from rso_lidar.errors import RecordingError, did_you_mean
+from rso_lidar.files import free, write_columns
+from rso_lidar.orbit.two_body.osculating_elements import elements
+from rso_lidar.picture.plots.tracking import tracking_figure
+from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
+from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
+from rso_lidar.records import Frame, Source
+from rso_lidar.scenario import Scenario
+from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
+from rso_lidar.study.tracking.burns import known_burns
+from rso_lidar.study.tracking.range_noise import recorded_range_noise_m
+from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+AXES = ("right", "down", "ahead")
+SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """What the reference trackers made of a recording: `table` holds columns (time) by name, units in the names.
+
+    `tracks` are the filters, ``cv`` in axes that do not turn and, in orbit, ``cw`` in the follower's rtn axes, both from
+    its origin; `hinges` those of the target, which ICP takes as they stand in its mesh. Errors are estimate less truth of
+    the target's origin, in lidar axes.
+    """
+
+    title: str
+    target: str
+    table: dict[str, np.ndarray]
+    tracks: dict[str, Track]
+    range_noise_m: float
+    acceleration_m_s2_rthz: float
+    hinges: tuple[str, ...] = ()
+
+    def figure(self) -> Any:
+        """Return the picture, a matplotlib Figure: errors of centroid and filters, NIS with its bounds, and ICP's errors."""
+        note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_rthz:g} m/s²/√Hz"
+        return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
+
+    def save(self, path: str | Path) -> Path:
+        """Return the path of the table (.csv) or of the picture (.png, .pdf or .svg), written whole or not at all."""
+        place = free(path, SUFFIXES, overwrite=True)
+        if place.suffix.lower() in FIGURE_SUFFIXES:
+            return save_figure(self.figure(), place)
+        return write_columns(place, self.table)
+
+
+def tracking(
+    frames: Sequence[Frame],
+    target: str | None = None,
+    *,
+    folder: Path | None = None,
+    range_noise_m: float | None = None,
+    acceleration_m_s2_rthz: float = 1e-4,
+    shape: bool = True,
+    poses: bool = True,
+    each: Iterable[Frame] | None = None,
+) -> Tracking:
+    """Return what centroid, Kalman filters and ICP make of a recording.
+
+    Parameters
+    ----------
+    frames : a recording, or frames of one scenario in the order of time.
+    target : a name (None: the first); other targets in the field confuse these trackers.
+    folder : where mesh files that the scenario names lie (None: as for any scenario).
+    range_noise_m : standard deviation of one range [m] (None: the recording's own returns, tried again on its detector).
+    acceleration_m_s2_rthz : process noise of the filters, each axis [m/s²/√Hz].
+    shape : whether the filters take the target's shape into account: by how far, over all directions to look from, the
+        middle of what is seen lies before the target's origin, and how that wanders. It wanders slowly, and so is no white
+        noise: NIS is then below 3 at most frames. Without, they follow the middle of what is seen.
+    poses : whether ICP runs.
+    each : the same frames, where somebody counts them as they are read (None: `frames`).
+    """
+    if not len(frames):
+        raise RecordingError("track: the recording holds no frames; record some")
+    source = frames[0].source
+    scenario = scenario_of(source, folder)
+    number = _number([entry.name for entry in source.targets], target)
+    name = source.targets[number].name
+    model, size_m = _model(scenario, source, number)
+    noise_m = recorded_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
+    follow = PoseFollower(model) if poses else None
+    wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
+    rows = [
+        _row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in (frames if each is None else each)
+    ]
+    time_s = np.array([row.time_s for row in rows])
+    burns = known_burns(scenario, time_s)
+    table = _table(rows, model)
+    tracks = {}
+    for kind, mean_motion in _models(frames[0], local=scenario.local).items():
+        made = tracks[kind] = kalman(
+            time_s,
+            np.array([row.place_m(kind) for row in rows]),
+            np.array([row.spread_m2(kind) for row in rows]),
+            mean_motion_rad_s=mean_motion,
+            acceleration_m_s2_rthz=acceleration_m_s2_rthz,
+            kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
+        )
+        table |= _errors(kind, made, rows)
+    hinges = tuple(joint.name for joint in scenario.target[number].joints)
+    return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz, hinges)
+
+
+def _number(names: list[str], target: str | None) -> int:
+    if not names:
+        raise RecordingError("track: the recording has no target; record one")
+    if target is not None and target not in names:
+        raise RecordingError(
+            f"track: no target named '{target}'{did_you_mean(target, names)} (known: {', '.join(names)})"
+        )
+    return 0 if target is None else names.index(target)
+
+
+def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
+    """Return the target's model, hinges unturned, and its greatest extent [m]."""
+    surfaces_of(scenario, source, number, "track")  # or the mesh is another one
+    model = sampled(scenario.corners_of(number))
+    return model, 2.0 * model.radius_m
+
+
+def _models(first: Frame, *, local: bool) -> dict[str, float | None]:
+    """Return the filters by name with their mean motion [rad/s]: of the follower's own orbit."""
+    if local:
+        return {"cv": None}
+    own = first.truth.states["follower"]
+    period_s = float(elements(own.position_m, own.velocity_m_s).period_s)
+    return {"cv": None, "cw": 2.0 * np.pi / period_s}
+
+
+# -------------------------------------------------------------------------------------------------- frame by frame
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    """One frame: what was measured, how the lidar is placed in a filter's axes, and the truth of the target there.
+
+    `middle_m` (xyz) and `covariance_m2` (3, 3) in lidar axes are what the filters measure; `seat` is follower_from_lidar
+    by the encoders; `turns` axes_from_follower, `true_m` and `true_m_s` (xyz) by filter.
+    """
+
+    time_s: float
+    fix: Fix | None  # without its points, of which a long run has many
+    points: int
+    middle_m: np.ndarray
+    covariance_m2: np.ndarray
+    seat: RigidTransform
+    turns: dict[str, Rotation]
+    true_m: dict[str, np.ndarray]
+    true_m_s: dict[str, np.ndarray]
+    true_pose: RigidTransform
+    found: Alignment | None
+
+    def lidar_from(self, kind: str) -> Rotation:
+        """Return how a filter's axes are turned into the lidar's."""
+        return (self.turns[kind] * self.seat.rotation).inv()
+
+    def from_rtn(self, kind: str) -> Rotation:
+        """Return how the follower's rtn axes are turned into a filter's."""
+        return self.turns[kind] * self.turns["cw"].inv()
+
+    def place_m(self, kind: str) -> np.ndarray:
+        """Return the measured position (xyz) [m] from the follower's origin in a filter's axes; NaN without one."""
+        place: np.ndarray = self.turns[kind].apply(self.seat.apply(self.middle_m))
+        return place
+
+    def spread_m2(self, kind: str) -> np.ndarray:
+        """Return the covariance (3, 3) [m²] of that position."""
+        turn = self.lidar_from(kind).inv().as_matrix()
+        spread: np.ndarray = np.einsum("ij,jk,lk->il", turn, self.covariance_m2, turn)
+        return spread
+
+
+def _row(
+    scenario: Scenario,
+    frame: Frame,
+    name: str,
+    size_m: float,
+    noise_m: float,
+    wander: tuple[float, float, float],
+    follow: PoseFollower | None,
+) -> _Row:
+    truth, settings = frame.truth, frame.observation.settings
+    pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
+    fix = centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
+    seat = _seat(scenario, frame)
+    own = truth.pose(ROOT, "follower").rotation
+    turns = {"cv": own}
+    link, turning = truth.poses.link("follower", name), truth.rates(ROOT, "follower")[1]
+    true_m = {"cv": turned(own, link.translation_m)}
+    true_m_s = {"cv": turned(own, link.velocity_m_s + cross(turning, link.translation_m))}
+    if not scenario.local:
+        in_rtn = truth.poses.link("follower.rtn", name)
+        turns["cw"] = truth.pose("follower.rtn", "follower").rotation
+        true_m["cw"], true_m_s["cw"] = in_rtn.translation_m, in_rtn.velocity_m_s
+    found, middle, covariance = None, np.full(3, np.nan), np.eye(3)
+    if fix is not None:
+        found = follow(truth.time_s, fix.points_m, own * seat.rotation) if follow else None
+        toward = fix.position_m / fix.range_m
+        ahead = np.outer(toward, toward)
+        before_m, along_m, across_m = wander
+        middle = fix.position_m - before_m * toward
+        across_m = float(np.hypot(across_m, _pointing_rad(scenario) * fix.range_m))
+        covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
+    kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
+    points = 0 if fix is None else len(fix.points_m)
+    return _Row(
+        truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found
+    )
+
+
+def _seat(scenario: Scenario, frame: Frame) -> RigidTransform:
+    """Return follower_from_lidar, by the encoders where there is a PTU."""
+    alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
+    measured = frame.observation.pan_tilt_rad
+    angles = np.zeros(2) if measured is None else measured
+    return motion.with_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
+
+
+def _pointing_rad(scenario: Scenario) -> float:
+    """Return how well the encoders tell where the lidar looks [rad], one standard deviation of each axis."""
+    if scenario.ptu is None:
+        return 0.0
+    errors = scenario.ptu.errors
+    return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG
+
+
+def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:
+    """Return the columns (time) of what was measured, and of the poses found, with their errors."""
+    middle = np.array([np.full(3, np.nan) if row.fix is None else row.fix.position_m for row in rows])
+    true = np.array([row.true_pose.translation for row in rows])
+    table = {
+        "time_s": np.array([row.time_s for row in rows]),
+        "points": np.array([row.points for row in rows]),
+        "found_fraction": np.array([np.nan if row.fix is None else row.fix.found_fraction for row in rows]),
+        "true_range_m": np.linalg.norm(true, axis=1),
+        "centroid_range_m": np.linalg.norm(middle, axis=1),
+    }
+    table |= _columns("centroid", middle, "_m") | _columns("centroid_error", middle - true, "_m")
+    if not any(row.found for row in rows):
+        return table
+    nothing = np.full(11, np.nan)
+    told = np.array([nothing if row.found is None else _told(row.found, row.true_pose, model) for row in rows])
+    table |= _columns("icp", told[:, :3], "_m")
+    table |= {f"icp_quaternion_{axis}": told[:, 3 + k] for k, axis in enumerate("xyzw")}
+    names = ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad")
+    return table | {column: told[:, 7 + k] for k, column in enumerate(names)}
+
+
+def _told(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
+    """Return place and quaternion of lidar_from_body, its rms [m], and the errors of place [m], turn and long axis [rad]."""
+    place, rotation = found.pose.translation, found.pose.rotation
+    ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
+    axis_rad = np.arctan2(np.linalg.norm(np.cross(ours, theirs)), np.dot(ours, theirs))
+    turn_rad = (rotation.inv() * true.rotation).magnitude()
+    apart_m = np.linalg.norm(place - true.translation)
+    return np.array([*place, *quaternion_xyzw(rotation), found.rms_m, apart_m, turn_rad, axis_rad])
+
+
+def _columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
+    return {f"{name}_{axis}{unit}": column for axis, column in zip(AXES, values.T, strict=True)}
+
+
+def _errors(kind: str, made: Track, rows: Sequence[_Row]) -> dict[str, np.ndarray]:
+    """Return a filter's estimates in its own axes, its errors in the lidar's, and its NIS."""
+    table = {}
+    for values, word, unit, true in (
+        (made.position_m, "", "_m", [row.true_m[kind] for row in rows]),
+        (made.velocity_m_s, "_velocity", "_m_s", [row.true_m_s[kind] for row in rows]),
+    ):
+        for axis, column in zip("xyz", values.T, strict=True):
+            table[f"{kind}{word}_{axis}{unit}"] = column
+        off = values - np.array(true)
+        seen = np.array([row.lidar_from(kind).apply(one) for row, one in zip(rows, off, strict=True)])
+        table |= _columns(f"{kind}{word}_error", seen, unit)
+    return table | {f"{kind}_nis": made.nis}

@@ -1,0 +1,374 @@
+"""What a trade study asks: which fields of a scenario take which values, and what is worked out at each point."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
+
+from rso_lidar.errors import ScenarioError, did_you_mean, placed
+from rso_lidar.files import expanded, path_of
+from rso_lidar.part import Count, Name, Number, Part, Text, Whole
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.validation import read_toml, validated
+from rso_lidar.simulate import frame_numbers
+from rso_lidar.study.trades.merits import MERITS, judged_by
+
+MOST_ROWS = 100_000  # of a table; its report holds them all
+_MOST_SEEDS = 1000
+
+
+def _fields(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+def _values(given: Any) -> Any:
+    if given is None:
+        return None
+    if not isinstance(given, list | tuple):
+        raise ValueError(f"needs a list of values, not {given!r:.60}")
+    if not given:
+        raise ValueError("is empty; give at least one value")
+    for value in given:
+        _check_finite(value)
+    if any(value in given[:k] for k, value in enumerate(given)):
+        raise ValueError("holds a value twice; give each once")
+    return tuple(given)
+
+
+def _check_finite(value: Any) -> None:
+    if isinstance(value, list | tuple | dict):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _check_finite(inner)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{value} is no number to try; give finite ones")
+
+
+def _frames(given: Any) -> Any:
+    """Return frames as text ``A:B:STEP``, or as numbers."""
+    if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
+        return given
+    if isinstance(given, list | tuple) and given and all(type(one) is int and one >= 0 for one in given):
+        return tuple(given)
+    raise ValueError(f"needs text such as '0:2700:100' (from, end, step), or a list of frames, not {given!r:.60}")
+
+
+def _known(names: tuple[str, ...]) -> tuple[str, ...]:
+    for k, name in enumerate(names):
+        if name not in MERITS:
+            raise ValueError(
+                f"no figure of merit '{name}'{did_you_mean(name, MERITS)} (known: {', '.join(sorted(MERITS))})"
+            )
+        if name in names[:k]:
+            raise ValueError(f"'{name}' is asked for twice; name it once")
+    return names
+
+
+class Grid(Part):
+    """Every combination of the values of all axes; the last axis runs fastest."""
+
+    type: Literal["grid"] = "grid"
+
+
+class Random(Part):
+    """Points drawn at random, each axis evenly over its values or its span."""
+
+    type: Literal["random"] = "random"
+    points: Count = Field(description="Number of points.")
+
+
+class LatinHypercube(Part):
+    """Points drawn so that of as many equal strata of each axis every one holds one point (McKay et al. 1979)."""
+
+    type: Literal["latin_hypercube"] = "latin_hypercube"
+    points: Count = Field(description="Number of points, and of strata along each axis.")
+
+
+class Axis(Part):
+    """One axis: a field of the scenario, or several that change together, and what values it takes.
+
+    Either `values`, or `low` and `high`; of a grid these with `count`.
+    """
+
+    field: Annotated[
+        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...], BeforeValidator(_fields), Field(min_length=1)
+    ] = Field(
+        description=(
+            "Place of a field in the scenario, as `--set` takes it, or a list of places. Several fields take one "
+            "value, or each its own."
+        )
+    )
+    values: Annotated[Any, AfterValidator(_values)] = Field(
+        default=None,
+        description=(
+            "List of values for the field; for several fields, a list with one value for each. Random points draw "
+            "each entry with equal probability."
+        ),
+    )
+    low: Number | None = Field(default=None, description="Lowest value, in the unit of the field.")
+    high: Number | None = Field(
+        default=None, description="Highest value, in the unit of the field; random points exclude it."
+    )
+    count: Count | None = Field(
+        default=None, description="Number of values of a grid from `low` to `high`, both included."
+    )
+    scale: Literal["linear", "log"] = Field(
+        default="linear",
+        description="Whether values are evenly spaced themselves (`linear`) or in their logarithms (`log`).",
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        span = {name: getattr(self, name) for name in ("low", "high", "count")}
+        if self.values is not None:
+            if both := [name for name, value in span.items() if value is not None]:
+                raise ValueError(f"has values and {both[0]}; leave out one")
+            if self.scale == "log":
+                raise ValueError("has values and scale; a scale is of low and high")
+            self._check_linked()
+        elif self.low is None or self.high is None:
+            raise ValueError("needs values, or low and high")
+        elif self.low >= self.high:
+            raise ValueError(f"low ({self.low:g}) must be below high ({self.high:g})")
+        elif self.scale == "log" and self.low <= 0.0:
+            raise ValueError(f"a log scale needs low above 0, not {self.low:g}")
+        return self
+
+    def _check_linked(self) -> None:
+        if len(self.field) > 1:
+            for value in self.values:
+                if isinstance(value, list) and len(value) != len(self.field):
+                    raise ValueError(f"{value!r:.60} has not one value for each of {len(self.field)} fields")
+
+    @property
+    def size(self) -> int | None:
+        """Return how many values a grid takes; None without a number of them."""
+        return self.count if self.values is None else len(self.values)
+
+    @property
+    def name(self) -> str:
+        """Return the first field: what the axis is called."""
+        return self.field[0]
+
+    @property
+    def numeric(self) -> bool:
+        """Return whether all values are numbers."""
+        return self.values is None or all(type(value) in (int, float) for value in self.values)
+
+    def at(self, share: np.ndarray) -> list[Any]:
+        """Return the values at shares (point) of the axis, 0 to below 1."""
+        if self.values is not None:
+            return [self.values[int(one * len(self.values))] for one in share.tolist()]
+        assert self.low is not None
+        assert self.high is not None
+        if self.scale == "log":
+            spread = self.low * (self.high / self.low) ** share
+        else:
+            spread = self.low + (self.high - self.low) * share
+        return [float(f"{one:.12g}") for one in spread.tolist()]
+
+    def grid(self) -> tuple[Any, ...]:
+        """Return the values of a grid."""
+        if self.values is not None:
+            return tuple(self.values)
+        assert self.count is not None
+        share = np.arange(self.count) / max(self.count - 1, 1)
+        return tuple(self.at(share))
+
+    def settings(self, value: Any) -> dict[str, str]:
+        """Return by field the TOML text of a value."""
+        each = value if len(self.field) > 1 and isinstance(value, list) else [value] * len(self.field)
+        return {field: toml_of(one) for field, one in zip(self.field, each, strict=True)}
+
+
+class Report(Part):
+    """What the report shows beside plots and tables."""
+
+    pictures: Annotated[Whole, Field(ge=0, le=24)] = Field(
+        default=4,
+        description=(
+            "Number of points shown with a frame: the best and the worst by the first figure of merit, and evenly "
+            "spaced ones between."
+        ),
+    )
+    frame: Annotated[Whole, Field(ge=0)] | None = Field(
+        default=None, description="Index of the frame shown. If omitted, the middle one of the simulated frames."
+    )
+
+
+class Study(Part):
+    """A trade study, as its TOML file says it."""
+
+    version: Literal[1] = Field(description="Version of the file format.")
+    name: Text = Field(description="Title of the report.")
+    scenario: Text = Field(description="Path of the scenario file, relative to the study's folder.")
+    set: tuple[Text, ...] = Field(
+        default=(), description="Settings that override the scenario for all points, as `--set` takes them."
+    )
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Random seed of the drawn points; noise uses the scenario's seed."
+    )
+    seeds: Annotated[Count, Field(le=_MOST_SEEDS)] = Field(
+        default=1,
+        description=(
+            "Number of runs of each point: the scenario's seed and the ones that follow it, equal for all points."
+        ),
+    )
+    sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Field(
+        default=Grid(), description="Choice of points: all of a grid, or random ones."
+    )
+    frames: Annotated[Any, AfterValidator(_frames)] = Field(
+        default=None,
+        description=(
+            'Frames of each run that are simulated, as text `"from:end:step"` or a list of indices, if a figure of '
+            "merit needs frames. If omitted, all."
+        ),
+    )
+    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)] = Field(
+        description="Names of the figures of merit; the first one ranks the pictures."
+    )
+    target: Name | None = Field(
+        default=None, description="Name of the target that is evaluated. If omitted, the first."
+    )
+    min_detection_fraction: Annotated[Number, Field(ge=0, le=1)] = Field(
+        default=0.5,
+        description=(
+            "Minimum share of the target's pixels that report, averaged over the runs of a point, for a ranking by "
+            "figures of merit that depend on detection; 0 ranks all points. With less than half, the reporting pixels "
+            "are selected by brightness and noise, so that their errors do not represent the camera."
+        ),
+    )
+    axis: tuple[Axis, ...] = Field(description="Fields that change from point to point.")
+    report: Report = Field(default=Report(), description="Contents of the report.")
+    _folder: Path | None = PrivateAttr(default=None)
+    _where: str = PrivateAttr(default="study")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Study:
+        """Return the study of a TOML file; the scenario that it names is looked up from its folder."""
+        path = path_of(path, ScenarioError)
+        return cls.loads(read_toml(path), folder=path.parent, where=path.name)
+
+    @classmethod
+    def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
+        """Return the study of a TOML text; `where` is its name in errors."""
+        study = validated(cls, text, where)
+        study._folder, study._where = folder, where
+        return study
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated like a new study."""
+        changed = super().replace(**changes)
+        changed._folder, changed._where = self._folder, self._where
+        return changed
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.axis:
+            raise ValueError("axis: is empty; add [[axis]]")
+        seen: list[str] = []
+        for k, axis in enumerate(self.axis):
+            for field in axis.field:
+                if field in seen:
+                    raise ValueError(f"axis[{k}].field: '{field}' is an axis already; name each field once")
+                seen.append(field)
+            if self.sampling.type == "grid" and axis.size is None:
+                raise ValueError(f"axis[{k}]: a grid needs count beside low and high; or draw points: sampling.type")
+            if self.sampling.type != "grid" and axis.count is not None:
+                raise ValueError(f"axis[{k}].count: is for a grid; leave it out, sampling.points says how many")
+        if "seed" in seen and self.seeds > 1:
+            raise ValueError("seeds: 'seed' is an axis already; leave out one")
+        if self.n_rows > MOST_ROWS:
+            raise ValueError(
+                f"{self.n_rows:,} points and seeds are more than {MOST_ROWS:,}; take fewer values, or draw some: "
+                'sampling = { type = "latin_hypercube", points = 200 }'
+            )
+        return self
+
+    @property
+    def n_rows(self) -> int:
+        """Return how many runs there are."""
+        n = math.prod(axis.size or 1 for axis in self.axis) if isinstance(self.sampling, Grid) else self.sampling.points
+        return n * self.seeds
+
+    @property
+    def judged_by(self) -> tuple[str, ...]:
+        """Return the figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
+        return judged_by(self.merits)
+
+    @property
+    def where(self) -> str:
+        """Return the study's name in errors."""
+        return self._where
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Return all fields that change, in the order of the axes."""
+        return tuple(field for axis in self.axis for field in axis.field)
+
+    def scenario_file(self) -> Path:
+        """Return where the scenario lies."""
+        folder = self._folder or Path()
+        path = folder / expanded(self.scenario)
+        if not path.is_file():
+            raise ScenarioError(
+                f"{self._where}: scenario: no file '{self.scenario}' in {folder.resolve()}; give its path from the study"
+            )
+        return path
+
+    def base(self) -> Scenario:
+        """Return the scenario before any axis changes it, once target and frames are found in it."""
+        with placed(self._where):
+            scenario = Scenario.load(self.scenario_file(), self.set)
+            self.number(scenario)
+            if not any(place.startswith("time.") for place in self.places):
+                self.numbers(scenario)
+        return scenario
+
+    def number(self, scenario: Scenario) -> int:
+        """Return which target is asked about."""
+        names = [one.name for one in scenario.target]
+        if not names:
+            raise ScenarioError("target: the scenario has none to look at; add [[target]]")
+        if self.target is not None and self.target not in names:
+            guess = did_you_mean(self.target, names)
+            raise ScenarioError(f"target: none is named '{self.target}'{guess} (known: {', '.join(names)})")
+        return 0 if self.target is None else names.index(self.target)
+
+    def numbers(self, scenario: Scenario) -> np.ndarray:
+        """Return which frames are flashed."""
+        if isinstance(self.frames, str):
+            return frame_numbers(scenario, slice(*(int(word) if word else None for word in self.frames.split(":"))))
+        return frame_numbers(scenario, self.frames)
+
+
+def toml_of(value: Any) -> str:
+    """Return a value as TOML on one line; a number without a fraction as a whole one, which every field of numbers takes.
+
+    >>> toml_of([0.5, 2.0, True, "a", {"type": "gsfl"}])
+    '[0.5, 2, true, "a", { type = "gsfl" }]'
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_of(one) for one in value) + "]"
+    if isinstance(value, dict):
+        return (
+            "{ "
+            + ", ".join(
+                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {toml_of(one)}"
+                for key, one in value.items()
+            )
+            + " }"
+        )
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return json.dumps(str(value), ensure_ascii=False)

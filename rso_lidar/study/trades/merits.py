@@ -1,0 +1,263 @@
+"""Figures of merit: each one number that a run of a scenario is judged by, with its unit and which way is better."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.records import Frame
+from rso_lidar.scenario import Scenario
+from rso_lidar.sight import sight
+from rso_lidar.simulate import simulate
+from rso_lidar.study.time_history.open_loop import course
+from rso_lidar.study.time_history.timeline import in_field_fraction
+from rso_lidar.study.tracking.evaluation import tracking
+
+_LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # of the counts of errors: in steps of 1 %, from 0.1 mm to 6.6 km
+_ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal law within one standard deviation
+_WHOLE = 0.999  # share of a target's bounds in the field from which all of it is
+
+
+class Sums:
+    """What is kept of the frames of a run as they pass: sums and counts, whose size does not grow."""
+
+    def __init__(self, number: int, size_m: float) -> None:
+        self._number, self._size_m = number, size_m
+        self.frames = self.pixels = self.found = self.false = 0
+        self.squared_m2 = self.photons = 0.0
+        self._counts = np.zeros(_BINS, dtype=np.int64)
+
+    def add(self, frame: Frame) -> None:
+        """Count one frame. A pixel that reports a range farther from the true one than the target is large, found noise."""
+        labels = frame.labels
+        on_target = (labels.filled_fraction > 0.0) & (labels.target == self._number)
+        error_m = np.where(frame.valid, np.asarray(frame.range_m, dtype=float), np.nan) - labels.range_m
+        found = on_target & (np.abs(error_m) <= self._size_m)
+        self.frames += 1
+        self.pixels += int(on_target.sum())
+        self.found += int(found.sum())
+        self.false += int((frame.valid & (labels.target < 0)).sum())
+        self.squared_m2 += float(np.sum(error_m[found] ** 2))
+        steps = np.log(np.maximum(np.abs(error_m[found]), _LEAST_M) / _LEAST_M) / _STEP
+        self._counts += np.bincount(np.minimum(steps.astype(int), _BINS - 1), minlength=_BINS)
+        self.photons += float(np.sum(labels.photons[on_target], dtype=float))
+
+    def error_within_m(self, share: float) -> float:
+        """Return within how much of the true range that share of the found pixels is [m], to 1 %; NaN without any."""
+        if not self.found:
+            return math.nan
+        reached = int(np.searchsorted(np.cumsum(self._counts), share * self.found))
+        return _LEAST_M * math.exp(_STEP * (reached + 0.5))
+
+
+class _Passing(Sequence[Frame]):
+    """The frames of a run as a sequence: each is counted as it passes, then let go; one asked for alone is flown alone."""
+
+    def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: Sums) -> None:
+        self._fly = partial(simulate, scenario, threads=threads)
+        self._numbers, self._sums = numbers.tolist(), sums
+        self._made = self._fly(frames=self._numbers)
+        self._first = next(self._made)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._first if index == 0 else next(self._fly(frames=[self._numbers[index]]))
+
+    def __iter__(self) -> Iterator[Frame]:
+        self._sums.add(self._first)
+        yield self._first
+        for frame in self._made:
+            self._sums.add(frame)
+            yield frame
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of a scenario, looked at for one target: what its frames added up to, where any were flashed.
+
+    `tracker_error_m` are the lengths of the filter's error of place (frame) [m], NaN before the first fix.
+    """
+
+    scenario: Scenario
+    number: int
+    sums: Sums
+    tracker_error_m: np.ndarray
+
+    @cached_property
+    def truth(self) -> Any:
+        """Return the truth of all frames of the scenario, as one batch, without any being flashed."""
+        return course(self.scenario)[0]
+
+    @property
+    def target(self) -> str:
+        """Return the target's name."""
+        return self.scenario.target[self.number].name
+
+
+@dataclass(frozen=True)
+class Merit:
+    """One figure of merit: `needs` says what has to be done for it, and `better` which way is.
+
+    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better. With `of_detected` it describes the
+    pixels that report the target, and ranks a point only where enough of them do.
+    """
+
+    name: str
+    unit: str
+    better: Literal["more", "less"]
+    needs: Literal["truth", "frames", "tracker"]
+    meaning: str
+    value: Callable[[Run], float]
+    decimals: int = 6
+    of_detected: bool = False
+
+    def of(self, run: Run) -> float:
+        """Return the value of a run, to `decimals`."""
+        return round(float(self.value(run)), self.decimals) + 0.0  # no -0
+
+    @property
+    def sign(self) -> float:
+        """Return 1 where more is better, else −1."""
+        return 1.0 if self.better == "more" else -1.0
+
+
+def _ratio(over: float, under: float) -> float:
+    return over / under if under else math.nan
+
+
+def _rms(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
+
+
+def _off_boresight_deg(run: Run) -> float:
+    return _rms(sight(run.truth, run.target).off_boresight_rad) / units.DEG
+
+
+def _time_in_field_s(run: Run) -> float:
+    whole = in_field_fraction(run.scenario, run.truth, run.number) >= _WHOLE
+    return float(np.sum(whole)) / run.scenario.time.frame_rate_hz
+
+
+MERITS = {
+    merit.name: merit
+    for merit in (
+        Merit(
+            "pixels_on_target", "pixels", "more", "frames",
+            "pixels with lit surface of the target in them, mean of the flashed frames",
+            lambda run: _ratio(run.sums.pixels, run.sums.frames),
+        ),
+        Merit(
+            "returns_on_target", "pixels", "more", "frames",
+            "pixels on the target that report its range, mean of the flashed frames",
+            lambda run: _ratio(run.sums.found, run.sums.frames),
+            of_detected=True,
+        ),
+        Merit(
+            "detection_fraction", "1", "more", "frames",
+            "of all pixels on the target, the share that reports its range",
+            lambda run: _ratio(run.sums.found, run.sums.pixels),
+            decimals=9,
+        ),
+        Merit(
+            "photons_per_pixel", "photons", "more", "frames",
+            "expected photons of a pixel on the target, mean of all",
+            lambda run: _ratio(run.sums.photons, run.sums.pixels),
+            decimals=9,
+        ),
+        Merit(
+            "range_error_m", "m", "less", "frames",
+            "68.3 % of the pixels that report the target's range are within this of the true one: 1 sigma, but for "
+            "the tails",
+            lambda run: run.sums.error_within_m(_ONE_SIGMA),
+            of_detected=True,
+        ),
+        Merit(
+            "range_rms_m", "m", "less", "frames",
+            "rms of reported less true range of those pixels, with edges, where a pixel sees two surfaces",
+            lambda run: math.sqrt(_ratio(run.sums.squared_m2, run.sums.found)),
+            of_detected=True,
+        ),
+        Merit(
+            "false_returns", "pixels", "less", "frames",
+            "pixels that report a range where no target is, mean of the flashed frames",
+            lambda run: _ratio(run.sums.false, run.sums.frames),
+        ),
+        Merit(
+            "tracker_error_m", "m", "less", "tracker",
+            "rms distance of the constant-velocity filter's estimate (`rso-lidar track`) from the target's origin, over the "
+            "flashed frames from the first fix; it follows the nearest of several targets in the field, whichever is meant",
+            lambda run: _rms(run.tracker_error_m),
+            of_detected=True,
+        ),
+        Merit(
+            "time_in_field_s", "s", "more", "truth",
+            "how long the target's bounds are wholly in the field; from all frames of the scenario, none of them flashed",
+            _time_in_field_s,
+        ),
+        Merit(
+            "off_boresight_deg", "deg", "less", "truth",
+            "rms angle from the boresight to the target's origin; from all frames of the scenario, none of them flashed",
+            _off_boresight_deg,
+        ),
+    )
+}  # fmt: skip
+
+
+DETECTION = "detection_fraction"
+
+
+def judged_by(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the figures of merit of a run: those asked for, and the detection fraction where one of them depends on it."""
+    held = any(MERITS[name].of_detected for name in names) and DETECTION not in names
+    return (*names, DETECTION) if held else tuple(names)
+
+
+def judged(
+    scenario: Scenario,
+    names: Sequence[str],
+    number: int,
+    frames: np.ndarray,
+    *,
+    folder: Path | None = None,
+    threads: int | None = None,
+) -> dict[str, float]:
+    """Return figures of merit by name, NaN where one has no meaning; frames are flashed only where one needs them.
+
+    Parameters
+    ----------
+    scenario : what to fly, in open loop.
+    names : keys of `MERITS`.
+    number : of the target that is looked at.
+    frames : which frames are flashed.
+    folder : where mesh files that the scenario names lie.
+    threads : how many threads work at once (None: one for each core); it does not change a bit.
+    """
+    needs = {MERITS[name].needs for name in names}
+    sums = Sums(number, _size_m(scenario, number))
+    error_m = np.empty(0)
+    if needs & {"frames", "tracker"}:
+        passing = _Passing(scenario, frames, threads, sums)
+        if "tracker" in needs:
+            table = tracking(passing, scenario.target[number].name, folder=folder, poses=False).table
+            error_m = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")], axis=0)
+        else:
+            for _ in passing:
+                pass
+    run = Run(scenario, number, sums, error_m)
+    return {name: MERITS[name].of(run) for name in names}
+
+
+def _size_m(scenario: Scenario, number: int) -> float:
+    """Return the diagonal of the box about a target [m], hinges as they stand in the mesh, or a metre if that is more."""
+    corners = scenario.corners_of(number).reshape(-1, 3)
+    return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1.0)

@@ -1,0 +1,120 @@
+"""The plan of a trade study: what each row of its table sets and what it is judged by, checked before anything is flown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, unwarned
+from rso_lidar.scenario import Scenario
+from rso_lidar.scenario.mission.validation import read_toml
+from rso_lidar.study.trades.definition import Study
+from rso_lidar.study.trades.merits import judged
+from rso_lidar.study.trades.sampling import points, settings
+
+_TRIED = 300  # points at most that are tried before anything is flown
+_OF_AN_AXIS = 50  # values of one axis, alone
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All that a row depends on but its number: it travels to other processes."""
+
+    study: Study
+    points: tuple[tuple[Any, ...], ...]
+    text: str
+    folder: Path
+    where: str
+    seed: int
+    threads: int | None = None
+
+    def scenario(self, row: int) -> Scenario:
+        """Return the scenario of a row, or raise `ScenarioError`."""
+        changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
+        return Scenario.loads(
+            self.text, folder=self.folder, where=self.where, settings=(*self.study.set, *changes), trust_code=True
+        )
+
+    def settings(self, row: int) -> dict[str, str]:
+        """Return by field what a row sets, as TOML text."""
+        chosen = settings(self.study, self.points[row // self.study.seeds])
+        return chosen | ({"seed": str(self.seed + row % self.study.seeds)} if self.study.seeds > 1 else {})
+
+    def row(self, number: int) -> Row:
+        """Return one row: merits, or why there are none."""
+        study, merits = self.study, dict.fromkeys(self.study.judged_by, float("nan"))
+        seed, why = self.seed, ""
+        with unwarned():
+            try:
+                scenario = self.scenario(number)
+                seed = scenario.seed
+                which, frames = study.number(scenario), study.numbers(scenario)
+                merits = judged(scenario, study.judged_by, which, frames, folder=self.folder, threads=self.threads)
+            except RunError:
+                raise
+            except RsoLidarError as error:
+                why = " ".join(str(error).split())
+        return {"row": number, "seed": seed, "merits": merits, "error": why}
+
+
+def plan_of(study: Study, threads: int | None = None) -> tuple[Plan, Scenario]:
+    """Return the plan of a study and its scenario, once every field that it changes is known to be one."""
+    base, path = study.base(), study.scenario_file()
+    plan = Plan(study, tuple(points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
+    with unwarned():
+        _check_fields(plan)
+        _check_points(plan)
+    return plan, base
+
+
+def _check_fields(plan: Plan) -> None:
+    """Raise where an axis names no field of the scenario, or gives values of another type."""
+    for k, axis in enumerate(plan.study.axis):
+        tried = {repr(point[k]): point[k] for point in plan.points}
+        for value in list(tried.values())[:_OF_AN_AXIS]:
+            for field, text in axis.settings(value).items():
+                _check_field(plan, f"{plan.study.where}: axis[{k}]", field, text)
+
+
+def _check_field(plan: Plan, place: str, field: str, text: str) -> None:
+    changed = (*plan.study.set, f"{field}={text}")
+    try:
+        Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed, trust_code=True)
+    except ScenarioError as error:
+        key, misfit = _misfit(error, field)
+        if misfit:
+            said = str(error).removeprefix(f"--set {field}={text}: ")
+            named = "" if field in said else f"{field}: "
+            raise ScenarioError(f"{place}.{key}: {named}{said}") from None
+
+
+def _misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
+    """Return which key of an axis is wrong for every point, and whether one is: no such field, or another type."""
+    if isinstance(error, SettingError):
+        return "field", True
+    steps = field.replace("[", ".").replace("]", "").split(".")
+    for place, kind in error.problems if isinstance(error, FieldError) else ():
+        last = str(place[-1]) if place else ""
+        if kind == "extra_forbidden" and last in steps:
+            return "field", True
+        if last == steps[-1] and (kind.endswith("_type") or kind == "int_from_float"):
+            return "values", True
+    return "field", False
+
+
+def _check_points(plan: Plan) -> None:
+    """Raise where no point is a scenario that can be flown."""
+    n = len(plan.points)
+    first = None
+    for point in dict.fromkeys(np.linspace(0, n - 1, min(n, _TRIED)).round().astype(int).tolist()):
+        try:
+            plan.scenario(point * plan.study.seeds)
+        except ScenarioError as error:
+            first = first or error
+        else:
+            return
+    raise ScenarioError(f"{plan.study.where}: no point can be flown; the first: {first}")

@@ -1,0 +1,356 @@
+"""The report of a trade study: one HTML file that needs no network and no script."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
+from rso_lidar.export.formats.parquet import check_parquet, write_parquet
+from rso_lidar.files import beside, write_columns
+from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
+from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, maps_figure, said
+from rso_lidar.records import Frame
+from rso_lidar.simulate import simulate
+from rso_lidar.study.trades.definition import Axis, Grid, toml_of
+from rso_lidar.study.trades.html_page import STYLE, image, table
+from rso_lidar.study.trades.merits import DETECTION, MERITS
+from rso_lidar.study.trades.ranking import best_first, chosen, describe_unranked, is_number, no_best, unbeaten, words
+from rso_lidar.study.trades.ranking import heads as column_heads
+from rso_lidar.study.trades.results import TradeTable
+
+SUFFIXES = (".csv", ".parquet", ".html")
+_LISTED = 12  # rows at most in a table of the best
+_TOLD_ERRORS = 10
+_DECADES = 30.0  # greatest over least value, from which a figure of merit is drawn on a log scale
+
+
+def save(trade: TradeTable, place: Path) -> Path:
+    """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
+    suffix = place.suffix.lower()
+    if suffix == ".csv":
+        return write_columns(place, trade.table)
+    if suffix == ".parquet":
+        return write_parquet(
+            place, trade.table, {"study": trade.study.model_dump_json(), "scenario": trade.base.dumps()}
+        )
+    if suffix == ".html":
+        text = report(trade)
+        with beside(place) as draft:
+            draft.write_text(text, encoding="utf-8")
+        return place
+    guess = did_you_mean(suffix, SUFFIXES)
+    raise ScenarioError(f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
+
+
+def check(places: Sequence[Path]) -> None:
+    """Raise where one of these could not be written for want of a library."""
+    for place in places:
+        if place.suffix.lower() == ".parquet":
+            check_parquet(place)
+
+
+def report(trade: TradeTable) -> str:
+    """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
+    study = trade.study
+    failed = np.flatnonzero(trade.table["error"] != "")
+    body = [
+        f"<h1>{escape(study.name)}</h1>",
+        f'<p class="quiet">A trade study of <b>{escape(trade.base.name)}</b> ({escape(trade.plan.where)}): '
+        f"{_counted(trade)}; {failed.size:,} of {study.n_rows:,} could not be flown.</p>",
+        "<h2>What was asked</h2>",
+        _axes(trade),
+        _merits(study.merits),
+        *_unranked(trade),
+        f'<p class="quiet">{_frames(trade)}</p>',
+        "<h2>Best points</h2>",
+        *_best(trade),
+        "<h2>Along each axis</h2>",
+        *_plots(trade),
+        *_pictures(trade),
+        *_failed(trade, failed),
+        "<h2>How to get this again</h2>",
+        *_again(trade),
+    ]
+    head = (
+        f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(study.name)}</title>'
+    )
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>\n<body>\n'
+        + "\n".join(body)
+        + "\n</body></html>\n"
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- the parts
+
+
+def _counted(trade: TradeTable) -> str:
+    study = trade.study
+    seeds = f" x {study.seeds} seeds" if study.seeds > 1 else ""
+    how = study.sampling.type.replace("_", " ")
+    return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_target(trade))}"
+
+
+def _target(trade: TradeTable) -> str:
+    return trade.base.target[trade.study.number(trade.base)].name
+
+
+def _frames(trade: TradeTable) -> str:
+    frames = trade.study.frames
+    said_so = "all frames" if frames is None else f"frames {escape(str(frames))}"
+    if not any(MERITS[name].needs != "truth" for name in trade.study.merits):
+        return "No frame was flashed: truth alone answers."
+    return f"Of each run {said_so} were flashed."
+
+
+def _axes(trade: TradeTable) -> str:
+    rows = []
+    for axis in trade.study.axis:
+        places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
+        rows.append((places, escape(_span(axis, isinstance(trade.study.sampling, Grid)))))
+    return table([("axis", False), ("values", False)], rows)
+
+
+def _span(axis: Axis, grid: bool) -> str:
+    if axis.values is not None or grid:
+        values = [said(value) if type(value) in (int, float) else toml_of(value) for value in axis.grid()]
+        return ", ".join(values if len(values) <= 24 else [*values[:12], "…", *values[-3:]])
+    assert axis.low is not None
+    assert axis.high is not None
+    return f"{said(axis.low)} to {said(axis.high)}, {axis.scale}"
+
+
+def _merits(names: Sequence[str]) -> str:
+    rows = [
+        (f"<code>{name}</code>", escape(merit.unit), merit.better, escape(merit.meaning).replace("`", ""))
+        for name in names
+        for merit in [MERITS[name]]
+    ]
+    return table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
+
+
+def _best(trade: TradeTable) -> list[str]:
+    names = trade.study.merits
+    leaders = [(name, best_first(trade, name)) for name in names]
+    made = [
+        "<h3>The best of each figure of merit</h3>",
+        _points(trade, [(_leads(trade, name, points), int(points[0])) for name, points in leaders if points.size]),
+        *(
+            f"<p>{escape(words(MERITS[name]))} {no_best(trade, name)}.</p>"
+            for name, points in leaders
+            if not points.size
+        ),
+    ]
+    if len(names) > 1:
+        stand = unbeaten(trade)
+        points = [point for point in leaders[0][1].tolist() if stand[point]]
+        more = f" (the first {_LISTED} of {len(points):,})" if len(points) > _LISTED else ""
+        made.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
+        made.append(
+            _points(trade, [("", point) for point in points[:_LISTED]])
+            if points
+            else "<p>None is ranked in all of them.</p>"
+        )
+    if told := describe_unranked(trade):
+        left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
+        more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
+        made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(told)}.</p>")
+        made.append(_points(trade, [("", point) for point in left[:_LISTED]]))
+    return made
+
+
+def _unranked(trade: TradeTable) -> list[str]:
+    """Return in words the detection fraction that a point needs to be ranked."""
+    if not trade.needs_detection:
+        return []
+    return [
+        "<p>A figure of merit that depends on detection ranks a point only if its detection fraction is "
+        f"{trade.study.min_detection_fraction:g} or more (<code>min_detection_fraction</code>). Below that, a minority of "
+        "the pixels reports, chosen by brightness and noise, and its figures are not the camera's.</p>"
+    ]
+
+
+def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
+    """Return in what a point is the best, and how many are as good."""
+    means = trade.of_points(name)[0][points]
+    alike = int(np.sum(means == means[0])) - 1
+    return escape(words(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
+
+
+def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
+    """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
+    told = column_heads(trade.study.places)
+    heads = [("best in", False)] if any(word for word, _ in points) else []
+    heads += [("row", True)]
+    heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in told.items()]
+    heads += [(escape(words(MERITS[name])), True) for name in trade.study.judged_by]
+    first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
+    rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
+    return table(heads, rows)
+
+
+def _cells(trade: TradeTable, point: int) -> Iterable[str]:
+    seeds = trade.study.seeds
+    yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
+    for place in trade.study.places:
+        value = trade.table[place if place != "seed" else "seed"][point * seeds]
+        yield said(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
+    for name in trade.study.judged_by:
+        mean, spread = (float(values[point]) for values in trade.of_points(name))
+        yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
+
+
+def _plots(trade: TradeTable) -> list[str]:
+    """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
+    axes = [_quantity(trade, axis) for axis in trade.study.axis]
+    made, shown = [], []
+    for merit in (MERITS[name] for name in trade.study.merits):
+        values = trade.table[merit.name]
+        alike = _alike(values)
+        if alike is None:
+            held = ~np.repeat(trade.ranked(merit.name), trade.study.seeds)
+            shown.append((Quantity(words(merit), values, _spans_decades(values), unranked=held), merit))
+        elif math.isfinite(alike):
+            made.append(f"<p>{escape(words(merit))} is {said(alike)} at all points.</p>")
+    for value, merit in shown:
+        made.append(image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
+    if isinstance(trade.study.sampling, Grid):
+        maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
+        drawn = [image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
+        made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
+    means = [
+        Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
+        for value, merit in shown
+    ]
+    by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
+    figure = against_figure(means, [merit.better for _, merit in shown], by, unbeaten(trade))
+    if figure is not None:
+        made += ["<h2>Against each other</h2>", image(figure, "Figures of merit against each other")]
+    return made
+
+
+def _alike(values: np.ndarray) -> float | None:
+    """Return the value that all rows have which have one (NaN: none has); None where they differ."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return math.nan
+    return float(known[0]) if np.all(known == known[0]) else None
+
+
+def _quantity(trade: TradeTable, axis: Axis) -> Quantity:
+    values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
+    more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
+    log = axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values))
+    drawn = 0 if isinstance(trade.study.sampling, Grid) else trade.study.sampling.points
+    return Quantity(axis.name + more, values, log, drawn)
+
+
+def _evenly_by_ratio(values: np.ndarray) -> bool:
+    """Return whether values look chosen by ratios: over a decade, and nearer to even in their logarithms."""
+    if values.dtype.kind not in "fiu" or not np.all(values > 0.0):
+        return False
+    levels = np.unique(values).astype(float)
+    if len(levels) < 3 or levels[-1] < 5.0 * levels[0]:
+        return False
+    even = [float(np.std(steps) / np.mean(steps)) for steps in (np.diff(levels), np.diff(np.log(levels)))]
+    return even[1] < even[0]
+
+
+def _spans_decades(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size and known.min() > 0.0 and known.max() > _DECADES * known.min())
+
+
+def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
+    if not failed.size:
+        return []
+    why, count = np.unique(trade.table["error"][failed], return_counts=True)
+    order = np.argsort(-count, kind="stable")[:_TOLD_ERRORS]
+    first = {text: int(np.flatnonzero(trade.table["error"] == text)[0]) for text in why[order].tolist()}
+    rows = [(f"{count[k]:,}", f"{first[str(why[k])]}", escape(str(why[k]))) for k in order]
+    return ["<h2>Points that could not be flown</h2>", table([("rows", True), ("first", True), ("why", False)], rows)]
+
+
+def _again(trade: TradeTable) -> list[str]:
+    source = trade.base.source
+    versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
+    seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
+    seeds += f" to {trade.plan.seed + trade.study.seeds - 1}, the same at each point" if trade.study.seeds > 1 else ""
+    asked = _toml(trade)
+    return [
+        f"<p>Seeds: {seeds}. Versions: {escape(versions)}.</p>",
+        f"<details><summary>The study</summary><pre>{escape(asked)}</pre></details>",
+        f"<details><summary>The scenario before any axis</summary><pre>{escape(source.scenario)}</pre></details>",
+    ]
+
+
+def _toml(trade: TradeTable) -> str:
+    import tomli_w
+
+    return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
+
+
+# ------------------------------------------------------------------------------------------------------- the pictures
+
+
+def _pictures(trade: TradeTable) -> list[str]:
+    made = []
+    frames = {point: _frame_or_why(trade, point * trade.study.seeds) for point, _ in chosen(trade)}
+    parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
+    for point, why in chosen(trade):
+        row, frame = point * trade.study.seeds, frames[point]
+        made.append(f"<h3>{escape(why)} (row {row})</h3>")
+        if isinstance(frame, RsoLidarError):
+            made.append(f"<p>{escape(str(frame))}</p>")
+            continue
+        with unwarned():
+            merits = ", ".join(
+                f"{words(MERITS[name])} {said(float(trade.table[name][row]))}" for name in trade.study.merits
+            )
+            caption = (
+                f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
+            )
+            made.append(image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
+    return ["<h2>Frames</h2>", *made] if made else []
+
+
+def _command(trade: TradeTable, row: int, frame: int) -> str:
+    """Return the command that makes a frame of a row again."""
+    changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
+    settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
+    file = shlex.quote(_from_here(trade.plan.folder / trade.plan.where))
+    return f"rso-lidar run {file} {settings} --frames {frame}:{frame + 1} -o frame.h5"
+
+
+def _from_here(file: Path) -> str:
+    """Return the path of a file from the working folder, or from the root where no path leads there."""
+    file = file.resolve()
+    try:
+        return os.path.relpath(file, Path.cwd().resolve())
+    except ValueError:  # another drive
+        return str(file)
+
+
+def _frame_or_why(trade: TradeTable, row: int) -> Frame | RsoLidarError:
+    """Return the frame that is shown of a row, or why there is none."""
+    with unwarned():
+        try:
+            return _frame(trade, row)
+        except RsoLidarError as error:
+            return error
+
+
+def _frame(trade: TradeTable, row: int) -> Frame:
+    """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
+    scenario = trade.plan.scenario(row)
+    numbers = trade.study.numbers(scenario)
+    wanted = trade.study.report.frame
+    number = int(numbers[(len(numbers) - 1) // 2]) if wanted is None else min(wanted, scenario.time.n_frames - 1)
+    return next(simulate(scenario, frames=[number], threads=1))

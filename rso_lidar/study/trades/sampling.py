@@ -1,0 +1,40 @@
+"""The points of a trade study: which values its axes take together."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.study.trades.definition import Grid, Random, Study
+
+
+def points(study: Study) -> list[tuple[Any, ...]]:
+    """Return the points of a study, each one value for each axis; drawn points depend on the study's seed alone."""
+    if isinstance(study.sampling, Grid):
+        return list(itertools.product(*(axis.grid() for axis in study.axis)))
+    share = shares(study)
+    return list(zip(*(axis.at(column) for axis, column in zip(study.axis, share.T, strict=True)), strict=True))
+
+
+def shares(study: Study) -> np.ndarray:
+    """Return where drawn points lie (point, axis), as shares of each axis, 0 to below 1."""
+    assert not isinstance(study.sampling, Grid)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(study.seed)))
+    n, dimensions = study.sampling.points, len(study.axis)
+    if isinstance(study.sampling, Random):
+        return rng.random((n, dimensions))
+    from scipy.stats import qmc
+
+    drawn: np.ndarray = qmc.LatinHypercube(dimensions, rng=rng).random(n)
+    return drawn
+
+
+def settings(study: Study, point: tuple[Any, ...]) -> dict[str, str]:
+    """Return by field what a point sets, as TOML text."""
+    return {
+        field: text
+        for axis, value in zip(study.axis, point, strict=True)
+        for field, text in axis.settings(value).items()
+    }
