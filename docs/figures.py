@@ -33,7 +33,7 @@ from rso_lidar.picture.selection.scale import nice_down
 from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.records import Photons, Waveforms
-from rso_lidar.rpo.hill import clohessy_wiltshire
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.surfaces import surface_of
 from rso_lidar.scene.surfaces.portrait import portrait
 from rso_lidar.study.time_history.open_loop import course

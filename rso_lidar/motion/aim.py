@@ -11,9 +11,10 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import unwarned
-from rso_lidar.motion.body import Body
-from rso_lidar.motion.point import Demand, DemandCurve, TrackPoint, pan_tilt
-from rso_lidar.motion.ptu import Mount, Ptu, ptu_link, sense, start, step
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, pan_tilt
+from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link, sense, start, step
+from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.truth import Flights, truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import Link, PoseTree, pose, turned

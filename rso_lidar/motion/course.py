@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean, unwarned
-from rso_lidar.motion.body import Body, seen_by
-from rso_lidar.motion.dynamics import Flight
-from rso_lidar.motion.slew import Slew
-from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.attitudes.slew import Slew
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.bodies.order import seen_by
+from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth

@@ -10,14 +10,15 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import RsoLidarError, placed, told, unwarned, warn
-from rso_lidar.motion.attitude import FixedAttitude
-from rso_lidar.motion.body import Body, seen_by, working_order
-from rso_lidar.motion.dynamics import Flight, open_loop
-from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.joint import sun_in_body
-from rso_lidar.motion.situation import Situation, Turn, given_direction
-from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
-from rso_lidar.motion.sunward import sun_line
+from rso_lidar.motion.attitudes.constant import FixedAttitude
+from rso_lidar.motion.attitudes.situation import Situation, Turn, given_direction
+from rso_lidar.motion.attitudes.sun_pointing import sun_line
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.bodies.hinge import sun_in_body
+from rso_lidar.motion.bodies.order import seen_by, working_order
+from rso_lidar.motion.bodies.prescribed import Fixed, Table
+from rso_lidar.motion.dynamics.flight import Flight, open_loop
+from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.orbit import J2, Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
@@ -25,8 +26,8 @@ from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import derivative, state_rates, two_body_rates
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.rpo.hill import inertial_acceleration, rtn_matrix
-from rso_lidar.rpo.relative import RelativeMotion
+from rso_lidar.rpo.relative.relative_motion import RelativeMotion
+from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
 
 Flights = Mapping[str, Flight]
 ROUNDING_RAD_S = 1e-15

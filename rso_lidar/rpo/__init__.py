@@ -1,19 +1,20 @@
 """Rendezvous and proximity operations: relative motion in a chief's rtn axes, and plans made of it."""
 
-from rso_lidar.rpo.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
-from rso_lidar.rpo.circling import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
-from rso_lidar.rpo.eccentric import YamanakaAnkersen
-from rso_lidar.rpo.hill import Hill, rtn_axes, rtn_matrix
-from rso_lidar.rpo.nonlinear import Nonlinear
-from rso_lidar.rpo.operation import ProximityOperation
-from rso_lidar.rpo.plan import Plan
-from rso_lidar.rpo.relative import RelativeMotion
-from rso_lidar.rpo.relative_elements import (
+from rso_lidar.rpo.plans.approach import CoElliptic, RBarApproach, StationKeeping, VBarApproach
+from rso_lidar.rpo.plans.circumnavigation import Circumnavigation, ForcedCircumnavigation, SafetyEllipse, Teardrop
+from rso_lidar.rpo.plans.operation import ProximityOperation
+from rso_lidar.rpo.plans.plan import Plan
+from rso_lidar.rpo.plans.transfers import Hop, Lambert, Rendezvous, Waypoints
+from rso_lidar.rpo.relative.hill import Hill
+from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.relative_elements import (
     RelativeElements,
     relative_elements_from_states,
     state_from_relative_elements,
 )
-from rso_lidar.rpo.transfers import Hop, Lambert, Rendezvous, Waypoints
+from rso_lidar.rpo.relative.relative_motion import RelativeMotion
+from rso_lidar.rpo.relative.rtn import rtn_axes, rtn_matrix
+from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
 
 __all__ = [
     "Circumnavigation",

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.aem import AttitudeTable
-from rso_lidar.motion.body import Body
+from rso_lidar.motion.attitudes.aem import AttitudeTable
+from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000

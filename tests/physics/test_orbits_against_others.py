@@ -16,7 +16,8 @@ from rso_lidar.orbit.sets.sgp4_motion import Tle
 from rso_lidar.orbit.sets.teme import gcrs_from_teme, teme
 from rso_lidar.orbit.sky.sun import sun_direction
 from rso_lidar.orbit.two_body.kepler import Kepler, propagate
-from rso_lidar.rpo.hill import Hill, clohessy_wiltshire, rtn_axes
+from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire
+from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 ACTIVE = "tle/catalogs/celestrak_active_2026-05-07.tle"

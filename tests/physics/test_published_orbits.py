@@ -18,9 +18,9 @@ from rso_lidar.orbit.two_body.kepler import Kepler, propagate
 from rso_lidar.orbit.two_body.lambert import lambert
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import clohessy_wiltshire
-from rso_lidar.rpo.nonlinear import rtn_difference
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.rpo.relative.nonlinear import rtn_difference
 
 GM = units.EARTH_GM_M3_S2
 CURTIS_GM = 3.986e14  # his, 1.1e-6 less: beyond the five digits that he prints

@@ -16,10 +16,11 @@ from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.eccentric import YamanakaAnkersen
-from rso_lidar.rpo.hill import Hill, rtn_axes
-from rso_lidar.rpo.nonlinear import Nonlinear
-from rso_lidar.rpo.relative_elements import RelativeElements, beside_elements
+from rso_lidar.rpo.relative.hill import Hill
+from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.relative_elements import RelativeElements, beside_elements
+from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

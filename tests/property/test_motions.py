@@ -12,9 +12,10 @@ from rso_lidar.motion.aim import driven, with_lidar
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
-from rso_lidar.rpo.eccentric import YamanakaAnkersen
-from rso_lidar.rpo.hill import Hill, rtn_axes
-from rso_lidar.rpo.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.hill import Hill
+from rso_lidar.rpo.relative.nonlinear import Nonlinear
+from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
 from tests.property.motions_for_tests import (
     ATTITUDES,
     KEPLER,
@@ -53,7 +54,7 @@ OF_STATES = {
     "numerical from a tle": SHORT_WAVES_M_S,
 }
 # What differences of 2 s leave out of an acceleration, 3e-6 of 0.02 m/s^2 (J2), over the speed: 1e-11 rad/s. A user's own
-# dynamics are not differenced: what they leave out is said in `hill.inertial_acceleration`.
+# dynamics are not differenced: what they leave out is said in `rtn.inertial_acceleration`.
 RATE_RAD_S = 3e-11
 OWN_RAD_S = 1e-9
 # The velocity of SGP4 leaves out small rates of its periodic terms, some cm/s (Vallado et al. 2006, 3.D); the first-order

@@ -18,8 +18,8 @@ from pydantic import Field
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
-from rso_lidar.motion.attitude import rtn_from_lvlh_ccsds
-from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
+from rso_lidar.motion.attitudes.situation import Situation, Turn
 from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
 from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, known_frame

@@ -6,9 +6,11 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from rso_lidar.motion.aem import AttitudeTable
-from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble
-from rso_lidar.motion.sunward import Nadir, SunPointing
+from rso_lidar.motion.attitudes.aem import AttitudeTable
+from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
+from rso_lidar.motion.attitudes.look_at import LookAt
+from rso_lidar.motion.attitudes.spin import Spin, Tumble
+from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 
 
 def no_bare_lvlh(table: Any) -> Any:

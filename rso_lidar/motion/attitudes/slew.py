@@ -16,8 +16,8 @@ from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.laws import Law, OneLaw
-from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.motion.attitudes.law import Law, OneLaw
+from rso_lidar.motion.attitudes.situation import Situation, Turn
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.pose import turned

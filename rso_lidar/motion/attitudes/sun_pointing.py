@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.attitude import PARALLEL_RAD, look_at, rtn_from_lvlh_ccsds
-from rso_lidar.motion.situation import Situation, Turn
+from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
+from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, look_at
+from rso_lidar.motion.attitudes.situation import Situation, Turn
 from rso_lidar.orbit.epochs import utc_text
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector

@@ -1,20 +1,15 @@
 """Bodies: a name, a motion, an attitude and extra axes; and in which order they must be worked out."""
 
-from collections.abc import Sequence
-from graphlib import CycleError, TopologicalSorter
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.motion.attitude import LookAt, LvlhCcsds, Rtn
-from rso_lidar.motion.ephemeris import Fixed, Table
-from rso_lidar.motion.joint import HingeAxes
-from rso_lidar.motion.laws import Law, no_bare_lvlh
-from rso_lidar.motion.ptu import Mount
-from rso_lidar.motion.slew import Slew
-from rso_lidar.motion.state_space import StateSpace, StateSpaceAttitude
-from rso_lidar.motion.sunward import Nadir
+from rso_lidar.motion.attitudes.law import Law, no_bare_lvlh
+from rso_lidar.motion.attitudes.slew import Slew
+from rso_lidar.motion.bodies.hinge import HingeAxes
+from rso_lidar.motion.bodies.prescribed import Fixed, Table
+from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.mount import Mount
 from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.part import Name, Part
 from rso_lidar.rpo import (
@@ -113,127 +108,3 @@ class Body(Part):
     def origin(self) -> str:
         """Return the name of the axes at the body's origin that do not turn with it."""
         return f"{self.name}.rtn" if self.orbits else f"{self.name}.origin"
-
-
-def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
-    """Return the names of origin and body axes in an order in which each needs only what stands before it.
-
-    Raises `ScenarioError` for names used twice, unknown names, motions that need an Earth in a local world, relative
-    motions about something that does not orbit, and loops.
-    """
-    by_name = _by_name(bodies)
-    hosts = {axes.name: body for body in bodies for axes in body.axes}
-    graph: dict[str, list[str]] = {}
-    for body in bodies:
-        graph[body.origin] = _origin_needs(body, by_name, local)
-        graph[body.name] = [body.origin, *_attitude_needs(body, by_name, hosts, local)]
-    try:
-        return list(TopologicalSorter(graph).static_order())
-    except CycleError as error:
-        names = [name.partition(".")[0] for name in error.args[1]]
-        chain = " -> ".join(name for name, before in zip(names, [None, *names], strict=False) if name != before)
-        raise ScenarioError(
-            f"{names[0]}: relative_to and look_at go round in a loop ({chain}); break it: relate one to something else"
-        ) from None
-
-
-def seen_by(body: Body, bodies: Sequence[Body]) -> list[Body]:
-    """Return the bodies that the attitude of one looks at, and those about which they move in turn, itself untilted.
-
-    They keep their attitudes only where these matter: where axes that they declare are looked at, or carry others.
-    """
-    by_name = {one.name: one for one in bodies}
-    hosts = {axes.name: one for one in bodies for axes in one.axes}
-    tilted: dict[str, bool] = {}
-
-    def need(name: str, turned: bool) -> None:
-        if tilted.get(name, False) or (name in tilted and not turned):
-            return
-        tilted[name] = turned
-        one = by_name[name]
-        relative_to = getattr(one.motion, "relative_to", None)
-        if relative_to is not None:
-            need(relative_to, isinstance(one.motion, Fixed | Table))
-        if turned or one is body:
-            for law in _laws(one.attitude):
-                if isinstance(law, LookAt):
-                    need(law.at if law.at in by_name else hosts[law.at].name, law.at in hosts)
-
-    need(body.name, False)
-    return [by_name[name] if turned else by_name[name].replace(attitude=None) for name, turned in tilted.items()]
-
-
-def _by_name(bodies: Sequence[Body]) -> dict[str, Body]:
-    seen: set[str] = set()
-    for axes in [axes for body in bodies for axes in body.axes]:
-        if axes.name in RESERVED:
-            raise ScenarioError(f"{axes.name}: this name of axes is reserved ({', '.join(RESERVED)}); choose another")
-    for name in [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]:
-        if name in seen:
-            raise ScenarioError(f"{name}: two bodies or axes have this name; rename one")
-        seen.add(name)
-    return {body.name: body for body in bodies}
-
-
-def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str]:
-    motion = body.motion
-    if local and body.orbits:
-        raise ScenarioError(
-            f"{body.name}.motion: '{motion.type}' needs an Earth, and [world] axes = \"local\" has none; "
-            "use 'fixed', 'table' or 'state_space', or leave out [world]"
-        )
-    if not local and isinstance(motion, StateSpace) and motion.axes == "local":
-        raise ScenarioError(
-            f'{body.name}.motion.axes: "local" is for a root without an Earth; write "inertial", or [world] axes = "local"'
-        )
-    relative_to = getattr(motion, "relative_to", None)
-    if relative_to is None:
-        return []
-    if relative_to not in by_name:
-        guess = did_you_mean(relative_to, by_name)
-        raise ScenarioError(
-            f"{body.name}.motion.relative_to: no body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
-        )
-    chief = by_name[relative_to]
-    if isinstance(motion, Fixed | Table):
-        return [chief.name]
-    if not chief.orbits:
-        raise ScenarioError(
-            f"{body.name}.motion.relative_to: '{relative_to}' does not orbit, so it has no rtn axes; "
-            "give it an orbit, or use motion 'fixed' or 'table'"
-        )
-    return [chief.origin]
-
-
-def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
-    needs = []
-    for law in _laws(body.attitude):
-        if isinstance(law, Rtn | LvlhCcsds | Nadir) and (local or not body.orbits):
-            raise ScenarioError(
-                f"{body.name}.attitude: '{law.type}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
-            )
-        if isinstance(law, LookAt):
-            needs.append(_seen(law.at, body, by_name, hosts))
-    if isinstance(body.motion, StateSpace) and body.motion.turns and body.attitude is not None:
-        raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
-    return needs
-
-
-def _laws(attitude: Any) -> list[Any]:
-    """Return an attitude law, or those that it goes between."""
-    if isinstance(attitude, Slew):
-        return [*_laws(attitude.first), *_laws(attitude.then)]
-    return [attitude]
-
-
-def _seen(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
-    """Return the name of the axes that a body looks at."""
-    if at in by_name:
-        if at == body.name:
-            raise ScenarioError(f"{body.name}.attitude.at: a body cannot look at itself; name another")
-        return by_name[at].origin
-    if at in hosts:
-        return hosts[at].name
-    known = [*by_name, *hosts]
-    guess = did_you_mean(at, known)
-    raise ScenarioError(f"{body.name}.attitude.at: nothing is named '{at}'{guess} (known: {', '.join(known)})")

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
-from rso_lidar.motion.dynamics import Flight, StateSpaceModel
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.part import UNIT_NORM_WITHIN, Name, Text
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.arithmetic import compiled, loop
-from rso_lidar.motion.dynamics import Dynamics, Function, checked, found, in_words, stamp
+from rso_lidar.motion.dynamics.function import Dynamics, Function, checked, found, in_words, stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]

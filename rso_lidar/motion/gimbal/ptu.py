@@ -16,69 +16,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive, advance
-from rso_lidar.motion.point import Demand, FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.part import GREATEST, NotNegative, Number, Part, Quaternion, Vector
-from rso_lidar.pose import Link, euler_zyx, pose
+from rso_lidar.motion.gimbal.demand import Demand, FixedPoint, ScanPoint, TrackPoint
+from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive, advance
+from rso_lidar.motion.mount import Mount
+from rso_lidar.part import GREATEST, NotNegative, Number, Part
+from rso_lidar.pose import Link
 from rso_lidar.records import Command, PtuAngles
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
-
-__all__ = [
-    "FirstOrder", "Ideal", "Mount", "PointingErrors", "Ptu", "PtuState", "SecondOrder", "StateSpaceDrive", "ptu_link",
-    "sense", "start", "step",
-]  # fmt: skip
 
 TICKS_PER_S = 1000
 TICK_S = 1.0 / TICKS_PER_S
 CHUNK = 20_000  # ticks for which the demand is evaluated at once
-
-
-class Mount(Part):
-    """Where something is fixed to its parent and how it is turned there: parent_from_child."""
-
-    position_m: Vector = Field(
-        default=(0.0, 0.0, 0.0), description="Position of the child's origin in parent axes [m]."
-    )
-    quaternion_xyzw: Quaternion | None = Field(
-        default=None, description="Unit quaternion parent_from_child; give at most one of this and `euler_zyx_deg`."
-    )
-    euler_zyx_deg: Vector | None = Field(
-        default=None,
-        description=(
-            "Intrinsic rotations about z, then the new y, then the new x [deg]; give at most one of this and "
-            "`quaternion_xyzw`."
-        ),
-    )
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> Self:
-        if self.quaternion_xyzw is not None and self.euler_zyx_deg is not None:
-            raise ValueError("quaternion_xyzw and euler_zyx_deg both turn the mount: keep one")
-        return self
-
-    @property
-    def rotation(self) -> Rotation:
-        """Return parent_from_child as a rotation; the identity where nothing is given."""
-        from scipy.spatial.transform import Rotation
-
-        if self.euler_zyx_deg is not None:
-            return euler_zyx(self.euler_zyx_deg)
-        return Rotation.from_quat(self.quaternion_xyzw or (0.0, 0.0, 0.0, 1.0))
-
-    @cached_property
-    def link(self) -> Link:
-        """Return the link of the child in its parent, which does not move."""
-        return Link.still(pose(np.asarray(self.position_m, dtype=float), self.rotation))
 
 
 class PointingErrors(Part):

@@ -9,9 +9,9 @@ from pydantic import Field, model_validator
 
 from rso_lidar.part import Number, Positive, Vector
 from rso_lidar.rpo.limits import Duration, Pieces
-from rso_lidar.rpo.operation import ProximityOperation
-from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.operation import ProximityOperation
+from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast, line
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
 
 
 class StationKeeping(ProximityOperation):

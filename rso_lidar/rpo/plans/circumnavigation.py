@@ -12,9 +12,9 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, NotNegative, Number, Positive
 from rso_lidar.rpo.limits import Duration, Pieces
-from rso_lidar.rpo.operation import ProximityOperation
-from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.operation import ProximityOperation
+from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
 
 
 def _ellipse(

@@ -15,10 +15,10 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import NotNegative
-from rso_lidar.rpo import hill
 from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, years
-from rso_lidar.rpo.plan import Plan
-from rso_lidar.rpo.relative import RelativeMotion
+from rso_lidar.rpo.plans.plan import Plan
+from rso_lidar.rpo.relative import hill
+from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 
 _LOOKS = 5  # at a leg, for how far and how fast it goes
 # What says how fast a plan is flown, most telling first

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.rpo.closest import closest
-from rso_lidar.rpo.hill import clohessy_wiltshire
 from rso_lidar.rpo.limits import horizon_within
+from rso_lidar.rpo.plans.closest_approach import closest
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 SAFE_REVOLUTIONS = 2.0  # of free drift after thrust stops, where no horizon is given

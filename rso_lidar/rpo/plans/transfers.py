@@ -21,12 +21,13 @@ from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo import hill
 from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait
-from rso_lidar.rpo.nonlinear import beside, rtn_difference
-from rso_lidar.rpo.operation import ProximityOperation, kept_out, plan_within
-from rso_lidar.rpo.plan import Impulse, Leg, Plan, coast, line
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.operation import ProximityOperation, kept_out, plan_within
+from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast, line
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.relative import hill
+from rso_lidar.rpo.relative.nonlinear import beside, rtn_difference
+from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 class Hop(ProximityOperation):
@@ -305,7 +306,7 @@ def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.nd
 
 
 def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
-    return turned(hill.rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
+    return turned(rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
 
 
 def _mean_motion(state: BodyState) -> float:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.rpo.hill import clohessy_wiltshire
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 _SINGULAR = 1e-9  # ratio of the singular values below which a direction cannot be commanded
 _MISSED = 1e-9  # share of the way by which an aim may be missed

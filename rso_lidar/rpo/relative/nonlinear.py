@@ -15,8 +15,9 @@ from rso_lidar.orbit.trajectory import Trajectory, state_rates
 from rso_lidar.orbit.two_body.kepler import propagate
 from rso_lidar.pose import cross, turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import flattening, rtn_matrix, state_at_start
-from rso_lidar.rpo.relative import RelativeState
+from rso_lidar.rpo.relative.hill import flattening, state_at_start
+from rso_lidar.rpo.relative.relative_motion import RelativeState
+from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
 class Nonlinear(RelativeState):

@@ -30,9 +30,9 @@ from rso_lidar.orbit.two_body.kepler import propagate
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import flattening, mean_motion_rad_s, state_at_start
-from rso_lidar.rpo.nonlinear import rtn_difference
-from rso_lidar.rpo.relative import RelativeMotion
+from rso_lidar.rpo.relative.hill import flattening, mean_motion_rad_s, state_at_start
+from rso_lidar.rpo.relative.nonlinear import rtn_difference
+from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 
 _TURNED_RAD = 0.05
 _IN_AIR_M = 500e3

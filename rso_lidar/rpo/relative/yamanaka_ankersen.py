@@ -18,8 +18,8 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body.anomaly import starter
 from rso_lidar.part import Vector
-from rso_lidar.rpo.hill import FAR_M, GM, eccentricity, flattening, state_at_start
-from rso_lidar.rpo.relative import RelativeState
+from rso_lidar.rpo.relative.hill import FAR_M, GM, eccentricity, flattening, state_at_start
+from rso_lidar.rpo.relative.relative_motion import RelativeState
 
 _BLOCK = 4096  # epochs worked out at a time: what fits a processor's cache
 

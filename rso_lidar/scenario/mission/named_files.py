@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from rso_lidar.motion.dynamics import file_of
+from rso_lidar.motion.dynamics.function import file_of
 from rso_lidar.part import Part
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
-from rso_lidar.motion.dynamics import in_words
+from rso_lidar.motion.dynamics.function import in_words
 from rso_lidar.orbit import Tle, utc_text
 from rso_lidar.part import Part
 from rso_lidar.records import Source, TargetEntry

@@ -13,7 +13,7 @@ from rso_lidar.detector.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, utc_text
 from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.two_body.osculating_elements import elements
-from rso_lidar.rpo.operation import ProximityOperation
+from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, Sight, preview
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from rso_lidar.craft import Hinge
 from rso_lidar.errors import ScenarioError, placed
-from rso_lidar.motion.joint import Angle, FollowSun, HingeAxes
+from rso_lidar.motion.bodies.hinge import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
 from rso_lidar.scene.meshes.mesh import body_from_mesh
 

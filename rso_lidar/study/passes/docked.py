@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.orbit.screening.conjunctions import Screened
 from rso_lidar.pose import turned
-from rso_lidar.rpo.hill import rtn_matrix
+from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
 
 # One standard deviation of a set at its epoch, radial and across the track [m]: Flohrer, Krag & Klinkrad, Assessment and

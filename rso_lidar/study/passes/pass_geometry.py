@@ -22,7 +22,7 @@ from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import rtn_matrix
+from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 if TYPE_CHECKING:
     from rso_lidar.scenario.tables.constraints import Constraints, Corridor

@@ -17,7 +17,7 @@ from rso_lidar.orbit.sets.element_set import ElementSet, printable
 from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import turned
-from rso_lidar.rpo.hill import rtn_axes
+from rso_lidar.rpo.relative.rtn import rtn_axes
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
 from rso_lidar.study.passes.search import Encounters
 

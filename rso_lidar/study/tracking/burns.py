@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import motion, rpo
-from rso_lidar.rpo.plan import Impulse, Plan
+from rso_lidar.rpo.plans.plan import Impulse, Plan
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # of thrust between two instants; less is free flight

@@ -7,10 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.motion.aem import AttitudeTable, write_aem, write_attitude_csv
-from rso_lidar.motion.attitude import LvlhCcsds, Tumble
-from rso_lidar.motion.body import Body
-from rso_lidar.motion.ephemeris import Fixed
+from rso_lidar.motion.attitudes.aem import AttitudeTable, write_aem, write_attitude_csv
+from rso_lidar.motion.attitudes.constant import LvlhCcsds
+from rso_lidar.motion.attitudes.spin import Tumble
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.bodies.prescribed import Fixed
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs

@@ -3,7 +3,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitude import FixedAttitude, LookAt, LvlhCcsds, Rtn, Spin, Tumble, look_at
+from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
+from rso_lidar.motion.attitudes.look_at import LookAt, look_at
+from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.units import DEG
 
 X, Y, Z = np.eye(3)

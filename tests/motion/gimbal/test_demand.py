@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.point import DemandCurve, FixedPoint, ScanPoint, TrackPoint, pan_tilt
-from rso_lidar.motion.ptu import Ptu
+from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, TrackPoint, pan_tilt
+from rso_lidar.motion.gimbal.ptu import Ptu
 from rso_lidar.units import DEG
 
 

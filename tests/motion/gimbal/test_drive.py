@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive, advance
-from rso_lidar.motion.ptu import TICK_S
+from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive, advance
+from rso_lidar.motion.gimbal.ptu import TICK_S
 from rso_lidar.units import DEG
 
 

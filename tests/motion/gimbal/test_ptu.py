@@ -3,9 +3,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.drive import FirstOrder, Ideal, SecondOrder
-from rso_lidar.motion.point import DemandCurve, FixedPoint, ScanPoint, pan_tilt
-from rso_lidar.motion.ptu import Mount, PointingErrors, Ptu, ptu_link, sense, start, step
+from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, pan_tilt
+from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder
+from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, ptu_link, sense, start, step
+from rso_lidar.motion.mount import Mount
 from rso_lidar.records import Command
 from rso_lidar.units import DEG
 

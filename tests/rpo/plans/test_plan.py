@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.rpo.closest import closest
-from rso_lidar.rpo.hill import clohessy_wiltshire
-from rso_lidar.rpo.plan import Impulse, Plan, coast, line
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.closest_approach import closest
+from rso_lidar.rpo.plans.plan import Impulse, Plan, coast, line
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 N = 1.1e-3
 REVOLUTION = math.tau / N

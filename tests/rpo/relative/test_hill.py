@@ -11,9 +11,10 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.rpo import curvilinear
-from rso_lidar.rpo.hill import Hill, clohessy_wiltshire, mean_motion_rad_s, rtn_axes
-from rso_lidar.rpo.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.relative import curvilinear
+from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, mean_motion_rad_s
+from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 RADIUS = 42164e3

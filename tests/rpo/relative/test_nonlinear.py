@@ -11,8 +11,8 @@ from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.two_body.kepler import State, propagate
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.hill import rtn_axes
-from rso_lidar.rpo.nonlinear import Nonlinear, beside, rtn_difference
+from rso_lidar.rpo.relative.nonlinear import Nonlinear, beside, rtn_difference
+from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -15,8 +15,8 @@ from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.nonlinear import Nonlinear, rtn_difference
-from rso_lidar.rpo.relative_elements import (
+from rso_lidar.rpo.relative.nonlinear import Nonlinear, rtn_difference
+from rso_lidar.rpo.relative.relative_elements import (
     RelativeElements,
     beside_elements,
     relative_elements,

@@ -12,9 +12,9 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State, propagate
 from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.eccentric import YamanakaAnkersen, yamanaka_ankersen
-from rso_lidar.rpo.hill import clohessy_wiltshire
-from rso_lidar.rpo.nonlinear import beside, rtn_difference
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire
+from rso_lidar.rpo.relative.nonlinear import beside, rtn_difference
+from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, yamanaka_ankersen
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)

@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion import dynamics
+from rso_lidar.motion.dynamics import flight
 
 CODE = """
 from pathlib import Path
@@ -43,7 +43,7 @@ def recording(named):
     (code,) = folder.glob("strange_dynamics_*.py")
     sys.modules.pop(code.stem, None)
     code.write_text(CODE + "# changed, so that no cache holds it\n")
-    dynamics._flown.cache_clear()
+    flight._flown.cache_clear()
     return path
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.joint import FixedAngle, FollowSun
+from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun
 from rso_lidar.scenario.tables.hinges import Joint
 from rso_lidar.scene import Hinged, articulated
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.rpo.plan import Plan
+from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.study.tracking.burns import known_burns
 from rso_lidar.track import kalman
 

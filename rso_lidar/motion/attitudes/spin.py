@@ -1,0 +1,135 @@
+"""Bodies that turn on their own: spinning at a constant rate, or tumbling free of torque."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from rso_lidar import units
+from rso_lidar.motion.attitudes.free_rotation import free_rotation
+from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Vector
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+_IDENTITY = (0.0, 0.0, 0.0, 1.0)
+
+
+class Spin(Part):
+    """Spinning at a constant rate about an axis in body axes; `quaternion_xyzw` is inertial_from_body at t = 0."""
+
+    type: Literal["spin"] = "spin"
+    axis: Direction = Field(description="Rotation axis in body axes, of any length.")
+    rate_deg_s: Number = Field(description="Rotation rate, right-handed about `axis` [deg/s].")
+    quaternion_xyzw: Quaternion = Field(
+        default=_IDENTITY, description="Unit quaternion inertial_from_body at `start_utc`."
+    )
+
+    @property
+    def body_rate_rad_s(self) -> np.ndarray:
+        """Return the constant body rates (3,) [rad/s] in body axes."""
+        axis = np.asarray(self.axis, dtype=float)
+        rate: np.ndarray = axis / np.linalg.norm(axis) * (self.rate_deg_s * units.DEG)
+        return rate
+
+    def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
+        """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s].
+
+        >>> rotation, _ = Spin(axis=(0, 0, 1), rate_deg_s=90.0).orientation(1.0)
+        >>> rotation.apply([1, 0, 0]).round(12)
+        array([0., 1., 0.])
+        """
+        from scipy.spatial.transform import Rotation
+
+        along, across, out, rate = self._rodrigues
+        angle = np.asarray(time_s, dtype=float)[..., None, None] * (self.rate_deg_s * units.DEG)
+        matrix = along + np.cos(angle) * across + np.sin(angle) * out
+        return Rotation.from_matrix(matrix, assume_valid=True), np.tile(rate, (*np.shape(time_s), 1))
+
+    @cached_property
+    def _rodrigues(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return what of the first matrix stays, what turns with the cosine and with the sine, and the rate [rad/s]."""
+        from scipy.spatial.transform import Rotation
+
+        x, y, z = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
+        start = Rotation.from_quat(self.quaternion_xyzw).as_matrix()
+        along = np.matmul(start, np.outer((x, y, z), (x, y, z)))
+        out = np.matmul(start, np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+        return along, start - along, out, self.body_rate_rad_s
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned."""
+        return Turn(*self.orientation(here.epochs.time_s))
+
+
+def _three_or_nine(inertia: Any) -> Any:
+    rows = list(inertia) if isinstance(inertia, list | tuple) else []
+    tables = [list(row) if isinstance(row, list | tuple) else None for row in rows]
+    square = all(row is not None and len(row) == 3 for row in tables)
+    if len(rows) != 3 or not (square or all(row is None for row in tables)):
+        raise ValueError("needs the three principal moments along the body axes, or three rows of three numbers")
+    for value in [value for row in tables for value in row or ()] or rows:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"needs numbers, not {value!r:.60}")
+        if not -GREATEST <= value <= GREATEST:  # an integer of any length, too
+            raise ValueError(f"needs numbers up to {GREATEST:g}; check them and their unit")
+    return inertia
+
+
+class Tumble(Part):
+    """Tumbling free of torque: a rigid body of any inertia, in Jacobi's closed form.
+
+    `inertia_kg_m2` is three principal moments along the body axes, or a symmetric 3 x 3 tensor in body axes;
+    `body_rate_deg_s` and `quaternion_xyzw` (inertial_from_body) hold at t = 0.
+    """
+
+    type: Literal["tumble"] = "tumble"
+    inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_three_or_nine)] = Field(
+        description=(
+            "Three principal moments of inertia along the body axes, or the symmetric inertia tensor in body axes [kg "
+            "m²]."
+        )
+    )
+    body_rate_deg_s: Vector = Field(description="Angular velocity at `start_utc`, in body axes [deg/s].")
+    quaternion_xyzw: Quaternion = Field(
+        default=_IDENTITY, description="Unit quaternion inertial_from_body at `start_utc`."
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        tensor = self.inertia_tensor_kg_m2
+        if np.abs(tensor - tensor.T).max() > 1e-9 * np.abs(tensor).max():
+            raise ValueError("inertia_kg_m2: the tensor is not symmetric; write each product of inertia twice, equal")
+        least, middle, most = np.linalg.eigvalsh(tensor)
+        if least <= 0.0:
+            raise ValueError(f"inertia_kg_m2: a principal moment is {least:.6g}; all three must be positive")
+        if most > (least + middle) * (1.0 + 1e-9):  # a flat plate has equality, to rounding
+            raise ValueError(
+                f"inertia_kg_m2: no body has the principal moments {least:.6g}, {middle:.6g} and {most:.6g}, "
+                "for the largest exceeds the sum of the others; check units, axes and signs"
+            )
+        return self
+
+    @property
+    def inertia_tensor_kg_m2(self) -> np.ndarray:
+        """Return the inertia tensor (3, 3) [kg m2] in body axes."""
+        given = np.asarray(self.inertia_kg_m2, dtype=float)
+        return np.diag(given) if given.ndim == 1 else given
+
+    def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
+        """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
+        from scipy.spatial.transform import Rotation
+
+        time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
+        rate = np.asarray(self.body_rate_deg_s, dtype=float) * units.DEG
+        turned, rates = free_rotation(self.inertia_tensor_kg_m2, rate, time)
+        rotation = Rotation.from_quat(self.quaternion_xyzw) * turned
+        return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
+
+    def turn(self, here: Situation) -> Turn:
+        """Return how the body is turned."""
+        return Turn(*self.orientation(here.epochs.time_s))

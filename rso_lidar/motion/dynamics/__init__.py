@@ -1,0 +1,1 @@
+"""A user's own equations of motion x' = f(t, x, u): found, checked and integrated."""

@@ -1,0 +1,1 @@
+"""The pan-tilt unit: what it is asked to point at, its drive, and its encoders."""

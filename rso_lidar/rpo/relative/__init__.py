@@ -1,0 +1,1 @@
+"""Models of relative motion in a chief's rtn axes, and those axes."""
