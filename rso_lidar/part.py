@@ -190,7 +190,7 @@ class Seam:
             return serialize(value)
         if isinstance(info.context, _Objects):
             info.context.append(value)
-        return {"type": _PYTHON, "object": name_object(value)}
+        return python_table(value)
 
 
 _PYTHON = "python"  # the type of the table that stands for a Python object
@@ -206,6 +206,16 @@ def python_objects(part: BaseModel) -> list[object]:
     found = _Objects()
     part.model_dump(context=found)
     return list(found)
+
+
+def dump_part(value: object) -> dict[str, Any]:
+    """Return the table of a part, without keys that are not set, or the one that stands for another object."""
+    return value.model_dump(exclude_none=True) if isinstance(value, Part) else python_table(value)
+
+
+def python_table(value: object) -> dict[str, Any]:
+    """Return the table that stands for a Python object in a dump."""
+    return {"type": _PYTHON, "object": name_object(value)}
 
 
 def name_object(value: object) -> str:

@@ -40,7 +40,7 @@ def timeline(
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)
     mirrored = any(
-        one.retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
+        one.is_retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
     )
     for line in _summary(made, mirrored):
         echo(line)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.part import name_object, python_objects
 from rso_lidar.records import Source
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.provenance import arithmetic_in_words, source_of
@@ -31,7 +32,15 @@ class Scenario(Mission):
         return {}
 
     def dumps(self) -> str:
-        """Return the scenario as TOML, with every default written out and element sets inline."""
+        """Return the scenario as TOML, with every default written out and element sets inline.
+
+        Raises `ScenarioError` where it holds a Python object in place of a part: a text cannot bring that back.
+        """
+        for one in python_objects(self):
+            raise ScenarioError(
+                f"{self._where}: holds the Python object {name_object(one)}, which TOML cannot; "
+                "keep the script that builds the scenario"
+            )
         return self.source.scenario
 
     def describe(self) -> str:

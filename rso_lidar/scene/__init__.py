@@ -3,17 +3,19 @@
 from rso_lidar.scene.casting.cast import cast
 from rso_lidar.scene.casting.extent import extent
 from rso_lidar.scene.labels import label
-from rso_lidar.scene.materials.brdf import ByWavelength, Lambertian, Material, Named, Phong, material_named
 from rso_lidar.scene.materials.crinkle import Crinkled
 from rso_lidar.scene.materials.measured import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength, Named, material_named
+from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
-from rso_lidar.scene.materials.scatterer import Scatterer
+from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
 from rso_lidar.scene.surfaces.articulated import Hinged, articulated
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 __all__ = [
+    "AnyMaterial",
     "ByWavelength",
     "Crinkled",
     "Ggx",
@@ -31,6 +33,7 @@ __all__ = [
     "articulated",
     "build_surface",
     "cast",
+    "complete",
     "extent",
     "label",
     "load_mesh",

@@ -7,7 +7,6 @@ from rso_lidar import arithmetic
 from rso_lidar.optics import GaussianPsf, Receiver
 from rso_lidar.scene import Crinkled
 from rso_lidar.scene.casting.light import _disc
-from rso_lidar.scene.materials.crinkle import tilted
 from rso_lidar.scene.surfaces.examination import _median
 from tests.optics.bench_for_tests import SEED_LASER, place, plate, see, surface, truth_of
 
@@ -23,10 +22,10 @@ def test_a_crinkled_facet_tilts_alike(direction):
     normal = np.repeat(np.array(direction, dtype=float)[:, None] / np.linalg.norm(direction), 50, axis=1)
     point = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 50))
     foil = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=20.0)
-    first = tilted(normal, point, foil)
+    first = foil.tilt_normals(normal, point)
     assert np.abs(first - normal).max() > 0.05
     for seed in range(8):
-        assert np.abs(tilted(moved(normal, seed), point, foil) - first).max() < 1e-10
+        assert np.abs(foil.tilt_normals(moved(normal, seed), point) - first).max() < 1e-10
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)

@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.files import path_of
 from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs, Tle
-from rso_lidar.part import Part, Text, Whole
+from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.instrument import check_instrument
 from rso_lidar.scenario.mission.named_files import dynamics_of, with_files
 from rso_lidar.scenario.mission.surfaces import surfaces_of
@@ -91,7 +91,11 @@ class Mission(Part):
 
     def __eq__(self, other: object) -> bool:
         """Two scenarios are equal where they say the same, wherever their files lie."""
-        return isinstance(other, Mission) and self.model_dump() == other.model_dump()
+        return (
+            isinstance(other, Mission)
+            and self.model_dump() == other.model_dump()
+            and python_objects(self) == python_objects(other)
+        )
 
     __hash__ = None  # type: ignore[assignment]
 

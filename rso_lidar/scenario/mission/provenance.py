@@ -14,14 +14,14 @@ from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.motion.dynamics.function import in_words
 from rso_lidar.orbit import Tle, utc_text
-from rso_lidar.part import Part
+from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.named_files import files_of
 from rso_lidar.scenario.mission.surfaces import placed_in, taxonomy_of
 from rso_lidar.scenario.tables.library_model import of_library
 from rso_lidar.scenario.tables.target import Target
-from rso_lidar.scene import Lambertian, Named, Scatterer, Surface
+from rso_lidar.scene import Lambertian, Material, Named, Surface
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.library.catalogue import model
 
@@ -44,7 +44,7 @@ def source_of(mission: Mission) -> Source:
                 model=target.shape,
                 mesh_sha256=surface.mesh.sha256,
                 parts=surface.mesh.part_names,
-                materials=tuple(_in_words(material) for material in surface.materials[: len(surface.mesh.part_names)]),
+                materials=tuple(material.summarize() for material in surface.materials[: len(surface.mesh.part_names)]),
                 facets=surface.mesh.source_facets,
                 taxonomy=taxonomy_of(target),
             )
@@ -142,20 +142,8 @@ def _of_library(target: Target) -> dict[str, Any]:
         "taxonomy": kind.model_dump(),
     }
     if target.material is None:
-        of_part: dict[str, Scatterer] = {name: Named(name=material) for name, material in entry.parts.items()}
+        of_part: dict[str, Material] = {name: Named(name=material) for name, material in entry.parts.items()}
         of_part |= target.part_materials
         default = Lambertian()
-        found["part_materials"] = {
-            name: of_part.get(name, default).model_dump(exclude_none=True) for name in mesh.part_names
-        }
+        found["part_materials"] = {name: dump_part(of_part.get(name, default)) for name in mesh.part_names}
     return found
-
-
-def _in_words(material: Any) -> str:
-    fields = material.model_dump(exclude_none=True)
-    kind = fields.pop("type")
-    return " ".join([kind, *(f"{name}={_short(value)}" for name, value in fields.items())])
-
-
-def _short(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, int | float) else "..."

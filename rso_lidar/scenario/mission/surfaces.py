@@ -12,9 +12,9 @@ from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scenario.tables.terrain import mesh_of, taxonomy_of_terrain
 from rso_lidar.scene import (
     Hinged,
+    Material,
     Mesh,
     Named,
-    Scatterer,
     Surface,
     articulated,
     build_surface,
@@ -35,7 +35,7 @@ def surfaces_of(target: Target, number: int, file: Callable[[str], Path], wavele
 def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:
     """Return the surface of a target as light of `wavelength_m` sees it; `file` finds a mesh that the scenario names."""
     entry: ModelEntry | None = None
-    own: Mapping[str, Scatterer] = {}
+    own: Mapping[str, Material] = {}
     if target.terrain is not None:
         mesh = mesh_of(target.terrain, file)
     elif target.is_path:

@@ -13,7 +13,7 @@ from pydantic import Field
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
-from rso_lidar.scene import Material, Named, Scatterer, Surface, library
+from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
 from rso_lidar.scene.meshes.colours import facet_colours, hexed
 
 _DIGITS = 12  # of a facet's number; no mesh has so many
@@ -31,13 +31,13 @@ class FacetMaterials(Part):
     file: Text = Field(
         description="Path of a .csv file (facet, material), or of a .npy file with one integer for each facet."
     )
-    materials: dict[Text, Material] = Field(
+    materials: dict[Text, AnyMaterial] = Field(
         default_factory=dict,
         description="Material for each word or integer of the file; names of the catalogue need no entry.",
     )
 
 
-def coloured(surface: Surface, color_materials: Mapping[str, Scatterer], wavelength_m: float) -> Surface:
+def coloured(surface: Surface, color_materials: Mapping[str, Material], wavelength_m: float) -> Surface:
     """Return the surface with the facets of some colours of another material, as light of `wavelength_m` [m] sees it."""
     with placed("color_materials"):
         colour = hexed(facet_colours(surface.mesh))[surface.mesh.source_facet]
@@ -61,16 +61,16 @@ def finished(
         return _painted(surface, words, meant, wavelength_m)
 
 
-def _painted(surface: Surface, words: np.ndarray, meant: Mapping[str, Scatterer], wavelength_m: float) -> Surface:
+def _painted(surface: Surface, words: np.ndarray, meant: Mapping[str, Material], wavelength_m: float) -> Surface:
     """Return the surface with each facet whose word (facet) means a material of that material."""
     number, materials = surface.finish.astype(np.int64), list(surface.materials)
     for word, material in meant.items():
-        materials.append(material.at(wavelength_m))
+        materials.append(complete(material).at(wavelength_m))
         number[words == word] = len(materials) - 1
     return replace(surface, materials=tuple(materials), material_of=number)
 
 
-def _meant(word: str, facet_materials: FacetMaterials, path: Path) -> Scatterer:
+def _meant(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
     if word in facet_materials.materials:
         return facet_materials.materials[word]
     known = [*facet_materials.materials, *library.materials()]

@@ -16,7 +16,7 @@ from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.hinges import Joint, ModelPlacement, complete_joint
 from rso_lidar.scenario.tables.library_model import OfLibrary
 from rso_lidar.scenario.tables.terrain import Terrain, in_words
-from rso_lidar.scene import Material
+from rso_lidar.scene import AnyMaterial
 from rso_lidar.scene.library.catalogue import model
 
 Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
@@ -51,18 +51,18 @@ class Target(Body):
         default="z_up",
         description="Axes of the file. `z_up`: coordinates apply as they are. `y_up`: the file's y becomes body z.",
     )
-    material: Material | None = Field(
+    material: AnyMaterial | None = Field(
         default=None,
         description=(
             "Material of all parts: a table, or a name of the catalogue such as `mli_gold`. If omitted, a catalogue "
             "model keeps its own; another mesh is Lambertian with reflectance 0.30."
         ),
     )
-    part_materials: dict[Text, Material] = Field(
+    part_materials: dict[Text, AnyMaterial] = Field(
         default_factory=dict,
         description="Materials of named parts, as tables or catalogue names; they override `material`.",
     )
-    color_materials: dict[Colour, Material] = Field(
+    color_materials: dict[Colour, AnyMaterial] = Field(
         default_factory=dict,
         description=(
             "Materials of the facets that have a given colour, such as `#a29225`, in a GLB or PLY file; they override "

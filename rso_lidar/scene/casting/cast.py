@@ -23,7 +23,6 @@ from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M, at_once, bands_of
 from rso_lidar.scene.casting.light import from_laser, from_sun, seen
 from rso_lidar.scene.embree import engine as packets
-from rso_lidar.scene.materials.brdf import Lambertian
 from rso_lidar.scene.surfaces.surface import Surface
 
 if TYPE_CHECKING:
@@ -81,7 +80,7 @@ def _average_over_lens(
     aperture_m: float,
 ) -> Hits:
     """Return the hits with the lobes of retro-reflectors averaged over the lens."""
-    retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.retro]
+    retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.is_retro]
     if not retros:
         return hits
     brdf = hits.brdf_per_sr.copy()
@@ -160,7 +159,7 @@ def _targets(surfaces: tuple[Surface, ...], engine: packets.Engine) -> tuple[tup
         row([surface.planes.T for surface in surfaces], np.float64, (0, 4)),
         row([surface.part for surface in surfaces], np.int16),
         row([surface.mesh.source_facet for surface in surfaces], np.int32),
-        row([surface.matt_per_sr for surface in surfaces], np.float64),
+        row([surface.lambertian_per_sr for surface in surfaces], np.float64),
     )
 
 
@@ -192,10 +191,9 @@ def _in_packets(
     else:
         pieces = at_once(threads, meet, bands)
         first = _First(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
-    matt = [all(isinstance(material, Lambertian) for material in surface.materials) for surface in surfaces]
-    if not all(matt):
+    if not all(surface.is_lambertian for surface in surfaces):
         for k, on in _by_surface(first.number, len(surfaces)):
-            if not matt[k]:
+            if not surfaces[k].is_lambertian:
                 first.brdf_per_sr[on] = surfaces[k].brdf_per_sr(first.facet[on], first.cosine[on])
     return first
 

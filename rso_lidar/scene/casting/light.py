@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar.pose import ROOT, turned
 from rso_lidar.records import Truth
 from rso_lidar.scene.embree import engine as packets
-from rso_lidar.scene.materials.crinkle import Crinkled, tilted, unhidden
+from rso_lidar.scene.materials.crinkle import unhidden
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
 from rso_lidar.scene.surfaces.surface import Surface
 
@@ -102,8 +102,8 @@ def seen(
         normal, cos_out, finish = base.copy(), base_cos_out.copy(), surface.finish[facet]
         for of, material in surface.crinkled.items():
             on = np.flatnonzero(finish == of)
-            slope[on] = material.slope
-            normal[:, on] = tilted(base[:, on], point[:, on], material)
+            slope[on] = material.rms_slope
+            normal[:, on] = material.tilt_normals(base[:, on], point[:, on])
             cos_out[on] = np.clip(-_dot(normal[:, on], along[:, on]), 0.0, 1.0)
     return Seen(
         surfaces,
@@ -167,14 +167,14 @@ def from_sun(hits: Seen) -> np.ndarray:
 
     def ask(material: Scatterer, of: np.ndarray) -> np.ndarray:
         normal, to_viewer, cos_out = hits.normal[:, on[of]], hits.to_viewer[:, on[of]], hits.cos_out[on[of]]
-        points = ring if material.narrow else to_sun[None]
+        points = ring if material.is_narrow else to_sun[None]
         total = np.zeros(len(of))
         for point in points:
             cos_in = np.clip(_dot(normal, point), 0.0, 1.0)
             cos_phase = np.clip(_dot(to_viewer, point), -1.0, 1.0)
             total += cos_in * material.sunlight_brdf_per_sr(cos_in, cos_out, cos_phase)
         slope = hits.slope[on[of]]
-        if isinstance(material, Crinkled):
+        if material.rms_slope > 0.0:
             cos_in, cos_phase = _dot(hits.base[:, on[of]], to_sun), _dot(to_viewer, to_sun)
             total *= hits.shown[on[of]] * unhidden(cos_in, hits.base_cos_out[on[of]], cos_phase, slope)
         return total / len(points)

@@ -11,7 +11,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import Fraction, NotNegative, Positive, Whole
-from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, phong_per_sr
+from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees
@@ -19,7 +19,7 @@ _TIE = 1e-6  # components of a normal that differ by less are equal, whatever ro
 _OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces stand at round coordinates, cells do not
 
 
-class Crinkled(Scatterer):
+class Crinkled(MaterialPart):
     """Foil of many flat pieces: Phong (seed eq. 10) on cells of `cell_mm`, each tilted, so that glints sparkle as it turns.
 
     The slopes of a cell along two directions of the surface are normal, each with the standard deviation tan(`tilt_deg`);
@@ -52,14 +52,24 @@ class Crinkled(Scatterer):
         return self
 
     @property
-    def slope(self) -> float:
+    def rms_slope(self) -> float:
         """Return the standard deviation of a cell's slope along any direction of the surface."""
         return math.tan(self.tilt_deg * units.DEG)
 
     @property
-    def narrow(self) -> bool:
+    def is_narrow(self) -> bool:
         """Return True: a cell's lobe may change over the Sun's disc."""
         return self.specular > 0.0
+
+    def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Return the unit normals of the cells that hold points [m] of a surface with normals, all (xyz, hit)."""
+        along, across = _slopes(point, self)
+        first = np.cross(normal.T, _least(normal)).T
+        first /= np.sqrt(np.einsum("ih,ih->h", first, first))
+        second = np.cross(normal.T, first.T).T
+        turned = normal + along * first + across * second
+        unit: np.ndarray = turned / np.sqrt(np.einsum("ih,ih->h", turned, turned))
+        return unit
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
@@ -76,7 +86,7 @@ class Crinkled(Scatterer):
         given = np.broadcast_arrays(*both_ways(cos_in, cos_out, cos_phase))
         cos_in, cos_out, phase = (np.reshape(one, (-1, 1)) for one in given)
         node, weight = _nodes()
-        p, q = (grid.ravel() * self.slope for grid in np.meshgrid(node, node, indexing="ij"))
+        p, q = (grid.ravel() * self.rms_slope for grid in np.meshgrid(node, node, indexing="ij"))
         share = np.outer(weight, weight).ravel()
         cos_tilt = 1.0 / np.sqrt(1.0 + p**2 + q**2)
         sin_in, sin_out = np.sqrt(np.maximum(1.0 - cos_in**2, 0.0)), np.sqrt(np.maximum(1.0 - cos_out**2, 0.0))
@@ -84,7 +94,7 @@ class Crinkled(Scatterer):
         turn = np.clip((phase - cos_in * cos_out) / flat, -1.0, 1.0)  # cosine of the azimuth between the two
         met = np.maximum((cos_in + p * sin_in) * cos_tilt, 0.0)
         left = np.maximum((cos_out + sin_out * (p * turn + q * np.sqrt(1.0 - turn**2))) * cos_tilt, 0.0)
-        seen = unhidden(cos_in, cos_out, phase, self.slope)
+        seen = unhidden(cos_in, cos_out, phase, self.rms_slope)
         rho = phong_per_sr(self.diffuse, self.specular, self.exponent, met, left, phase)
         mean = (share * rho * met * left / cos_tilt).sum(axis=-1, keepdims=True)
         return np.reshape(mean * seen / np.maximum(cos_in * cos_out, 1e-9), shape)
@@ -95,17 +105,6 @@ def _nodes() -> tuple[np.ndarray, np.ndarray]:
     """Return places and weights for the mean over a normal number."""
     node, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     return node, weight / weight.sum()
-
-
-def tilted(normal: np.ndarray, point: np.ndarray, material: Crinkled) -> np.ndarray:
-    """Return the unit normals of the cells that hold points [m] of a surface with normals, all (xyz, hit)."""
-    along, across = _slopes(point, material)
-    first = np.cross(normal.T, _least(normal)).T
-    first /= np.sqrt(np.einsum("ih,ih->h", first, first))
-    second = np.cross(normal.T, first.T).T
-    turned = normal + along * first + across * second
-    unit: np.ndarray = turned / np.sqrt(np.einsum("ih,ih->h", turned, turned))
-    return unit
 
 
 def unhidden(
@@ -149,7 +148,7 @@ def _slopes(point: np.ndarray, material: Crinkled) -> tuple[np.ndarray, np.ndarr
     for axis in range(3):
         key = _mixed(key ^ cell[:, axis])
     first, second = ((_mixed(key + np.uint64(k)) >> np.uint64(11)).astype(float) * 2.0**-53 for k in (1, 2))
-    radius = material.slope * np.sqrt(-2.0 * np.log1p(-first))  # Box and Muller
+    radius = material.rms_slope * np.sqrt(-2.0 * np.log1p(-first))  # Box and Muller
     return radius * np.cos(2.0 * math.pi * second), radius * np.sin(2.0 * math.pi * second)
 
 

@@ -8,14 +8,14 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import NotNegative
-from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, half_way
 from rso_lidar.units import DEG
 
 _COARSE_DEG = 2.5  # wider steps of the table are cut for the sum over the hemisphere
 _Incidence = Annotated[float, Strict(), Field(ge=0, le=90)]
 
 
-class TableBrdf(Scatterer):
+class TableBrdf(MaterialPart):
     """A BRDF measured with light and viewer in one place, linear in the angle, and constant beyond its ends.
 
     `measured_per_sr` belongs to `incidence_deg`. Of two directions the table is read at the angle between the normal and
@@ -44,7 +44,7 @@ class TableBrdf(Scatterer):
         return self
 
     @property
-    def narrow(self) -> bool:
+    def is_narrow(self) -> bool:
         """Return whether the lobe may change over the Sun's disc."""
         return True
 

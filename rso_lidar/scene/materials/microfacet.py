@@ -7,13 +7,13 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import Fraction
-from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, half_way
 from rso_lidar.units import DEG
 
 _NARROW_ROUGHNESS = 0.1  # above it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
 
 
-class OrenNayar(Scatterer):
+class OrenNayar(MaterialPart):
     """A rough matt surface, facets of which are Lambertian: flatter over the disc and brighter at full phase.
 
     The qualitative model of Oren and Nayar (SIGGRAPH 1994, eq. 30), ρ₀/π (A + B max(0, cos Δφ) sin α tan β) with
@@ -55,7 +55,7 @@ class OrenNayar(Scatterer):
         return brdf
 
 
-class Ggx(Scatterer):
+class Ggx(MaterialPart):
     """A rough mirror over a matt ground: D F G / (4 cos θᵢ cos θₒ) + (k_d/π) (1 - S(θᵢ)) (1 - S(θₒ)).
 
     D is the GGX distribution of facet normals and G Smith's shadowing, separable (Walter et al., EGSR 2007, eqs. 33 and
@@ -79,7 +79,7 @@ class Ggx(Scatterer):
         return self
 
     @property
-    def narrow(self) -> bool:
+    def is_narrow(self) -> bool:
         """Return whether the lobe changes over the Sun's disc."""
         return self.roughness < _NARROW_ROUGHNESS
 

@@ -10,10 +10,10 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, Positive
 from rso_lidar.scene.materials.diffraction import mean_irradiance
-from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer, both_ways
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Scatterer, both_ways
 
 
-class RetroReflector(Scatterer):
+class RetroReflector(MaterialPart):
     """Round cube corners of one size side by side, diffraction limited, as the BRDF of the surface they stand on.
 
     Each sends an Airy pattern back; its peak at normal incidence is the cross-section σ = ρ π³ D⁴ / (4 λ²) (Degnan,
@@ -40,7 +40,7 @@ class RetroReflector(Scatterer):
     )
 
     @property
-    def retro(self) -> bool:
+    def is_retro(self) -> bool:
         """Return True: the lobe points back at the light."""
         return True
 

@@ -1,24 +1,70 @@
-"""What every material answers: how bright a surface is from one direction, lit from another."""
+"""What a surface's material answers: how bright it is from one direction, lit from another."""
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.part import Part
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part, name_object
 
 # Angular radius of the Sun from 1 au, 0.2665 degree: 6.8e-5 sr.
 SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
 
 
-class Scatterer(Part):
-    """A surface whose BRDF depends on three cosines: of incidence, of exitance, and of the angle between the two."""
+@runtime_checkable
+class Material(Protocol):
+    """What a Python object needs to stand where a scenario takes a material.
+
+    One method is enough. Every other member of `Scatterer` that the object has is used too: `at(wavelength_m)`, for
+    instance, or `is_narrow`. What it lacks is that of a plain material, the same at all wavelengths. The method is called
+    from several threads at once, so it must not change the object. `examples/seams/own_material.py` flies one.
+    """
+
+    def brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
+        """Return the BRDF [1/sr] of each hit, without the cosine of incidence.
+
+        Parameters
+        ----------
+        cos_in, cos_out : (hit) f8, cosines of the angles from the normal to the light and to the viewer, from 0 to 1.
+        cos_phase : (hit) f8, cosine of the angle between the directions toward the light and toward the viewer; 1 where
+            the laser is in the lens.
+
+        Returns
+        -------
+        (hit) f8, finite and at least 0. Energy is conserved where its integral over the hemisphere, times the cosine of
+        exitance, is at most 1; that is not checked.
+        """
+
+
+class Scatterer(ABC):
+    """A material with everything that the scene asks of it; what it does not say itself is that of a plain one."""
 
     @property
-    def retro(self) -> bool:
-        """Return whether light goes back where it came from, in a lobe that may be narrower than a lens."""
+    def is_retro(self) -> bool:
+        """Whether light goes back where it came from, in a lobe that may be narrower than a lens."""
         return False
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether the lobe changes over the Sun's disc, so that sunlight has to be averaged over it."""
+        return False
+
+    @property
+    def lambertian_per_sr(self) -> float:
+        """BRDF [1/sr] of a material that looks the same from everywhere; NaN for all others."""
+        return math.nan
+
+    @property
+    def rms_slope(self) -> float:
+        """Standard deviation of the slope of the surface's cells along any direction; 0 where it has no cells."""
+        return 0.0
+
+    def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Return the unit normals (xyz, hit) of the cells that hold points [m], given the surface's, both (xyz, hit)."""
+        return normal
 
     def average_over_lens(
         self,
@@ -31,14 +77,13 @@ class Scatterer(Part):
         """Return the mean of the BRDF [1/sr] over a lens, given the BRDF toward the light: for broad lobes, itself."""
         return peak_per_sr
 
-    @property
-    def narrow(self) -> bool:
-        """Return whether the lobe changes over the Sun's disc, so that sunlight has to be averaged over it."""
-        return False
-
     def at(self, wavelength_m: float) -> "Scatterer":
         """Return the material as light of a wavelength [m] sees it."""
         return self
+
+    def summarize(self) -> str:
+        """Return the material in a line, such as ``lambertian reflectance=0.3``."""
+        return name_object(self)
 
     @abstractmethod
     def brdf_per_sr(
@@ -65,6 +110,67 @@ class Scatterer(Part):
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
         """Return the BRDF [1/sr] in sunlight, in which no lobe is narrower than the Sun's disc."""
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
+
+
+class MaterialPart(Part, Scatterer):
+    """A material that a table of a scenario describes."""
+
+    def summarize(self) -> str:
+        """Return the type of the material and its numbers."""
+        fields = self.model_dump(exclude_none=True)
+        kind = fields.pop("type")
+        return " ".join([kind, *(f"{name}={_short(value)}" for name, value in fields.items())])
+
+
+def complete(material: Material) -> Scatterer:
+    """Return a material with everything that the scene asks of it: a `MaterialPart` is, another object is wrapped."""
+    return material if isinstance(material, MaterialPart | _Completed) else _Completed(material)
+
+
+class _Completed(Scatterer):
+    """An object with the protocol `Material`, and the answers of a plain material for what it lacks."""
+
+    def __init__(self, material: Material) -> None:
+        self._material = material
+
+    def __getattribute__(self, name: str) -> Any:
+        """Return the object's own member, where it has one."""
+        own = object.__getattribute__(self, "_material")
+        if not name.startswith("_") and name not in ("at", "brdf_per_sr", "summarize") and hasattr(own, name):
+            return getattr(own, name)
+        return object.__getattribute__(self, name)
+
+    def at(self, wavelength_m: float) -> Scatterer:
+        """Return the object as light of a wavelength [m] sees it."""
+        own: Any = self._material
+        return complete(own.at(wavelength_m)) if hasattr(own, "at") else self
+
+    def summarize(self) -> str:
+        """Return the name of the object."""
+        return name_object(self._material)
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return what the object says [1/sr], once it is one finite number from 0 up for each hit."""
+        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cosines = np.broadcast_arrays(cos_in, cos_out, phase)
+        brdf = np.asarray(self._material.brdf_per_sr(*cosines), dtype=float)
+        if brdf.shape not in ((), cosines[0].shape):
+            raise ScenarioError(
+                f"{self.summarize()}: brdf_per_sr returns an array of shape {brdf.shape} for cosines of shape "
+                f"{cosines[0].shape}; return one number for each hit"
+            )
+        if not np.all((brdf >= 0.0) & (brdf < np.inf)):
+            raise ScenarioError(
+                f"{self.summarize()}: brdf_per_sr returns {brdf[~((brdf >= 0.0) & (brdf < np.inf))].flat[0]:g}; "
+                "a BRDF is finite and at least 0"
+            )
+        return np.array(np.broadcast_to(brdf, cosines[0].shape))  # a copy: the object may hand back what it was given
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else "..."
 
 
 def both_ways(

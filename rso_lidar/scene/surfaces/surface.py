@@ -13,9 +13,8 @@ import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
 from rso_lidar.scene.embree.engine import Engine, PacketScene
-from rso_lidar.scene.materials.brdf import Lambertian
-from rso_lidar.scene.materials.crinkle import Crinkled
-from rso_lidar.scene.materials.scatterer import Scatterer
+from rso_lidar.scene.materials.phong import Lambertian
+from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, body_from_mesh
 from rso_lidar.scene.surfaces.shading import corner_normals, interpolated
 
@@ -147,11 +146,15 @@ class Surface:
             return scene
 
     @cached_property
-    def matt_per_sr(self) -> np.ndarray:
-        """Return the BRDF [1/sr] of each facet (facet) whose material looks the same from everywhere, NaN of others."""
-        of_material = [m.reflectance / np.pi if isinstance(m, Lambertian) else np.nan for m in self.materials]
-        matt: np.ndarray = np.array(of_material)[self.finish]
-        return matt
+    def lambertian_per_sr(self) -> np.ndarray:
+        """BRDF [1/sr] of each facet (facet) whose material looks the same from everywhere, NaN of others."""
+        brdf: np.ndarray = np.array([material.lambertian_per_sr for material in self.materials])[self.finish]
+        return brdf
+
+    @cached_property
+    def is_lambertian(self) -> bool:
+        """Whether all facets look the same from everywhere."""
+        return not np.isnan(self.lambertian_per_sr).any()
 
     def brdf_per_sr(
         self,
@@ -161,7 +164,7 @@ class Surface:
         cos_phase: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit), for the cosines that a material takes."""
-        if len(set(self.materials)) == 1:
+        if all(material == self.materials[0] for material in self.materials):
             return self.materials[0].brdf_per_sr(cos_in, cos_out, cos_phase)
         return self.by_material(
             facet,
@@ -186,14 +189,14 @@ class Surface:
         return np.isin(self.part, self.smooth)
 
     @cached_property
-    def crinkled(self) -> dict[int, Crinkled]:
-        """Return the materials that are crinkled, by index."""
-        return {number: one for number, one in enumerate(self.materials) if isinstance(one, Crinkled)}
+    def crinkled(self) -> dict[int, Scatterer]:
+        """Materials made of tilted cells, by index."""
+        return {number: one for number, one in enumerate(self.materials) if one.rms_slope > 0.0}
 
     @cached_property
     def is_retro(self) -> np.ndarray:
         """Return whether a facet sends light back where it came from (facet)."""
-        is_retro: np.ndarray = np.array([material.retro for material in self.materials])[self.finish]
+        is_retro: np.ndarray = np.array([material.is_retro for material in self.materials])[self.finish]
         return is_retro
 
     @property
@@ -241,8 +244,8 @@ def build_surface(
     scale: float = 1.0,
     mesh_axes: str = "z_up",
     center_of_mass_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    material: Scatterer | None = None,
-    part_materials: Mapping[str, Scatterer] | None = None,
+    material: Material | None = None,
+    part_materials: Mapping[str, Material] | None = None,
     smooth_parts: Sequence[str] = (),
     wavelength_m: float | None = None,
 ) -> Surface:
@@ -268,7 +271,7 @@ def build_surface(
     materials = []
     for part in mesh.part_names:
         with placed(f"part_materials.{part}" if part in overrides else "material"):
-            chosen = overrides.get(part, default)
+            chosen = complete(overrides.get(part, default))
             materials.append(chosen if wavelength_m is None else chosen.at(wavelength_m))
     smooth = tuple(number for number, part in enumerate(mesh.part_names) if part in set(smooth_parts))
     return Surface(name, mesh, vertices, tuple(materials), smooth)

@@ -20,7 +20,7 @@ from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.geometry import preview
 from rso_lidar.scenario.preview.silhouettes import silhouettes
 from rso_lidar.scenario.tables.presets import presets
-from rso_lidar.scene import Lambertian, Scatterer, TableBrdf, material_named
+from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, material_named
 from rso_lidar.scene.library.catalogue import materials
 
 _RANGES = 121
@@ -132,11 +132,11 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
 
 
 def materials_of(
-    given: Sequence[str | float | Scatterer] | None, scenario: Scenario | None, wavelength_m: float
+    given: Sequence[str | float | Material] | None, scenario: Scenario | None, wavelength_m: float
 ) -> list[tuple[str, Scatterer]]:
     """Return the materials asked for by name, as light of `wavelength_m` [m] sees them."""
     if given is not None:
-        if isinstance(given, str | float | int | Scatterer):
+        if isinstance(given, str | float | int | Material):
             given = [given]
         named = dict(_material(one, wavelength_m) for one in given)
         if not named:
@@ -145,15 +145,16 @@ def materials_of(
     if scenario is None or not scenario.target:
         return [("lambertian 0.3", Lambertian())]
     found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
-    found = {material for material in found if not material.retro} or found  # those are far smaller than a pixel
+    found = {material for material in found if not material.is_retro} or found  # those are far smaller than a pixel
     facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
     return [(_name(one, wavelength_m), one) for one in ends]
 
 
-def _material(given: str | float | Scatterer, wavelength_m: float) -> tuple[str, Scatterer]:
-    if isinstance(given, Scatterer):
-        return _name(given, wavelength_m), given.at(wavelength_m)
+def _material(given: str | float | Material, wavelength_m: float) -> tuple[str, Scatterer]:
+    if isinstance(given, Material):
+        whole = complete(given)
+        return _name(whole, wavelength_m), whole.at(wavelength_m)
     if isinstance(given, str):
         if given in materials():
             return given, material_named(given, wavelength_m)
@@ -205,14 +206,14 @@ def _name(material: Scatterer, wavelength_m: float) -> str:
         if material_named(name, wavelength_m) == material and name != "lambertian_30":
             return name
     reflectance = getattr(material, "reflectance", None)
-    kind = str(getattr(material, "type", type(material).__name__))
+    kind = str(getattr(material, "type", material.summarize()))
     return kind if reflectance is None else f"{kind} {reflectance:g}"
 
 
 def has_retros(scenario: Scenario | None) -> bool:
     """Return whether the first target has retro-reflectors, which `materials_of` leaves out unless asked for them."""
     seen = scenario.surfaces_of(0) if scenario is not None and scenario.target else []
-    return len({material.retro for surface in seen for material in surface.materials}) > 1
+    return len({material.is_retro for surface in seen for material in surface.materials}) > 1
 
 
 def left_out(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from rso_lidar.files import free, write_text
 from rso_lidar.picture.plots.budget import Line, budget_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scene import Scatterer
+from rso_lidar.scene import Material, Scatterer
 from rso_lidar.study.budgets.inputs import (
     BudgetTarget,
     angles_deg,
@@ -219,7 +219,7 @@ def budget(
     camera: Lidar | Scenario | str,
     *,
     range_m: tuple[float, float] | Sequence[float] | np.ndarray | None = None,
-    materials: Sequence[str | float | Scatterer] | None = None,
+    materials: Sequence[str | float | Material] | None = None,
     tilt_deg: Sequence[float] | float = 0.0,
     divergence_deg: Sequence[float] | float | None = None,
     probability: float = 0.95,

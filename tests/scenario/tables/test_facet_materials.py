@@ -27,13 +27,13 @@ def test_a_table_names_facets_and_spans(tmp_path):
     sat = painted(tmp_path, "labels.csv", "facet,material\n0,mine\n4-6,regolith_mare\n", {"mine": "regolith_highland"})
     expected = np.full(12, 0.5)
     expected[0], expected[4:7] = 0.35, 0.20
-    assert sat.matt_per_sr * np.pi == pytest.approx(expected)
+    assert sat.lambertian_per_sr * np.pi == pytest.approx(expected)
     assert np.array_equal(sat.part, SAT.part)  # labels stay
 
 
 def test_a_table_from_a_spreadsheet_begins_with_a_mark(tmp_path):
     sat = painted(tmp_path, "labels.csv", "\ufefffacet,material\n3,regolith_mare\n")
-    assert np.flatnonzero(sat.matt_per_sr * np.pi < 0.3).tolist() == [3]
+    assert np.flatnonzero(sat.lambertian_per_sr * np.pi < 0.3).tolist() == [3]
 
 
 @pytest.mark.parametrize("header", [b"((((", b"{'descr': '<i8', 'fortran_order': False, 'shape': (99999999999,), }"])
@@ -49,7 +49,7 @@ def test_an_array_holds_a_number_for_each_facet(tmp_path):
     numbers = np.full(12, -1)
     numbers[[3, 11]] = 1
     sat = painted(tmp_path, "labels.npy", numbers, WHITE)
-    assert np.flatnonzero(sat.matt_per_sr * np.pi > 0.8).tolist() == [3, 11]
+    assert np.flatnonzero(sat.lambertian_per_sr * np.pi > 0.8).tolist() == [3, 11]
 
 
 def test_colours_of_a_file_tell_materials_apart(tmp_path):
@@ -66,7 +66,7 @@ def test_colours_of_a_file_tell_materials_apart(tmp_path):
     said = {"#FF0000": rl.Lambertian(reflectance=0.9)}
     for name, of_red in (("two.glb", range(12)), ("ball.ply", range(7, 12))):
         sat = build_surface("sat", load_mesh(tmp_path / name))
-        lit = coloured(sat, said, 1064e-9).matt_per_sr * np.pi
+        lit = coloured(sat, said, 1064e-9).lambertian_per_sr * np.pi
         assert np.flatnonzero(lit > 0.8).tolist() == list(of_red)
     with pytest.raises(
         rl.ScenarioError, match=r"color_materials: no facet of ball.ply has the colour '#00ff00' \(there"

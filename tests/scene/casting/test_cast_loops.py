@@ -11,7 +11,7 @@ from rso_lidar.arithmetic import using
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
 from rso_lidar.scene.embree import engine as packets
-from rso_lidar.scene.materials.brdf import Lambertian, Phong
+from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 

@@ -5,9 +5,10 @@ import pytest
 from pydantic import TypeAdapter
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene.materials.brdf import ByWavelength, Lambertian, Material, Phong
 from rso_lidar.scene.materials.measured import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength
+from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 
 CUBES = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
@@ -178,7 +179,7 @@ def test_the_laser_s_wavelength_chooses():
 
 
 def test_every_material_is_written_and_read_as_a_table():
-    adapter = TypeAdapter(Material)
+    adapter = TypeAdapter(AnyMaterial)
     for material in (
         OrenNayar(reflectance=0.5, roughness_deg=20.0),
         Ggx(diffuse=0.1, specular=0.5, roughness=0.2),

@@ -11,7 +11,6 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
-from rso_lidar.scene.materials.crinkle import tilted
 from rso_lidar.study.budgets.pixel_light import light
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 
@@ -45,13 +44,13 @@ def smith(cosine, slope):
 def expected(material, angle_deg):
     """Return the BRDF of the foil as the integral over slopes p, q of a cell, by Gauss-Hermite quadrature."""
     node, weight = np.polynomial.hermite_e.hermegauss(120)
-    p, q = (grid * material.slope for grid in np.meshgrid(node, node, indexing="ij"))
+    p, q = (grid * material.rms_slope for grid in np.meshgrid(node, node, indexing="ij"))
     w = np.outer(weight, weight) / (2.0 * math.pi)
     cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
     cos_tilt = 1.0 / np.sqrt(1.0 + p**2 + q**2)
     met = np.maximum((cosine + p * sine) * cos_tilt, 0.0)
     rho = material.brdf_per_sr(met)
-    return float((w * rho * met**2 / cos_tilt).sum()) / cosine**2 * smith(cosine, material.slope)
+    return float((w * rho * met**2 / cos_tilt).sum()) / cosine**2 * smith(cosine, material.rms_slope)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 10.0, 30.0, 60.0])
@@ -111,19 +110,19 @@ def test_slopes_are_normal_and_of_their_cells():
     rng = np.random.default_rng(1)
     point = np.stack([*rng.uniform(-500, 500, (2, 200_000)), np.zeros(200_000)])
     up = np.repeat(np.array([[0.0], [0.0], [1.0]]), 200_000, axis=1)
-    turned = tilted(up, point, FOIL)
+    turned = FOIL.tilt_normals(up, point)
     slope = turned[:2] / turned[2]
     assert np.linalg.norm(turned, axis=0) == pytest.approx(1.0)
     for one in slope:  # mean, deviation and fourth moment of a normal number, to five standard errors
-        z = one / FOIL.slope
+        z = one / FOIL.rms_slope
         assert abs(z.mean()) < 5 / math.sqrt(len(z))
         assert z.std() == pytest.approx(1.0, abs=5 * math.sqrt(0.5 / len(z)))
         assert (z**4).mean() == pytest.approx(3.0, abs=5 * math.sqrt(96 / len(z)))
     assert abs(np.corrcoef(slope)[0, 1]) < 5 / math.sqrt(len(z))
     # a step of a tenth of a cell stays in nine cells of ten, along an axis
-    beside = tilted(up, point + np.array([[0.002], [0.0], [0.0]]), FOIL)
+    beside = FOIL.tilt_normals(up, point + np.array([[0.002], [0.0], [0.0]]))
     assert np.mean(np.all(beside == turned, axis=0)) == pytest.approx(0.9, abs=0.01)
-    other = tilted(up, point, FOIL.replace(pattern=1))
+    other = FOIL.replace(pattern=1).tilt_normals(up, point)
     assert not np.any(np.all(other == turned, axis=0))
 
 

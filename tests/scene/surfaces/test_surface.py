@@ -5,7 +5,7 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import Hinged, Lambertian, Phong, articulated
-from rso_lidar.scene.materials.brdf import ByWavelength
+from rso_lidar.scene.materials.named import ByWavelength
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 
@@ -175,11 +175,11 @@ def test_single_facets_may_be_of_another_material():
     painted[[2, 3]] = 2
     sat = replace(sat, materials=(dark, dark, white), material_of=painted)
     expected = np.where(np.isin(np.arange(12), (2, 3)), 0.8, 0.1) / np.pi
-    assert sat.matt_per_sr == pytest.approx(expected)
+    assert sat.lambertian_per_sr == pytest.approx(expected)
     assert sat.brdf_per_sr(np.arange(12), np.ones(12)) == pytest.approx(expected)
     still, turned = articulated(sat, [Hinged("sat.wing", ("wing",), (0.0, 0.0, 0.0))])
-    assert still.matt_per_sr == pytest.approx(expected[:8])
-    assert turned.matt_per_sr == pytest.approx(expected[8:])
+    assert still.lambertian_per_sr == pytest.approx(expected[:8])
+    assert turned.lambertian_per_sr == pytest.approx(expected[8:])
 
 
 def test_the_area_of_a_box_is_that_of_its_sides():

@@ -1,6 +1,5 @@
-"""How a surface sends light back toward the lidar: BRDFs without the cosine (seed eqs. 8-10)."""
+"""Materials chosen by wavelength or by a name of the catalogue, and the field that takes any material."""
 
-import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -8,72 +7,16 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 
 from rso_lidar import units
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
-from rso_lidar.part import Fraction, NotNegative, Positive, Text
+from rso_lidar.part import Positive, Seam, Text
 from rso_lidar.scene.library import catalogue
 from rso_lidar.scene.materials.crinkle import Crinkled
 from rso_lidar.scene.materials.measured import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
+from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
-from rso_lidar.scene.materials.scatterer import Scatterer, both_ways, phong_per_sr
+from rso_lidar.scene.materials.scatterer import Material, MaterialPart, Scatterer
 
-_NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
 _NEAR_FRACTION = 0.05  # of the wavelength: materials hold so far
-
-
-class Lambertian(Scatterer):
-    """A surface equally bright from everywhere: ρ = ρ₀/π (seed eq. 9).
-
-    `reflectance` is ρ₀ at the laser's wavelength.
-    """
-
-    type: Literal["lambertian"] = "lambertian"
-    reflectance: Fraction = Field(
-        default=0.30, description="Reflectance ρ₀ at the laser's wavelength. Default: Fuller et al., sec. 5."
-    )
-
-    def brdf_per_sr(
-        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Return the BRDF [1/sr], the same from everywhere.
-
-        >>> float(Lambertian(reflectance=0.5).brdf_per_sr(np.array(1.0)) * math.pi)
-        0.5
-        """
-        return np.full(np.shape(cos_in), self.reflectance / math.pi)
-
-
-class Phong(Scatterer):
-    """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (seed eq. 10; Lafortune and Willems 1994).
-
-    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength; k_d + k_s may not exceed 1, or the
-    surface would send back more than it gets. φ is the angle between the mirror's direction and the viewer.
-    """
-
-    type: Literal["phong"] = "phong"
-    diffuse: Fraction = Field(description="Diffuse reflectance k_d at the laser's wavelength.")
-    specular: Fraction = Field(description="Specular reflectance k_s at the laser's wavelength; k_d + k_s ≤ 1.")
-    exponent: NotNegative = Field(
-        description="Exponent n of the specular lobe; a greater exponent gives a narrower glint."
-    )
-
-    @model_validator(mode="after")
-    def _conserve_energy(self) -> Self:
-        if self.diffuse + self.specular > 1.0 + 1e-12:
-            total = self.diffuse + self.specular
-            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
-        return self
-
-    @property
-    def narrow(self) -> bool:
-        """Return whether the lobe changes over the Sun's disc."""
-        return self.specular > 0.0 and self.exponent > _NARROW_EXPONENT
-
-    def brdf_per_sr(
-        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
-        return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)
 
 
 OneMaterial = Annotated[
@@ -82,7 +25,7 @@ OneMaterial = Annotated[
 ]
 
 
-class ByWavelength(Scatterer):
+class ByWavelength(MaterialPart):
     """One material for each of several wavelengths; the laser's picks the nearest, within 5 %.
 
     `wavelength_nm` and `materials` go in pairs.
@@ -121,7 +64,7 @@ class ByWavelength(Scatterer):
         raise ScenarioError("by_wavelength: has no BRDF of its own; choose one by at(wavelength_m)")
 
 
-class Named(Scatterer):
+class Named(MaterialPart):
     """A material of the catalogue (models/materials.toml) by its `name`; it may be written as the name alone.
 
     It has one BRDF near 1064 nm and one near 1570 nm; the laser takes the nearer.
@@ -164,7 +107,8 @@ def _by_name(given: Any) -> Any:
     return {"type": "named", "name": given} if isinstance(given, str) else given
 
 
-Material = Annotated[_Described, BeforeValidator(_by_name, json_schema_input_type=_Described | Text)]
+_ByTable = Annotated[_Described, BeforeValidator(_by_name, json_schema_input_type=_Described | Text)]
+AnyMaterial = Annotated[_Described | Material, Seam(_ByTable, Material)]
 
 
 def material_named(name: str, wavelength_m: float) -> Scatterer:

@@ -1,0 +1,73 @@
+"""Matt and glossy surfaces: the BRDFs of Lambert and Phong (seed eqs. 8-10)."""
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.part import Fraction, NotNegative
+from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, phong_per_sr
+
+_NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
+
+
+class Lambertian(MaterialPart):
+    """A surface equally bright from everywhere: ρ = ρ₀/π (seed eq. 9).
+
+    `reflectance` is ρ₀ at the laser's wavelength.
+    """
+
+    type: Literal["lambertian"] = "lambertian"
+    reflectance: Fraction = Field(
+        default=0.30, description="Reflectance ρ₀ at the laser's wavelength. Default: Fuller et al., sec. 5."
+    )
+
+    @property
+    def lambertian_per_sr(self) -> float:
+        """BRDF [1/sr], the same from everywhere."""
+        return self.reflectance / math.pi
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr], the same from everywhere.
+
+        >>> float(Lambertian(reflectance=0.5).brdf_per_sr(np.array(1.0)) * math.pi)
+        0.5
+        """
+        return np.full(np.shape(cos_in), self.lambertian_per_sr)
+
+
+class Phong(MaterialPart):
+    """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (seed eq. 10; Lafortune and Willems 1994).
+
+    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength; k_d + k_s may not exceed 1, or the
+    surface would send back more than it gets. φ is the angle between the mirror's direction and the viewer.
+    """
+
+    type: Literal["phong"] = "phong"
+    diffuse: Fraction = Field(description="Diffuse reflectance k_d at the laser's wavelength.")
+    specular: Fraction = Field(description="Specular reflectance k_s at the laser's wavelength; k_d + k_s ≤ 1.")
+    exponent: NotNegative = Field(
+        description="Exponent n of the specular lobe; a greater exponent gives a narrower glint."
+    )
+
+    @model_validator(mode="after")
+    def _conserve_energy(self) -> Self:
+        if self.diffuse + self.specular > 1.0 + 1e-12:
+            total = self.diffuse + self.specular
+            raise ValueError(f"diffuse + specular is {total:.4g}, more light than comes in; keep the sum at or below 1")
+        return self
+
+    @property
+    def is_narrow(self) -> bool:
+        """Return whether the lobe changes over the Sun's disc."""
+        return self.specular > 0.0 and self.exponent > _NARROW_EXPONENT
+
+    def brdf_per_sr(
+        self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
+        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)

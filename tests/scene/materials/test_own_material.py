@@ -1,0 +1,155 @@
+"""A user's own material flies, is refused where it is wrong, and is named in what is written."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rso_lidar as rl
+from rso_lidar import optics, scene
+from rso_lidar.errors import ScenarioError
+from rso_lidar.part import Part
+from rso_lidar.scene import Crinkled, Lambertian, Phong, RetroReflector, complete
+from rso_lidar.study import budget
+from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, place, plate, surface, truth_of
+
+EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "seams" / "own_material.py"
+
+
+@pytest.fixture(scope="module")
+def example():
+    return runpy.run_path(str(EXAMPLE), run_name="example")
+
+
+@pytest.fixture(scope="module")
+def frame(example):
+    (frame,) = rl.simulate(example["scenario"], frames=[0], keep=["hits"])
+    return frame
+
+
+def test_the_example_flies(example, frame):
+    """The law of Lommel and Seeliger: brightness, BRDF times cosine, is the same all over the lit face."""
+    hits = frame.kept["hits"]
+    assert len(hits.ray) > 1000
+    assert np.ptp(hits.cos_incidence) > 0.9
+    square_on = hits.cos_incidence > 1e-3
+    brightness = (hits.brdf_per_sr * hits.cos_incidence)[square_on]
+    np.testing.assert_allclose(brightness, 0.9 / (8.0 * np.pi), rtol=1e-12)
+    assert frame.valid.sum() > 100
+    (material,) = set(frame.source.targets[0].materials)
+    assert material == f"{example['Dust'].__module__}.Dust(albedo=0.9)"
+
+
+def test_the_scenario_goes_into_a_recording_and_not_into_a_file(example, tmp_path):
+    scenario = example["scenario"]
+    with pytest.raises(ScenarioError, match=r"holds the Python object .*Dust\(albedo=0.9\), which TOML cannot; keep"):
+        scenario.dumps()
+    rl.save(tmp_path / "dust.h5", rl.simulate(scenario, frames=[0]))
+    text = rl.open(tmp_path / "dust.h5").source.scenario
+    with pytest.raises(ScenarioError, match=r"target\[0\]\.material: stands for the Python object .*Dust.*; give"):
+        rl.Scenario.loads(text)
+
+
+def test_scenarios_with_equal_objects_are_equal(example):
+    scenario, dust = example["scenario"], example["Dust"]
+    stage = scenario.target[0]
+    assert scenario == scenario.replace(target=(stage.replace(material=dust(albedo=0.9)),))
+    assert scenario != scenario.replace(target=(stage.replace(material=dust(albedo=0.3)),))
+    assert scenario != example["clean"].replace(name=scenario.name)
+
+
+class Own:
+    """A part's BRDF, in an object that is no part."""
+
+    def __init__(self, part):
+        self.part = part
+
+    def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+        assert cos_in.shape == cos_out.shape == cos_phase.shape
+        return self.part.brdf_per_sr(cos_in, cos_out, cos_phase)
+
+
+class Delegating(Own):
+    """All that a part says, in an object that is no part."""
+
+    def __getattr__(self, name):
+        return getattr(self.part, name)
+
+
+def hits_of(material, laser_from_m=None):
+    turned = place((0.3, 0.2, 40.0), Rotation.from_euler("xyz", (20.0, 30.0, 0.0), degrees=True))
+    truth, target = truth_of(target=turned), surface("target", plate(2.0, n=4), material)
+    rays = optics.pixel_rays(SEED_RECEIVER, SEED_LASER, scene.extent([target], truth))
+    return scene.cast(rays, [target], truth, 1, laser_from_m=laser_from_m)
+
+
+@pytest.mark.parametrize("laser_from_m", [None, (0.5, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("own", "part"),
+    [
+        (Own, Lambertian(reflectance=0.4)),
+        (Own, Phong(diffuse=0.2, specular=0.3, exponent=8.0)),
+        (Delegating, Crinkled(diffuse=0.2, specular=0.6, exponent=40.0, tilt_deg=6.0, cell_mm=100.0)),
+        (Delegating, RetroReflector(diameter_mm=20.0, reflectance=0.8, fill_fraction=0.5)),
+    ],
+)
+def test_an_object_that_says_what_a_part_says_gives_what_it_gives(own, part, laser_from_m):
+    part = part.at(1064e-9)
+    hits, same = hits_of(part, laser_from_m), hits_of(own(part), laser_from_m)
+    assert len(hits.ray) > 1000
+    np.testing.assert_array_equal(same.brdf_per_sr, hits.brdf_per_sr)
+    np.testing.assert_array_equal(same.cos_incidence, hits.cos_incidence)
+
+
+def test_an_object_may_depend_on_the_wavelength():
+    class Red(Own):
+        def at(self, wavelength_m):
+            return Lambertian(reflectance=0.5) if wavelength_m > 1.3e-6 else Own(Lambertian(reflectance=0.1))
+
+    red = complete(Red(Lambertian()))
+    assert red.at(1.57e-6) == Lambertian(reflectance=0.5)
+    assert red.at(1.06e-6).brdf_per_sr(np.ones(1)) == pytest.approx(0.1 / np.pi)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda cos_in: -1.0 * cos_in, r"Wrong.*: brdf_per_sr returns -0\.\d+; a BRDF is finite and at least 0"),
+        (lambda cos_in: np.nan * cos_in, r"Wrong.*: brdf_per_sr returns nan; a BRDF is finite"),
+        (
+            lambda cos_in: np.ones((len(cos_in), 2)),
+            r"shape \(\d+, 2\) for cosines of shape \(\d+,\); return one number",
+        ),
+    ],
+)
+def test_an_object_that_answers_nonsense_is_told(answer, message):
+    class Wrong:
+        def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+            return answer(cos_in)
+
+    with pytest.raises(ScenarioError, match=message):
+        hits_of(Wrong())
+
+
+def test_one_number_serves_all_hits():
+    class Grey:
+        def brdf_per_sr(self, cos_in, cos_out, cos_phase):
+            return 0.05
+
+    assert set(hits_of(Grey()).brdf_per_sr) == {0.05}
+
+
+def test_an_object_may_stand_for_a_part_or_a_colour_of_a_target(example):
+    dust = example["Dust"](albedo=0.1)
+    stage = example["clean"].target[0].replace(part_materials={"tank": dust})
+    (whole,) = example["clean"].replace(target=(stage,)).surfaces
+    tank = whole.mesh.part_names.index("tank")
+    assert whole.materials[tank].summarize() == f"{dust.__module__}.Dust(albedo=0.1)"
+    assert all(isinstance(one, Part) for number, one in enumerate(whole.materials) if number != tank)
+
+
+def test_a_budget_takes_an_object(example):
+    made = budget(example["clean"], materials=[example["Dust"](albedo=0.3)])
+    assert any("Dust(albedo=0.3)" in curve.material for curve in made.curves)
