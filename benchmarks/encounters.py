@@ -91,5 +91,5 @@ def encounters(n_objects=5000, days=1.0, repeats=3):
                 seconds, _ = spans.get(way, (np.inf, None))
                 spans[way] = min(seconds, time.perf_counter() - began), result
         (ours_s, found), (grid_s, dips) = spans[screen], spans[plain]
-        minima = sum(len(stay.minima_s) for stay in found.stays)
+        minima = sum(len(stay.minima_s) for stay in found.approaches)
         print(f"  {name:<12}{ours_s:>9.2f}{minima:>8,}{grid_s:>15.2f}{dips:>8,}{ours_s / grid_s:>8.2f}")

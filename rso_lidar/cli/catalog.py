@@ -15,8 +15,9 @@ from rso_lidar.cli.quantities import instant
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import beside, free
-from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
-from rso_lidar.orbit.sets.catalog import REGIMES, read_element_sets
+from rso_lidar.orbit import Catalog, ElementSet, SetSequence
+from rso_lidar.orbit.sets.catalog import REGIMES
+from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.study.passes.search import counted
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
@@ -176,7 +177,7 @@ def _jumps(sets: Sequence[ElementSet]) -> list[str]:
     if len(sets) == 1:
         return [f"{sets[0].label}: one set, no jump"]
     lines = [f"{sets[0].label}: {len(sets)} sets, which give way to the next half-way between their epochs:"]
-    for jump in SeveralSets(tuple(sets)).jumps():
+    for jump in SetSequence(tuple(sets)).jumps():
         size = f"jumps {jump.position_m:,.0f} m and {jump.velocity_m_s:.2f} m/s"
         lines.append(
             f"  {jump.at_utc:%Y-%m-%dT%H:%M:%SZ}  {'SGP4 has no state there' if math.isnan(jump.position_m) else size}"

@@ -23,7 +23,7 @@ from rso_lidar.orbit import J2, Ephemeris
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.orbit.trajectory import derivative, state_rates, two_body_rates
+from rso_lidar.orbit.trajectory import differentiate, state_rates, two_body_rates
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
@@ -141,7 +141,7 @@ class _Sky:
         with unwarned():
             try:
                 here = rows(self.epochs.time_s)
-                change = derivative(rows, self.epochs.time_s, here, np.concatenate(breaks))
+                change = differentiate(rows, self.epochs.time_s, here, np.concatenate(breaks))
             except (
                 RsoLidarError
             ):  # a body has no state beside an epoch; the error at an epoch itself is raised elsewhere

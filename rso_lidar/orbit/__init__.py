@@ -1,7 +1,7 @@
 """Orbits about the Earth: time, catalogues, propagators, ephemerides, and what surrounds a body there."""
 
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
-from rso_lidar.orbit.epochs import Epochs, utc_text
+from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
@@ -9,11 +9,11 @@ from rso_lidar.orbit.propagation.numerical import Numerical
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import Fleet
-from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body.kepler import Kepler, State
-from rso_lidar.orbit.two_body.lambert import lambert, lambert_all
+from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
 
 __all__ = [
     "J2",
@@ -30,13 +30,13 @@ __all__ = [
     "Numerical",
     "Omm",
     "RadiationPressure",
-    "SeveralSets",
+    "SetSequence",
     "State",
     "Tle",
     "Trajectory",
-    "lambert",
-    "lambert_all",
-    "utc_text",
+    "format_utc",
+    "solve_lambert",
+    "solve_lambert_all",
     "write_ephemeris_csv",
     "write_oem",
 ]

@@ -84,7 +84,7 @@ class Epochs:
     """Return the instants `time_s` (time) [TAI s] after `start_utc`, an aware datetime.
 
     >>> start = datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=datetime.UTC)
-    >>> [utc_text(start, seconds) for seconds in (4, 5, 6)]
+    >>> [format_utc(start, seconds) for seconds in (4, 5, 6)]
     ['2016-12-31T23:59:59.000Z', '2016-12-31T23:59:60.000Z', '2017-01-01T00:00:00.000Z']
     """
 
@@ -111,7 +111,7 @@ class Epochs:
         """Return some of the epochs: one (still a row, of length 1), a slice, or those an index or mask array picks."""
         return Epochs(self.start_utc, self.time_s[which])
 
-    def shifted(self, seconds: float | np.ndarray) -> Epochs:
+    def shift(self, seconds: float | np.ndarray) -> Epochs:
         """Return the epochs moved later by `seconds` [s]."""
         return Epochs(self.start_utc, self.time_s + seconds)
 
@@ -167,10 +167,10 @@ def skyfield_tt(whole: np.ndarray | float, fraction: np.ndarray) -> Any:
     return _timescale().tt_jd(whole, fraction)
 
 
-def utc_text(start_utc: datetime.datetime, time_s: float) -> str:
+def format_utc(start_utc: datetime.datetime, time_s: float) -> str:
     """Return the instant `time_s` [TAI s] after `start_utc` as ISO UTC text, to the millisecond.
 
-    >>> utc_text(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), 90.25)
+    >>> format_utc(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), 90.25)
     '2024-09-17T12:01:30.250Z'
     """
     text: str = Epochs(start_utc, np.array([time_s])).skyfield_time().utc_iso(places=3)[0]
@@ -225,11 +225,11 @@ def _lead_ps(system: str) -> int:
     """Return by how much a clock of TAI, TT or GPS is ahead of UTC at the start of 2000 [ps]."""
     whole, fraction = Epochs(_START, np.zeros(1)).tt_julian()
     tt_ps = round(((float(whole[0]) - 2_451_544.0) + (float(fraction[0]) - 0.5)) * 86_400_000) * 10**9
-    tai_ps = tt_ps - round(TT_MINUS_TAI_S * 1000) * 10**9
-    return {"TT": tt_ps, "TAI": tai_ps, "GPS": tai_ps - _TAI_MINUS_GPS_S * PS_PER_S}[system]
+    tai_lead_ps = tt_ps - round(TT_MINUS_TAI_S * 1000) * 10**9
+    return {"TT": tt_ps, "TAI": tai_lead_ps, "GPS": tai_lead_ps - _TAI_MINUS_GPS_S * PS_PER_S}[system]
 
 
-def start_near(ps: int) -> tuple[datetime.datetime, int]:
+def floor_to_utc_second(ps: int) -> tuple[datetime.datetime, int]:
     """Return a UTC instant within a second at or before one [ps], to count epochs from, and its own [ps]."""
     day = _START.date() + datetime.timedelta(days=ps // (86_400 * PS_PER_S))
     while _midnight_s(day) * PS_PER_S > ps:
@@ -239,7 +239,7 @@ def start_near(ps: int) -> tuple[datetime.datetime, int]:
     return start, (_midnight_s(day) + in_day) * PS_PER_S
 
 
-def tai_ps(instant: datetime.datetime) -> int:
+def tai_ps_from_utc(instant: datetime.datetime) -> int:
     """Return an aware datetime as picoseconds of TAI since the start of 2000 (UTC)."""
     utc = instant.astimezone(datetime.UTC)
     in_day = utc.hour * 3600 + utc.minute * 60 + utc.second
@@ -248,7 +248,7 @@ def tai_ps(instant: datetime.datetime) -> int:
 
 def format_epochs(epochs: Epochs) -> list[str]:
     """Return the instants as ISO calendar text in UTC, leap seconds as 23:59:60, to the picosecond, at least to the ms."""
-    start_ps = tai_ps(epochs.start_utc)
+    start_ps = tai_ps_from_utc(epochs.start_utc)
     texts = []
     for time_s in epochs.time_s.tolist():
         whole = int(time_s // 1.0)
@@ -258,7 +258,7 @@ def format_epochs(epochs: Epochs) -> list[str]:
 
 def format_epoch_ps(ps: int) -> str:
     """Return an instant [ps of TAI since the start of 2000 UTC] as ISO calendar text in UTC, without a Z."""
-    start, start_ps = start_near(ps)
+    start, start_ps = floor_to_utc_second(ps)
     seconds, rest = divmod(ps - start_ps, PS_PER_S)
     digits = f"{rest:012d}".rstrip("0")
     return f"{start:%Y-%m-%dT%H:%M}:{start.second + seconds:02d}.{digits:0<3}"

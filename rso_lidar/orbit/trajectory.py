@@ -74,7 +74,7 @@ def two_body_rates(state: BodyState) -> tuple[np.ndarray, np.ndarray]:
     return np.array(state.velocity_m_s), -units.EARTH_GM_M3_S2 * r / distance**3
 
 
-def derivative(rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray | None = None) -> np.ndarray:
+def differentiate(rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray | None = None) -> np.ndarray:
     """Return the derivatives (time, n) of rows by central differences between breaks, as `state_rates` takes them.
 
     They are NaN where there is no row beside an instant.

@@ -9,8 +9,8 @@ import pytest
 from rso_lidar.cli import main
 from rso_lidar.cli.catalog import heights_km
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit import Catalog, ElementSet, SeveralSets
-from rso_lidar.orbit.sets.tle_text import checksum
+from rso_lidar.orbit import Catalog, ElementSet, SetSequence
+from rso_lidar.orbit.sets.tle_text import compute_checksum
 from rso_lidar.shipped import shipped
 
 FLYBY = shipped("tle/flyby.tle")
@@ -22,7 +22,7 @@ def lines(number, name, epoch, turns="15.49000000", e="0006000", anomaly="350.00
     """Return the three lines of a set with its checksums."""
     first = f"1 {number:05d}U 98067A   {epoch}  .00010000  00000+0  18000-3 0  999"
     second = f"2 {number:05d}  51.6300 100.0000 {e}  10.0000 {anomaly} {turns}00000"
-    return [f"0 {name}", *(f"{line}{checksum(line)}" for line in (first, second))]
+    return [f"0 {name}", *(f"{line}{compute_checksum(line)}" for line in (first, second))]
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_jumps_of_several_epochs(call, file):
     begin = out.index("ISS (ZARYA) (NORAD 25544): 3 sets, which give way to the next half-way between their epochs:")
     assert [line.split()[0] for line in out[begin + 1 : begin + 3]] == ["2026-05-07T18:00:00Z", "2026-05-09T06:00:00Z"]
     sets = [entry for entry in Catalog.from_file(file) if entry.norad_id == 25544]
-    for line, jump in zip(out[begin + 1 : begin + 3], SeveralSets(tuple(sets)).jumps(), strict=True):
+    for line, jump in zip(out[begin + 1 : begin + 3], SetSequence(tuple(sets)).jumps(), strict=True):
         assert f"jumps {jump.position_m:,.0f} m and {jump.velocity_m_s:.2f} m/s" in line
         assert math.isfinite(jump.position_m)
     assert out[begin + 3] == "GOES 16 (NORAD 41866): one set, no jump"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.epochs import Epochs, utc_text
+from rso_lidar.orbit.epochs import Epochs, format_utc
 
 UTC = datetime.UTC
 BEFORE_LEAP = datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=UTC)
@@ -16,9 +16,9 @@ NOON = datetime.datetime(2024, 9, 17, 12, tzinfo=UTC)
 def test_leap_second_is_an_ordinary_second():
     epochs = Epochs(BEFORE_LEAP, np.arange(10.0))
     # IERS Bulletin C 52: 23:59:60 follows 23:59:59 on 2016-12-31, so midnight is 6 s after 23:59:55
-    assert utc_text(BEFORE_LEAP, 5.0) == "2016-12-31T23:59:60.000Z"
-    assert utc_text(BEFORE_LEAP, 5.5) == "2016-12-31T23:59:60.500Z"
-    assert utc_text(BEFORE_LEAP, 6.0) == "2017-01-01T00:00:00.000Z"
+    assert format_utc(BEFORE_LEAP, 5.0) == "2016-12-31T23:59:60.000Z"
+    assert format_utc(BEFORE_LEAP, 5.5) == "2016-12-31T23:59:60.500Z"
+    assert format_utc(BEFORE_LEAP, 6.0) == "2017-01-01T00:00:00.000Z"
     np.testing.assert_array_equal(epochs.since(BEFORE_LEAP), np.arange(10.0))
     midnight = datetime.datetime(2017, 1, 1, tzinfo=UTC)
     np.testing.assert_array_equal(epochs.since(midnight), np.arange(10.0) - 6.0)
@@ -63,8 +63,8 @@ def test_split_precision_keeps_nanoseconds():
 def test_skyfield_reads_the_same_calendar():
     time = Epochs(NOON, np.array([86400.0 * 3 + 61.5])).skyfield_time()
     assert time.utc_iso(places=3)[0] == "2024-09-20T12:01:01.500Z"
-    assert utc_text(NOON, 0.0) == "2024-09-17T12:00:00.000Z"
-    assert utc_text(NOON, -0.0004) == "2024-09-17T12:00:00.000Z"
+    assert format_utc(NOON, 0.0) == "2024-09-17T12:00:00.000Z"
+    assert format_utc(NOON, -0.0004) == "2024-09-17T12:00:00.000Z"
 
 
 def test_centuries_since_j2000():
@@ -81,7 +81,7 @@ def test_picking_and_shifting():
     np.testing.assert_array_equal(epochs.at(2).time_s, [2.0])
     np.testing.assert_array_equal(epochs.at(slice(1, 3)).time_s, [1.0, 2.0])
     np.testing.assert_array_equal(epochs.at(np.array([4, 0])).time_s, [4.0, 0.0])
-    np.testing.assert_array_equal(epochs.shifted(-1.0).time_s, np.arange(5.0) - 1.0)
+    np.testing.assert_array_equal(epochs.shift(-1.0).time_s, np.arange(5.0) - 1.0)
     assert not epochs.time_s.flags.writeable
 
 

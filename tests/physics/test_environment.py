@@ -8,8 +8,8 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.orbit import Epochs, State, Tle
-from rso_lidar.orbit.sky.eclipse import eclipses, shadow_margins_rad
-from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_radius_rad
+from rso_lidar.orbit.sky.eclipse import find_eclipses, shadow_margins_rad
+from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_angular_radius_rad
 from rso_lidar.orbit.sky.sun import sun_position_m
 
 EARTH = units.EARTH_RADIUS_M
@@ -37,7 +37,7 @@ def equatorial(height_m):
 def the_eclipse(height_m):
     """Return an eclipse of that orbit, half a revolution after the Sun is overhead."""
     period_s = 2 * math.pi * math.sqrt((EARTH + height_m) ** 3 / units.EARTH_GM_M3_S2)
-    (found,) = eclipses(equatorial(height_m), Epochs(EQUINOX, np.array([0.0, period_s])))
+    (found,) = find_eclipses(equatorial(height_m), Epochs(EQUINOX, np.array([0.0, period_s])))
     return found, period_s
 
 
@@ -45,7 +45,7 @@ def the_eclipse(height_m):
     ("where", "height_m", "degrees"), [("a geostationary orbit", 35_786e3, 8.7), ("400 km", 400e3, 70.2)]
 )
 def test_the_earths_disk(validation, where, height_m, degrees):
-    got = earth_radius_rad(np.array([[EARTH + height_m, 0.0, 0.0]]))[0] / units.DEG
+    got = earth_angular_radius_rad(np.array([[EARTH + height_m, 0.0, 0.0]]))[0] / units.DEG
     # half the 17.4 degrees that an antenna of global coverage sees from GEO, and half of 140.4
     validation(
         case=f"Earth's angular radius from {where}",

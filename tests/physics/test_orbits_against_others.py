@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 import rso_lidar as rl
 from rso_lidar import motion, units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets import catalog
+from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.sgp4_motion import Tle
-from rso_lidar.orbit.sets.teme import gcrs_from_teme, teme
+from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_in_teme
 from rso_lidar.orbit.sky.sun import sun_direction
 from rso_lidar.orbit.two_body.kepler import Kepler, propagate
 from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire
@@ -42,7 +42,7 @@ def verification(shared):
     folder = shared / "tle" / "sgp4_verification"
     lines = [line for line in (folder / "SGP4-VER.TLE").read_text().splitlines() if line[:2] in ("1 ", "2 ")]
     # the last columns of his line 2, past the 69 of an element line, are the times to print
-    sets = catalog.parse_lines([line[:69] for line in lines], "SGP4-VER.TLE")
+    sets = parse_lines([line[:69] for line in lines], "SGP4-VER.TLE")
     spans = [tuple(float(field) for field in line[69:].split()) for line in lines[1::2]]
     return list(zip(sets, spans, strict=True))
 
@@ -66,7 +66,7 @@ def test_vallados_verification_set(validation, verification, printed):
         assert elements.norad_id == number
         if len(rows) == 1:
             continue  # his program prints the previous satellite's state where the first epoch fails: see below
-        position_m, velocity_m_s, error = teme(elements, Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
+        position_m, velocity_m_s, error = propagate_in_teme(elements, Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
         np.testing.assert_array_equal(error, 0)
         np.testing.assert_allclose(position_m / 1e3, rows[:, 1:4], rtol=0, atol=2e-7, err_msg=str(number))
         np.testing.assert_allclose(velocity_m_s / 1e3, rows[:, 4:7], rtol=0, atol=2e-9, err_msg=str(number))
@@ -94,7 +94,7 @@ def test_vallados_error_cases(validation, verification, printed):
         after = minutes[minutes > rows[-1, 0]] if len(rows) > 1 else minutes
         if not len(after):
             continue
-        _, _, error = teme(elements, Epochs(elements.epoch_utc, after[:1] * 60.0))
+        _, _, error = propagate_in_teme(elements, Epochs(elements.epoch_utc, after[:1] * 60.0))
         errors[number] = int(error[0])
     # the list of the sgp4 package's tests, in the order of the file: 1, 1, 6, 6, 4, 3, 6
     his = {22312: 1, 28350: 1, 28872: 6, 29141: 6, 33333: 4, 33334: 3, 20413: 6}

@@ -10,10 +10,10 @@ from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, secular_rates
-from rso_lidar.orbit.propagation.numerical import Numerical, solution
+from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
 from rso_lidar.orbit.sky.moon import ecliptic_of_date
 from rso_lidar.orbit.two_body.kepler import Kepler, propagate
-from rso_lidar.orbit.two_body.osculating_elements import elements
+from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -59,7 +59,7 @@ FORCES = {
 def test_what_a_force_does_in_a_day(validation, orbit, force):
     """How far it has moved the body; its own two-body motion taken out, and so the 7.5e-10 by which the two GM differ."""
     x = np.array(STARTS[orbit])
-    ours = [solution(x[:3], x[3:], START, FORCES[name])(DAY)[0, :3] for name in (force, "none")]
+    ours = [integrate_orbit(x[:3], x[3:], START, FORCES[name])(DAY)[0, :3] for name in (force, "none")]
     theirs = np.array(BRAHE[orbit, force]) - BRAHE[orbit, "none"]
     moved = np.linalg.norm(theirs)
     share = {
@@ -126,7 +126,7 @@ def test_vallados_kepler_problem(validation):
 def test_vallados_elements(validation):
     """Example 2-5, and 2-6 back; printed to the digits of its state."""
     r, v = np.array([6524.834, 6862.875, 6448.296]), np.array([4.901327, 5.533756, -1.976341])
-    found = elements(r * 1e3, v * 1e3)
+    found = elements_from_state(r * 1e3, v * 1e3)
     for name, expected, got, tolerance, unit in [
         ("semi-latus rectum", 11067.790, found.semi_latus_rectum_m / units.KM, 0.02, "km"),
         ("semi-major axis", 36127.343, found.semi_major_axis_m / units.KM, 0.02, "km"),

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from rso_lidar import rpo, units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler, State
-from rso_lidar.orbit.two_body.lambert import lambert, lambert_all
+from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.rpo.relative.rtn import rtn_axes
 
@@ -242,7 +242,7 @@ def test_passive_safety_against_two_bodies(validation, name, part):
 
 def test_vallados_example(validation):
     # Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., example 7-5, printed to 1e-6 km/s
-    orbit = lambert(np.array([15945.34e3, 0.0, 0.0]), np.array([12214.83899e3, 10249.46731e3, 0.0]), 76.0 * 60.0)
+    orbit = solve_lambert(np.array([15945.34e3, 0.0, 0.0]), np.array([12214.83899e3, 10249.46731e3, 0.0]), 76.0 * 60.0)
     printed = [(2058.913, 2915.965, 0.0), (-3451.565, 910.315, 0.0)]
     for name, got, expected in zip(
         ("departure", "arrival"), (orbit.departure_m_s, orbit.arrival_m_s), printed, strict=True
@@ -262,7 +262,7 @@ def test_vallados_example(validation):
 def test_curtis_example(validation):
     # Curtis, Orbital Mechanics for Engineering Students, example 5.2, GM = 398600 km^3/s^2, printed to 5 digits
     start, end = np.array([5000e3, 10000e3, 2100e3]), np.array([-14600e3, 2500e3, 7000e3])
-    orbit = lambert(start, end, 3600.0, gm_m3_s2=3.986e14)
+    orbit = solve_lambert(start, end, 3600.0, gm_m3_s2=3.986e14)
     for name, got, expected in [
         ("departure", orbit.departure_m_s, (-5992.5, 1925.4, 3245.6)),
         ("arrival", orbit.arrival_m_s, (-3312.5, -4196.6, -385.29)),
@@ -295,7 +295,7 @@ OTHERS = [
 
 def test_all_orbits_are_anothers(validation):
     start, end = np.array([7.0e6, -1.2e6, 2.5e6]), np.array([-3.1e6, 8.4e6, 1.9e6])
-    orbits = lambert_all(start, end, 30_000.0)
+    orbits = solve_lambert_all(start, end, 30_000.0)
     worst = 0.0
     for revolutions, way, departure, arrival in OTHERS:
         off = min(

@@ -10,13 +10,13 @@ from rso_lidar import rpo, units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.j2 import secular_rates
 from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.teme import states
-from rso_lidar.orbit.sky.eclipse import eclipses
+from rso_lidar.orbit.sets.teme import propagate_sgp4
+from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
 from rso_lidar.orbit.two_body.kepler import Kepler, propagate
-from rso_lidar.orbit.two_body.lambert import lambert
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
+from rso_lidar.orbit.two_body.lambert import solve_lambert
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.plans.two_impulse import departure_m_s
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
@@ -50,14 +50,14 @@ def vector(case, expected, got, tolerance, unit):
 def of_momentum(h_km2_s, e, *angles_deg):
     """Return the state of an orbit by momentum, eccentricity, inclination, node, perigee and anomaly, as Curtis does."""
     a = (h_km2_s * 1e6) ** 2 / CURTIS_GM / (1.0 - e * e)
-    return cartesian(Elements(a, e, *(angle * DEG for angle in angles_deg)))
+    return state_from_elements(OsculatingElements(a, e, *(angle * DEG for angle in angles_deg)))
 
 
 # ----------------------------------------------------------------------------------------------- elements and Kepler
 
 
 def test_elements_of_montenbruck_and_gill(compare):
-    of = elements(np.array([10_000e3, 40_000e3, -5_000e3]), np.array([-1500.0, 1000.0, -100.0]))
+    of = elements_from_state(np.array([10_000e3, 40_000e3, -5_000e3]), np.array([-1500.0, 1000.0, -100.0]))
     compare(
         f"{MONTENBRUCK}, exercise 2.3",
         [
@@ -84,7 +84,7 @@ def test_keplers_equation_of_montenbruck_and_gill(compare):
 
 def test_elements_of_a_retrograde_orbit(compare):
     """To six digits, and his GM, to the power 2 in the axis, is 1.1e-6 less."""
-    of = elements(np.array([-6045e3, -3490e3, 2500e3]), np.array([-3457.0, 6618.0, 2533.0]))
+    of = elements_from_state(np.array([-6045e3, -3490e3, 2500e3]), np.array([-3457.0, 6618.0, 2533.0]))
     h_km2_s = math.sqrt(GM * of.semi_latus_rectum_m) / 1e6
     compare(
         f"{CURTIS}, example 4.3",
@@ -112,7 +112,9 @@ def test_state_of_a_hyperbola(compare):
 def test_state_of_vallados_elements(compare):
     """Its printed x is 24 m from what its own rounded elements give, as other programs find too."""
     axis = 11067.790e3 / (1.0 - 0.83285**2)
-    position, velocity = cartesian(Elements(axis, 0.83285, 87.87 * DEG, 227.89 * DEG, 53.38 * DEG, 92.335 * DEG))
+    position, velocity = state_from_elements(
+        OsculatingElements(axis, 0.83285, 87.87 * DEG, 227.89 * DEG, 53.38 * DEG, 92.335 * DEG)
+    )
     compare(
         f"{VALLADO}, example 2-6",
         vector("example 2-6: position", (6525.344, 6861.535, 6449.125), position / units.KM, 0.05, "km")
@@ -190,7 +192,7 @@ def test_a_hohmann_transfer_is_a_lambert_orbit_of_half_a_turn(compare):
     """Half a turn exactly, which spans no plane: it is asked for by its normal."""
     low, high = units.EARTH_RADIUS_M + 191.34411e3, units.EARTH_RADIUS_M + 35781.34857e3
     start, end = np.array([low, 0.0, 0.0]), np.array([-high, 0.0, 0.0])
-    orbit = lambert(start, end, 315.403 * 60.0, normal=(0.0, 0.0, 1.0))
+    orbit = solve_lambert(start, end, 315.403 * 60.0, normal=(0.0, 0.0, 1.0))
     first = np.linalg.norm(orbit.departure_m_s - (0.0, math.sqrt(GM / low), 0.0)) / units.KM
     second = np.linalg.norm(orbit.arrival_m_s - (0.0, -math.sqrt(GM / high), 0.0)) / units.KM
     compare(
@@ -207,8 +209,8 @@ def test_a_meteoroid_seen_twice(compare):
     """A hyperbola of e = 1.05, from 267,000 km to 140,000 km in 13.5 hours and 5 degrees."""
     start = np.array([(CURTIS_RADIUS_KM + 267e3) * 1e3, 0.0, 0.0])
     end = (CURTIS_RADIUS_KM + 140e3) * 1e3 * np.array([math.cos(5 * DEG), math.sin(5 * DEG), 0.0])
-    orbit = lambert(start, end, 13.5 * 3600.0, gm_m3_s2=CURTIS_GM)
-    of = elements(start, orbit.departure_m_s)
+    orbit = solve_lambert(start, end, 13.5 * 3600.0, gm_m3_s2=CURTIS_GM)
+    of = elements_from_state(start, orbit.departure_m_s)
     compare(
         f"{CURTIS}, example 5.3",
         [
@@ -284,7 +286,10 @@ def test_rendezvous_in_eight_hours(compare):
     def orbit(low_km, high_km, *angles_deg):
         low, high = (CURTIS_RADIUS_KM + low_km) * 1e3, (CURTIS_RADIUS_KM + high_km) * 1e3
         angles = [angle * DEG for angle in angles_deg]
-        return [row[None] for row in cartesian(Elements(0.5 * (low + high), (high - low) / (high + low), *angles))]
+        return [
+            row[None]
+            for row in state_from_elements(OsculatingElements(0.5 * (low + high), (high - low) / (high + low), *angles))
+        ]
 
     station = orbit(300.0, 300.0, 40.0, 20.0, 0.0, 60.0)
     other = orbit(320.06, 513.86, 40.130, 19.819, 70.662, 349.65)
@@ -350,7 +355,7 @@ def test_the_longest_eclipse_of_a_navigation_satellite(compare):
         argument_of_perigee_deg=0.0,
         true_anomaly_deg=90.0,
     )
-    (dark,) = eclipses(orbit, Epochs(start, np.arange(0.0, 30_000.0, 60.0)))
+    (dark,) = find_eclipses(orbit, Epochs(start, np.arange(0.0, 30_000.0, 60.0)))
     umbra, whole = dark.umbra_to_s - dark.umbra_from_s, dark.penumbra_to_s - dark.penumbra_from_s
     compare(
         "textbook figure, to a minute",
@@ -397,7 +402,7 @@ def test_the_sample_of_a_mean_elements_message_is_that_of_its_lines(compare):
     (message,), (lines,) = Catalog.from_text(GOES_9), Catalog.from_text(GOES_9_LINES)
     assert message.norad_id == lines.norad_id == 23581
     at = Epochs(datetime.datetime(2007, 3, 6, tzinfo=datetime.UTC), np.arange(0.0, 86_400.0, 3_600.0))
-    apart = np.linalg.norm(states(message, at).position_m - states(lines, at).position_m, axis=1)
+    apart = np.linalg.norm(propagate_sgp4(message, at).position_m - propagate_sgp4(lines, at).position_m, axis=1)
     compare(
         "CCSDS 502.0-B, sample OMM of GOES 9, and its two lines",
         [("OMM and two lines of one object, a day: worst distance", 0.0, apart.max(), 1e-3, "m")],

@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.j2 import conic, mean_from_osculating, osculating_from_mean
+from rso_lidar.orbit.propagation.j2 import mean_from_osculating, osculating_from_mean, state_from_quasi_nonsingular
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import Hill
@@ -33,7 +33,7 @@ def period(e):
 
 
 def orbit(e, anomaly):
-    return cartesian(Elements(PERIGEE / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
+    return state_from_elements(OsculatingElements(PERIGEE / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
 
 
 def motion_of(r, v):
@@ -170,7 +170,7 @@ def test_arcs_hold_far_along_the_track(validation, km, height_km):
 )
 def test_relative_elements_with_j2(validation, e, inclination_deg, share):
     """One day of both orbits integrated with J2 alone, in axes of the equator, from the same osculating states."""
-    r, v = cartesian(Elements(PERIGEE / (1 - e), e, inclination_deg * units.DEG, 1.0, 0.7, 0.5))
+    r, v = state_from_elements(OsculatingElements(PERIGEE / (1 - e), e, inclination_deg * units.DEG, 1.0, 0.7, 0.5))
     times = np.linspace(0.0, 86400.0, 201)
     turn = equator_axes(Epochs(START, np.zeros(1)))[0].T
     deltas = {"delta_a_m": 5.0, "delta_lambda_m": -1000.0, "delta_ex_m": 200.0, "delta_ey_m": 100.0}
@@ -205,7 +205,7 @@ def test_relative_elements_with_j2(validation, e, inclination_deg, share):
 def test_relative_elements_and_forces_agree(validation):
     """The nonlinear difference with J2 about the pole of date, against mean elements in axes of that pole."""
     turn = equator_axes(Epochs(START, np.zeros(1)))[0].T
-    at = cartesian(Elements(PERIGEE, 0.001, 1.7, 1.0, 0.7, 0.5))
+    at = state_from_elements(OsculatingElements(PERIGEE, 0.001, 1.7, 1.0, 0.7, 0.5))
     chief = turned(turn, at[0]), turned(turn, at[1])
     part = RelativeElements(relative_to="chief", delta_lambda_m=-1000.0, delta_ex_m=200.0, delta_iy_m=300.0)
     epochs = Epochs(START, np.linspace(0.0, 20000.0, 41))
@@ -223,7 +223,7 @@ def test_relative_elements_and_forces_agree(validation):
 
 def test_inclinations_are_from_the_equator_of_date(validation):
     """Not from that of GCRS, 0.14 deg away in 2024: the node of an orbit inclined by 2.9 deg would be 2.7 deg off."""
-    state = BodyState(*conic(np.array([PERIGEE, 0.4, 0.0, 0.0, 0.05, 0.2])))
+    state = BodyState(*state_from_quasi_nonsingular(np.array([PERIGEE, 0.4, 0.0, 0.0, 0.05, 0.2])))
     turn = equator_axes(Epochs(START, np.zeros(1)))[0].T
     chief = turned(turn, state.position_m), turned(turn, state.velocity_m_s)
     part = RelativeElements(relative_to="chief", delta_ix_m=1000.0, j2=False)

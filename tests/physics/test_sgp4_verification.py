@@ -7,8 +7,16 @@ import pytest
 
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
-from rso_lidar.orbit.sets.teme import REASONS, failed, failure, states, teme, teme_states
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import (
+    REASONS,
+    describe_failure,
+    find_failures,
+    propagate_in_teme,
+    propagate_many_in_teme,
+    propagate_sgp4,
+)
 
 SOURCE = "Vallado et al., AIAA 2006-6753, tcppver.out"
 # The sgp4 package's own list (its tests.py), in the order of the file: where his program breaks off, and why.
@@ -50,12 +58,12 @@ def test_every_case(validation, cases):
     for elements, _, rows in cases:
         if len(rows) == 1:
             continue  # his program prints the state of the satellite before where the first epoch fails: see below
-        position_m, velocity_m_s, error = teme(elements, Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
+        position_m, velocity_m_s, error = propagate_in_teme(elements, Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
         assert not error.any()
         off_m.append(position_m - rows[:, 1:4] * 1e3)
         off_m_s.append(velocity_m_s - rows[:, 4:7] * 1e3)
         # all of a case's epochs in one call of many, too
-        many = teme_states([elements.satrec()], Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
+        many = propagate_many_in_teme([elements.satrec()], Epochs(elements.epoch_utc, rows[:, 0] * 60.0))
         np.testing.assert_array_equal(many[0][0], position_m)
     compared = sum(map(len, off_m))
     assert (len(off_m), compared > 600) == (len(cases) - 1, True)
@@ -80,13 +88,13 @@ def test_the_cases_that_are_meant_to_fail(validation, cases):
         if not len(after):
             continue
         epochs = Epochs(elements.epoch_utc, after[:1] * 60.0)
-        position_m, velocity_m_s, error = teme(elements, epochs)
-        bad = failed(position_m, velocity_m_s, error)
+        position_m, velocity_m_s, error = propagate_in_teme(elements, epochs)
+        bad = find_failures(position_m, velocity_m_s, error)
         assert bad.all()
-        told[elements.norad_id] = failure(elements, epochs, bad, error)
+        told[elements.norad_id] = describe_failure(elements, epochs, bad, error)
         if abs(after[0]) < 1440.0 * 7:
             with pytest.raises(PropagationError) as caught:
-                states(elements, epochs)
+                propagate_sgp4(elements, epochs)
             assert str(caught.value) == told[elements.norad_id]
     assert set(told) == set(ERRORS)
     right = [
@@ -114,7 +122,7 @@ def test_samples_of_messages_fly_alike(validation, shared):
     )
     assert {entry.label for entry in (table, tree, later)} == {"VANGUARD 1 (NORAD 5)"}
     epochs = Epochs(table.epoch_utc, np.linspace(0.0, 86400.0, 97))
-    np.testing.assert_array_equal(states(table, epochs).position_m, states(tree, epochs).position_m)
+    np.testing.assert_array_equal(propagate_sgp4(table, epochs).position_m, propagate_sgp4(tree, epochs).position_m)
     # sgp4's own way in, for an epoch with a fraction: it splits a sum of days that is 0.3 us, 2.5 mm here, coarse
     from sgp4 import omm
     from sgp4.api import Satrec
@@ -123,7 +131,7 @@ def test_samples_of_messages_fly_alike(validation, shared):
         model = Satrec()
         omm.initialize(model, {**entry.omm(), "OBJECT_ID": entry.object_id})
         theirs = np.array(model.sgp4(model.jdsatepoch, model.jdsatepochF + 0.5)[1]) * 1e3
-        position_m, _, _ = teme(entry, Epochs(entry.epoch_utc, np.array([43200.0])))
+        position_m, _, _ = propagate_in_teme(entry, Epochs(entry.epoch_utc, np.array([43200.0])))
         validation(
             case=f"OMM of {entry.name}, epoch {entry.epoch_utc.year}, half a day on: position in TEME, worst coordinate",
             source="sgp4 package, omm.initialize",

@@ -11,7 +11,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError
 from rso_lidar.motion.aim import driven, with_lidar
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.rpo.relative.hill import Hill
 from rso_lidar.rpo.relative.nonlinear import Nonlinear
 from rso_lidar.rpo.relative.rtn import rtn_axes
@@ -354,7 +354,7 @@ def flown(kind, place, speed, chief, time_s):
 
 def chief_of(e, anomaly):
     """Return a chief with its perigee at 7000 km, and its rate there [rad/s]."""
-    r, v = cartesian(Elements(7e6 / (1.0 - e), e, 0.9, 2.0, 4.0, anomaly))
+    r, v = state_from_elements(OsculatingElements(7e6 / (1.0 - e), e, 0.9, 2.0, 4.0, anomaly))
     return State(epoch_utc=START, position_m=tuple(r.tolist()), velocity_m_s=tuple(v.tolist())), np.sqrt(
         GM * (1 + e) / 7e6**3
     )

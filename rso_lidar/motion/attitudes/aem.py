@@ -20,9 +20,9 @@ from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
 from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.situation import Situation, Turn
-from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_timetable, unit_quaternions
+from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, elapsed_s, read_csv_table
 from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
-from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, known_frame
+from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, parse_frame
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import (
     Message,
@@ -33,7 +33,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps, utc_text
+from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text
 from rso_lidar.pose import quaternion_xyzw
 
@@ -95,8 +95,8 @@ class AttitudeTable(Part):
             first, last = arcs[0], arcs[-1]
             raise PropagationError(
                 f"table {self.file}: has no attitude at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g}: it "
-                f"spans {utc_text(first.start_utc or epochs.start_utc, first.begin_s)} to "
-                f"{utc_text(last.start_utc or epochs.start_utc, last.end_s)}; shift or shorten the run",
+                f"spans {format_utc(first.start_utc or epochs.start_utc, first.begin_s)} to "
+                f"{format_utc(last.start_utc or epochs.start_utc, last.end_s)}; shift or shorten the run",
                 bad,
             )
         if arcs[0].in_origin and not here.orbits:
@@ -180,7 +180,7 @@ def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: s
 
 
 def _from_csv(text: str, where: str, axes: str) -> TurnArc:
-    table = read_timetable(text, where, _TURN, _TURN)
+    table = read_csv_table(text, where, _TURN, _TURN)
     quaternion = table.stack(_TURN[0])
     assert quaternion is not None
     rotation = _rotation(where, quaternion, table.lines)
@@ -193,7 +193,7 @@ def _from_csv(text: str, where: str, axes: str) -> TurnArc:
 def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(unit_quaternions(where, quaternion, lines))
+    return Rotation.from_quat(check_unit_quaternions(where, quaternion, lines))
 
 
 def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> TurnArc:
@@ -259,7 +259,7 @@ def _axes(message: Message, segment: Segment) -> tuple[str, bool]:
     if other.value.upper() in _ORBITAL:
         axes = "rtn"
     else:
-        axes = known_frame(other.value, f"{message.where}: line {other.line}")
+        axes = parse_frame(other.value, f"{message.where}: line {other.line}")
         if axes == "teme":
             raise ScenarioError(f"{message.where}: line {other.line}: an attitude in TEME: have it written in GCRF")
     entry = segment.meta.get("ATTITUDE_DIR")

@@ -11,7 +11,7 @@ from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, look_at
 from rso_lidar.motion.attitudes.situation import Situation, Turn
-from rso_lidar.orbit.epochs import utc_text
+from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
 from rso_lidar.pose import euler_zyx, turned
@@ -128,7 +128,7 @@ def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
         raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")
     if here.local:
         return here.sun_m, np.zeros_like(here.sun_m)
-    after, before = (sun_position_m(here.epochs.shifted(step)) for step in (_STEP_S, -_STEP_S))
+    after, before = (sun_position_m(here.epochs.shift(step)) for step in (_STEP_S, -_STEP_S))
     return here.sun_m - here.position_m, (after - before) / (2.0 * _STEP_S) - here.velocity_m_s
 
 
@@ -144,6 +144,6 @@ def _refuse(here: Situation, bad: np.ndarray, what: str, cure: str) -> None:
         at = here.epochs.time_s[np.argmax(bad)]
         raise PropagationError(
             f"{what} at {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
-            f"({utc_text(here.epochs.start_utc, at)}): {cure}",
+            f"({format_utc(here.epochs.start_utc, at)}): {cure}",
             bad,
         )

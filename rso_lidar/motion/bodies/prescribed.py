@@ -12,7 +12,7 @@ from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
-from rso_lidar.orbit.ccsds.csv_table import read_timetable, unit_quaternions
+from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, read_csv_table
 from rso_lidar.part import Name, Part, Text, Vector
 from rso_lidar.shipped import find
 
@@ -122,7 +122,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
     if not text.strip():
         raise ScenarioError(f"{path}: is empty: give a header line and at least two rows")
-    table = read_timetable(text, str(path), (PLACE, TURN), (PLACE,))
+    table = read_csv_table(text, str(path), (PLACE, TURN), (PLACE,))
     if table.start_utc is not None:
         raise ScenarioError(
             f"{path}: line 1: a table of places counts its rows in time_s: give that column, in seconds"
@@ -130,5 +130,5 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
     position_m, quaternion = table.stack(PLACE), table.stack(TURN)
     assert position_m is not None
     if quaternion is not None:
-        quaternion = unit_quaternions(str(path), quaternion, table.lines)
+        quaternion = check_unit_quaternions(str(path), quaternion, table.lines)
     return Rows(table.time_s, position_m, quaternion)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.dynamics.function import Dynamics, Function, checked, found, in_words, stamp
-from rso_lidar.orbit.propagation.integrator import Solution
+from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.part import Number, Part, Positive
 
 _PANEL_S = 60.0
@@ -57,14 +57,14 @@ class StateSpaceModel(Part):
 
     def solution(
         self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0, panel_s: float = _PANEL_S
-    ) -> Solution:
+    ) -> OdeSolution:
         """Return x(t - start_s) from `state` at `start_s` [s] on, under constant inputs, in panels of `panel_s` [s]."""
         function = self.function()
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
             return np.asarray(function(t + start_s, x, inputs))
 
-        return Solution(
+        return OdeSolution(
             derivative,
             state,
             panel_s=panel_s,

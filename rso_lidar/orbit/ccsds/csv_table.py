@@ -11,14 +11,14 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.orbit.ccsds.message import check_increasing, parse_number
-from rso_lidar.orbit.epochs import PS_PER_S, Epochs, parse_epoch_ps, start_near, tai_ps
+from rso_lidar.orbit.epochs import PS_PER_S, Epochs, floor_to_utc_second, parse_epoch_ps, tai_ps_from_utc
 from rso_lidar.part import UNIT_NORM_WITHIN
 
 TIMES = ("time_s", "utc", "epoch")
 
 
 @dataclass(frozen=True, eq=False)
-class Timetable:
+class TimedTable:
     """Rows as read: `time_s` (row) from `start_utc`, or from the start of the run where that is None; columns by name."""
 
     start_utc: datetime.datetime | None
@@ -41,13 +41,13 @@ def elapsed_from_ps(
 ) -> tuple[datetime.datetime, np.ndarray]:
     """Return `start_utc`, or a UTC instant at the first of some instants [ps], and their seconds from there."""
     if start_utc is None:
-        start, start_ps = start_near(stamps[0])
+        start, start_ps = floor_to_utc_second(stamps[0])
     else:
-        start, start_ps = start_utc, tai_ps(start_utc)
+        start, start_ps = start_utc, tai_ps_from_utc(start_utc)
     return start, np.array([(stamp - start_ps) / PS_PER_S for stamp in stamps])
 
 
-def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> Timetable:
+def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> TimedTable:
     """Return a CSV table, checked.
 
     Parameters
@@ -61,7 +61,7 @@ def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed:
         raise ScenarioError(f"{where}: cannot be read as CSV ({error}): write plain rows of numbers") from None
     at = f"{where}: line {rows[0][0]}"
     header = [cell.strip() for cell in rows[0][1]]
-    time_column = _time_column(at, header, sets, needed)
+    time_column = _find_time_column(at, header, sets, needed)
     if len(rows) < 3:
         raise ScenarioError(f"{where}: has {len(rows) - 1} rows: a table needs at least two")
     columns: dict[str, list[float]] = {name: [] for name in header if name != time_column}
@@ -82,10 +82,10 @@ def read_timetable(text: str, where: str, sets: Sequence[Sequence[str]], needed:
     lines = [line for line, _ in rows[1:]]
     check_increasing(where, stamps, lines)
     start, time_s = (None, np.array(times)) if times else elapsed_from_ps(stamps)
-    return Timetable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
+    return TimedTable(start, time_s, {name: np.array(values) for name, values in columns.items()}, lines)
 
 
-def unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
+def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
     """Return quaternions (row, 4) as they are; the first whose norm is not 1 is an error that names its line."""
     norms = np.linalg.norm(quaternion, axis=1)
     wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
@@ -97,7 +97,9 @@ def unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -
     return quaternion
 
 
-def _time_column(where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> str:
+def _find_time_column(
+    where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]
+) -> str:
     known = [*TIMES, *(name for group in sets for name in group)]
     for name in header:
         if name not in known:

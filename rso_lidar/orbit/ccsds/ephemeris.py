@@ -22,9 +22,9 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
-from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_timetable
-from rso_lidar.orbit.ccsds.frames import gcrs_from, known_frame
-from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, hermite, lagrange
+from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_csv_table
+from rso_lidar.orbit.ccsds.frames import gcrs_from_frame, parse_frame
+from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_hermite, interpolate_lagrange
 from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import (
     Message,
@@ -35,7 +35,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.epochs import Epochs, format_epochs, parse_epoch_ps, utc_text
+from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
@@ -88,8 +88,8 @@ class Ephemeris(Part):
         arcs = self._arcs()
         first, last = arcs[0], arcs[-1]
         return (
-            utc_text(first.start_utc or start_utc, first.begin_s),
-            utc_text(last.start_utc or start_utc, last.end_s),
+            format_utc(first.start_utc or start_utc, first.begin_s),
+            format_utc(last.start_utc or start_utc, last.end_s),
         )
 
     def validity(self, epochs: Epochs) -> list[str]:
@@ -126,7 +126,7 @@ class Ephemeris(Part):
             at = epochs.time_s[np.argmax(bad)]
             raise PropagationError(
                 f"ephemeris {self.file}: has no rows around {int(bad.sum())} of {len(bad)} epochs, first at time_s = {at:g} "
-                f"({utc_text(epochs.start_utc, at)}): it spans {first} to {last}{pieces}; shift or shorten the run",
+                f"({format_utc(epochs.start_utc, at)}): it spans {first} to {last}{pieces}; shift or shorten the run",
                 bad,
             )
         for number in np.unique(which):
@@ -135,12 +135,12 @@ class Ephemeris(Part):
             place, speed = arcs[number].states(
                 elapsed_s(some, arcs[number].start_utc), self.interpolation, self.degree, more
             )
-            matrix = gcrs_from(arcs[number].frame, some)
+            matrix = gcrs_from_frame(arcs[number].frame, some)
             position[rows] = place if matrix is None else turned(matrix, place)
             velocity[rows] = speed if matrix is None else turned(matrix, speed)
         return BodyState(position, velocity)
 
-    def _arcs(self) -> tuple[Arc, ...]:
+    def _arcs(self) -> tuple[EphemerisArc, ...]:
         path = find_table(self.file)
         try:
             status = path.stat()
@@ -150,7 +150,7 @@ class Ephemeris(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Arc:
+class EphemerisArc:
     """One segment: rows [m, m/s] at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
 
     where: str
@@ -174,9 +174,9 @@ class Arc:
         order = order + more if order + more < conditions else max(min(order, conditions - 1) - more, 1)
         inside = np.clip(time_s, self.begin_s, self.end_s)
         if method == "lagrange":
-            place, speed = lagrange(inside, self.time_s, self.position_m, order)
+            place, speed = interpolate_lagrange(inside, self.time_s, self.position_m, order)
             if self.velocity_m_s is not None:
-                speed = lagrange(inside, self.time_s, self.velocity_m_s, order)[0]
+                speed = interpolate_lagrange(inside, self.time_s, self.velocity_m_s, order)[0]
             return place, speed
         if method != "hermite":
             raise ScenarioError(
@@ -184,21 +184,21 @@ class Arc:
             )
         if self.velocity_m_s is None:
             raise ScenarioError(f"{self.where}: 'hermite' needs velocities, which it lacks: choose 'lagrange'")
-        return hermite(inside, self.time_s, self.position_m, self.velocity_m_s, order)
+        return interpolate_hermite(inside, self.time_s, self.position_m, self.velocity_m_s, order)
 
 
 # --------------------------------------------------------------------------------------------------------- reading
 
 
 @functools.lru_cache(maxsize=16)
-def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[Arc, ...]:
+def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[EphemerisArc, ...]:
     text = read_table_text(path)
     if is_message(text):
-        arcs = _from_message(read_message(text, "OEM", str(path)), wanted)
+        arcs = _read_message(read_message(text, "OEM", str(path)), wanted)
     elif wanted is not None:
         raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
     else:
-        arcs = [_from_csv(text, str(path))]
+        arcs = [_read_csv(text, str(path))]
     arcs.sort(key=lambda arc: arc.begin_s)
     for before, after in itertools.pairwise(arcs):
         if after.begin_s < before.end_s - EDGE_S:
@@ -206,8 +206,8 @@ def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tupl
     return tuple(arcs)
 
 
-def _from_csv(text: str, where: str) -> Arc:
-    table = read_timetable(text, where, (*_PLACES, *_SPEEDS), _PLACES)
+def _read_csv(text: str, where: str) -> EphemerisArc:
+    table = read_csv_table(text, where, (*_PLACES, *_SPEEDS), _PLACES)
     metres, kilometres = table.stack(_PLACES[0]), table.stack(_PLACES[1])
     position = metres if metres is not None else np.asarray(kilometres) * units.KM
     speeds = [table.stack(names) for names in _SPEEDS]
@@ -215,17 +215,17 @@ def _from_csv(text: str, where: str) -> Arc:
         raise ScenarioError(f"{where}: has velocities in m/s and in km/s: keep one set of columns")
     velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
     time_s = table.time_s
-    return Arc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
+    return EphemerisArc(where, table.start_utc, time_s[0], time_s[-1], time_s, position, velocity)
 
 
-def _from_message(message: Message, wanted: str | None) -> list[Arc]:
-    arcs: list[Arc] = []
+def _read_message(message: Message, wanted: str | None) -> list[EphemerisArc]:
+    arcs: list[EphemerisArc] = []
     for segment in select_segments(message, wanted):
-        arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
+        arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
     return arcs
 
 
-def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> Arc:
+def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> EphemerisArc:
     at = f"{message.where}: line {segment.line}"
     center = message.need(segment, "CENTER_NAME")
     if center.value.upper() not in ("EARTH", "EARTH CENTER"):
@@ -233,7 +233,7 @@ def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None
             f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is known here"
         )
     reference = message.need(segment, "REF_FRAME")
-    frame = known_frame(reference.value, f"{message.where}: line {reference.line}")
+    frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     fixed = segment.meta.get("REF_FRAME_EPOCH")
     if frame == "teme" and fixed is not None:
         raise ScenarioError(
@@ -266,7 +266,7 @@ def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None
     word = method.value.lower() if method is not None else None
     if word == "linear":
         word, order = "lagrange", 1
-    return Arc(at, start, begin_s, end_s, time_s, numbers[:, :3], numbers[:, 3:], frame, word, order)
+    return EphemerisArc(at, start, begin_s, end_s, time_s, numbers[:, :3], numbers[:, 3:], frame, word, order)
 
 
 # --------------------------------------------------------------------------------------------------------- writing
@@ -289,7 +289,7 @@ def write_oem(
 
     A new segment begins at each of `breaks_s` [s], where the velocity jumps: what is interpolated must not cross them.
     """
-    rows, texts = _rows(epochs, states), format_epochs(epochs)
+    rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
     segments = []
     for part in np.split(np.arange(len(rows)), np.unique(edges)):
@@ -311,12 +311,12 @@ def write_oem(
             "INTERPOLATION": "HERMITE",
             "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(part) - 1)),
         }
-        segments.append((meta, [_line(texts[k], rows[k].tolist()) for k in part]))
+        segments.append((meta, [_format_line(texts[k], rows[k].tolist()) for k in part]))
     header = make_header(originator, created_utc)
     return write_text(path, format_kvn("OEM", version, header, segments), overwrite=overwrite)
 
 
-def _line(text: str, row: list[float]) -> str:
+def _format_line(text: str, row: list[float]) -> str:
     """Return a line of an OEM: km to 1e-9, km/s to 1e-12."""
     cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
     return " ".join([text, *cells])
@@ -324,7 +324,7 @@ def _line(text: str, row: list[float]) -> str:
 
 def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:
     """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s; return its path."""
-    rows, texts = _rows(epochs, states), format_epochs(epochs)
+    rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     lines = [",".join(("utc", *_PLACES[0], *_SPEEDS[0]))]
     for text, row in zip(texts, rows.tolist(), strict=True):
         cells = [*(f"{value:.6f}" for value in row[:3]), *(f"{value:.9f}" for value in row[3:])]
@@ -332,7 +332,7 @@ def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, 
     return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
 
-def _rows(epochs: Epochs, states: BodyState) -> np.ndarray:
+def _check_rows(epochs: Epochs, states: BodyState) -> np.ndarray:
     rows: np.ndarray = np.concatenate([np.atleast_2d(states.position_m), np.atleast_2d(states.velocity_m_s)], axis=1)
     if rows.shape != (len(epochs), 6) or not np.all(np.isfinite(rows)):
         raise RecordingError(

@@ -29,7 +29,7 @@ def gcrs_from_eme2000() -> np.ndarray:
     return matrix
 
 
-def known_frame(name: str, where: str) -> str:
+def parse_frame(name: str, where: str) -> str:
     """Return "gcrs", "eme2000" or "teme" for a frame's name; others are refused in words."""
     plain = name.upper().replace(" ", "").replace("_", "").replace("-", "")
     for frame, names in (("gcrs", _GCRS), ("eme2000", _EME2000), ("teme", _TEME)):
@@ -40,7 +40,7 @@ def known_frame(name: str, where: str) -> str:
     raise ScenarioError(f"{where}: reference frame {name} {why}: have the file written in GCRF, EME2000 or TEME")
 
 
-def gcrs_from(frame: str, epochs: Epochs) -> np.ndarray | None:
+def gcrs_from_frame(frame: str, epochs: Epochs) -> np.ndarray | None:
     """Return the matrices (time, 3, 3) or (3, 3) from a known frame to GCRS axes, None where it is GCRS."""
     if frame == "gcrs":
         return None

@@ -10,7 +10,9 @@ import numpy as np
 GREATEST_DEGREE = 31
 
 
-def lagrange(time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
+def interpolate_lagrange(
+    time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, degree: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return values and their rates (time, n) at `time_s` by the polynomial through the degree + 1 nearest rows.
 
     Parameters
@@ -25,12 +27,13 @@ def lagrange(time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, degree
     return _sums(values, rows, time_s, nodes_s, [(basis, None), (slope, None)], None)
 
 
-def hermite(
+def interpolate_hermite(
     time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, rates: np.ndarray, degree: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return values and their rates (time, n) by the polynomial that meets the values and the rates of the nearest rows.
 
-    `degree` 2 m - 1 takes m rows (an even degree is raised by one); the other parameters are those of `lagrange`.
+    `degree` 2 m - 1 takes m rows (an even degree is raised by one); the other parameters are those of
+    `interpolate_lagrange`.
     """
     rows = _window(time_s, nodes_s, (degree + 2) // 2)
     near = nodes_s[rows]

@@ -67,13 +67,13 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
 def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
     """Return a message of one or more segments in keyword = value notation."""
     before, after = (["DATA_START"], ["DATA_STOP"]) if kind == "AEM" else ([], [])
-    lines = [f"CCSDS_{kind}_VERS = {version}", *_pairs(header), ""]
+    lines = [f"CCSDS_{kind}_VERS = {version}", *_format_pairs(header), ""]
     for meta, rows in segments:
-        lines += ["META_START", *_pairs(meta), "META_STOP", "", *before, *rows, *after, ""]
+        lines += ["META_START", *_format_pairs(meta), "META_STOP", "", *before, *rows, *after, ""]
     return "\n".join(lines[:-1]) + "\n"
 
 
-def _pairs(words: dict[str, str]) -> list[str]:
+def _format_pairs(words: dict[str, str]) -> list[str]:
     for key, value in words.items():
         if not value.strip() or not value.isascii() or not value.isprintable() or len(value) > 200:
             raise RecordingError(

@@ -40,11 +40,11 @@ def is_message(text: str) -> bool:
 def read_message(text: str, kind: str, where: str) -> Message:
     """Return the message of a KVN or XML text; `kind` is "OEM" or "AEM"."""
     if text.lstrip().startswith("<"):
-        return _checked(read_xml(text, kind, where), kind)
-    return _checked(read_kvn(text, kind, where), kind)
+        return _check_message(read_xml(text, kind, where), kind)
+    return _check_message(read_kvn(text, kind, where), kind)
 
 
-def _checked(message: Message, kind: str) -> Message:
+def _check_message(message: Message, kind: str) -> Message:
     if not re.fullmatch(r"[123]\.[0-9]+", message.version):
         raise ScenarioError(f"{message.where}: CCSDS_{kind}_VERS {message.version} is not known: write 1.0, 2.0 or 3.0")
     if not message.segments:

@@ -18,15 +18,15 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.almanac import Sky
+from rso_lidar.orbit.sky.almanac import Almanac
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
 _CORE_M = 0.5 * units.EARTH_RADIUS_M  # inside it the pull grows no more: nothing flies there
-Push = tuple[float, float, float]
-Pull = Callable[[float, Push, Push], tuple[Push, float]]
+Vector3 = tuple[float, float, float]
+ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
 
 # Vallado 4th ed. table 8-4: height [km], density there [kg/m3], scale height [km], up to the next row
 _AIR = (
@@ -113,17 +113,17 @@ class Forces(Part):
         )
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
-    def field(self, start_utc: datetime.datetime) -> Pull:
+    def field(self, start_utc: datetime.datetime) -> ForceField:
         """Return the acceleration [m/s2] as a function of seconds since `start_utc`, position [m] and velocity [m/s].
 
         Its second value is the size [m/s2] of what has edges: drag (the rows of its table) and sunlight (shadow).
         """
         pressure = self.radiation_pressure
-        sky = Sky(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
+        sky = Almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
         zonals, drag = _ZONALS[: max(self.zonal_degree - 1, 0)], self.drag
         needs_sky = bool(zonals or drag or pressure or self.sun or self.moon)
 
-        def acceleration(t: float, r: Push, v: Push) -> tuple[Push, float]:
+        def acceleration(t: float, r: Vector3, v: Vector3) -> tuple[Vector3, float]:
             x, y, z = r
             radius = max(math.sqrt(x * x + y * y + z * z), _CORE_M)
             pull = -GM / (radius * radius * radius)
@@ -133,17 +133,17 @@ class Forces(Part):
             rough = 0.0
             pole, sun, moon = sky(t)
             if zonals:
-                total = _sum(total, _zonal(zonals, r, radius, pole))
+                total = _add(total, _zonal_acceleration(zonals, r, radius, pole))
             if drag:
-                push = _air_drag(drag, r, radius, v, pole)
-                total, rough = _sum(total, push), math.hypot(*push)
+                push = _drag_acceleration(drag, r, radius, v, pole)
+                total, rough = _add(total, push), math.hypot(*push)
             if pressure:
-                push = _light(pressure, r, radius, sun)
-                total, rough = _sum(total, push), rough + math.hypot(*push)
+                push = _sunlight_acceleration(pressure, r, radius, sun)
+                total, rough = _add(total, push), rough + math.hypot(*push)
             if self.sun:
-                total = _sum(total, _third(units.SUN_GM_M3_S2, r, sun))
+                total = _add(total, _third_body_acceleration(units.SUN_GM_M3_S2, r, sun))
             if self.moon:
-                total = _sum(total, _third(units.MOON_GM_M3_S2, r, moon))
+                total = _add(total, _third_body_acceleration(units.MOON_GM_M3_S2, r, moon))
             return total, rough
 
         return acceleration
@@ -158,7 +158,7 @@ def air_density_kg_m3(height_m: float) -> float:
     return density * math.exp(-(max(height_km, 0.0) - floor_km) / scale_km)
 
 
-def _zonal(zonals: tuple[float, ...], r: Push, radius: float, pole: Push) -> Push:
+def _zonal_acceleration(zonals: tuple[float, ...], r: Vector3, radius: float, pole: Vector3) -> Vector3:
     """Return the pull of zonal harmonics [m/s2]: GM/r^2 J_n (R/r)^n [P'_(n+1)(s) r^ - P'_n(s) k], s the sine of latitude.
 
     The gradient of -GM/r J_n (R/r)^n P_n(s) (Montenbruck & Gill eq. 3.27), with (n + 1) P_n + s P'_n = P'_(n+1).
@@ -181,7 +181,7 @@ def _zonal(zonals: tuple[float, ...], r: Push, radius: float, pole: Push) -> Pus
     return out * r[0] + up * pole[0], out * r[1] + up * pole[1], out * r[2] + up * pole[2]
 
 
-def _air_drag(drag: Drag, r: Push, radius: float, v: Push, pole: Push) -> Push:
+def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
     """Return drag [m/s2]; height above the ellipsoid to first order in the flattening, within 50 m (Vallado eq. 8-28)."""
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - units.EARTH_FLATTENING * s * s))
@@ -196,7 +196,7 @@ def _air_drag(drag: Drag, r: Push, radius: float, v: Push, pole: Push) -> Push:
     return k * x, k * y, k * z
 
 
-def _light(pressure: RadiationPressure, r: Push, radius: float, sun: Push) -> Push:
+def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: float, sun: Vector3) -> Vector3:
     """Return the push of sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth."""
     to_sun = (sun[0] - r[0], sun[1] - r[1], sun[2] - r[2])
     distance = math.sqrt(to_sun[0] ** 2 + to_sun[1] ** 2 + to_sun[2] ** 2)
@@ -211,7 +211,7 @@ def _light(pressure: RadiationPressure, r: Push, radius: float, sun: Push) -> Pu
     return k * to_sun[0], k * to_sun[1], k * to_sun[2]
 
 
-def _third(gm: float, r: Push, body: Push) -> Push:
+def _third_body_acceleration(gm: float, r: Vector3, body: Vector3) -> Vector3:
     """Return what a third body pulls at r more than at the Earth [m/s2] (Montenbruck & Gill eq. 3.37)."""
     x, y, z = body[0] - r[0], body[1] - r[1], body[2] - r[2]
     near, far = x * x + y * y + z * z, body[0] ** 2 + body[1] ** 2 + body[2] ** 2
@@ -219,5 +219,5 @@ def _third(gm: float, r: Push, body: Push) -> Push:
     return a * x - b * body[0], a * y - b * body[1], a * z - b * body[2]
 
 
-def _sum(a: Push, b: Push) -> Push:
+def _add(a: Vector3, b: Vector3) -> Vector3:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -22,7 +22,7 @@ _MOST_STEPS = 200_000  # some 400 days of a low orbit, and half a gigabyte
 _NEAR_S = 1e-9  # two breaks nearer than this are one
 
 
-class Solution:
+class OdeSolution:
     """x(t) of x' = f(t, x) with x(0) given, at any instants.
 
     Where f fails in a step that reaches beyond what is asked, a shorter one is made up to there: at the edge of what f
@@ -53,8 +53,8 @@ class Solution:
     ) -> None:
         x0 = np.array(x0, dtype=float)
         breaks = sorted({*(at for at, _ in jumps), *breaks})
-        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_when), breaks, name)
-        self._ways = {way: _Way(way, *shared) for way in (1, -1)}
+        shared = (f, x0, panel_s, {"rtol": rtol, "atol": atol}, sorted(jumps, key=_jump_time_s), breaks, name)
+        self._ways = {way: _Direction(way, *shared) for way in (1, -1)}
         self._n = len(x0)
         self._lock = RLock()
 
@@ -70,11 +70,11 @@ class Solution:
         return values
 
 
-def _when(jump: Jump) -> float:
+def _jump_time_s(jump: Jump) -> float:
     return jump[0]
 
 
-class _Way:
+class _Direction:
     """One direction from t = 0: the steps made so far, and the solver that makes the next."""
 
     def __init__(

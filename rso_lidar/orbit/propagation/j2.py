@@ -27,8 +27,8 @@ from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.anomaly import mean_from_true, true_from_mean
-from rso_lidar.orbit.two_body.kepler import OrbitElements
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian, elements
+from rso_lidar.orbit.two_body.kepler import ClassicalElements
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
 from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
 
@@ -40,7 +40,7 @@ _LONG_DAYS = 3.0
 _LOW_M = 450e3
 
 
-class J2(OrbitElements):
+class J2(ClassicalElements):
     """Motion by `elements` at `epoch_utc` with the secular rates of J2 and its short-period oscillation.
 
     `elements` says what the keys are: "mean" elements of J2, or the "osculating" ones of the state at `epoch_utc`. Both are
@@ -67,10 +67,10 @@ class J2(OrbitElements):
         turn = equator_axes(Epochs(self.epoch_utc, np.zeros(1)))[0]
         start = self.at_epoch()
         position, velocity = turned(turn, start.position_m), turned(turn, start.velocity_m_s)
-        mean = quasi_nonsingular(position, velocity)
+        mean = quasi_nonsingular_from_state(position, velocity)
         if self.elements == "osculating":
             mean = mean_from_osculating(position, velocity)
-        position, velocity = osculating_from_mean(secular(mean, epochs.since(self.epoch_utc)))
+        position, velocity = osculating_from_mean(propagate_secular(mean, epochs.since(self.epoch_utc)))
         return BodyState(turned(turn.T, position), turned(turn.T, velocity))
 
     def validity(self, epochs: Epochs) -> list[str]:
@@ -91,28 +91,30 @@ class J2(OrbitElements):
         return sentences
 
 
-def quasi_nonsingular(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
     """Return rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad] (…, 6) of the conic through states (…, 3).
 
     On the equator the node is at +x. It is geometry alone: a mean state in, mean elements out.
     """
-    of = elements(position_m, velocity_m_s)
+    of = elements_from_state(position_m, velocity_m_s)
     perigee = np.asarray(of.argument_of_perigee_rad)
     latitude = perigee + mean_from_true(of.true_anomaly_rad, of.eccentricity)
     ex, ey = of.eccentricity * np.cos(perigee), of.eccentricity * np.sin(perigee)
     return np.stack([of.semi_major_axis_m, latitude, ex, ey, of.inclination_rad, of.raan_rad], axis=-1)
 
 
-def conic(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (…, 3) on the conic of rows (…, 6); the inverse of `quasi_nonsingular`."""
+def state_from_quasi_nonsingular(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return position [m] and velocity [m/s] (…, 3) on the conic of rows (…, 6)."""
     a, latitude, ex, ey, inclination, raan = np.moveaxis(np.asarray(rows, dtype=float), -1, 0)
     e, perigee = np.hypot(ex, ey), np.arctan2(ey, ex)
-    return cartesian(Elements(a, e, inclination, raan, perigee, true_from_mean(latitude - perigee, e)))
+    return state_from_elements(
+        OsculatingElements(a, e, inclination, raan, perigee, true_from_mean(latitude - perigee, e))
+    )
 
 
 def osculating_from_mean(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the osculating position [m] and velocity [m/s] (…, 3) of mean elements, rows (…, 6), in the same axes."""
-    position, velocity = conic(mean)
+    position, velocity = state_from_quasi_nonsingular(mean)
     moved, changed = _short_period(position, velocity)
     position, velocity = position + moved, velocity + changed
     speed2 = dot(velocity, velocity)
@@ -130,11 +132,11 @@ def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np
     apart = np.full(r.shape[:-1], np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_ROUNDS):
-            mean = quasi_nonsingular(r, v)
+            mean = quasi_nonsingular_from_state(r, v)
             got_r, got_v = osculating_from_mean(mean)
             r, v = r + (wanted_r - got_r), v + (wanted_v - got_v)
             apart = np.sqrt(dot(wanted_r - got_r, wanted_r - got_r) / dot(wanted_r, wanted_r))
-        mean = quasi_nonsingular(r, v)
+        mean = quasi_nonsingular_from_state(r, v)
     bad = ~(apart < 1e-9)
     if bad.any():
         raise PropagationError(
@@ -151,7 +153,7 @@ def secular_rates(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return motion + first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
-def secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarray:
+def propagate_secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarray:
     """Return mean elements, rows (…, 6), after `dt_s` [s]; one row and many times, or as many of both."""
     anomaly, perigee, node = secular_rates(mean)
     rows, dt = np.asarray(mean, dtype=float), np.asarray(dt_s, dtype=float)

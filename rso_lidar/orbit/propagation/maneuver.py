@@ -43,7 +43,7 @@ class Impulse(Part):
         """Return the state after it: position [m], velocity [m/s] in the first six of a row."""
         after = np.array(state, dtype=float)
         values = after.tolist()
-        after[3:6] += in_inertial(self.delta_v_m_s, self.axes, values[:3], values[3:6])
+        after[3:6] += rotate_to_inertial(self.delta_v_m_s, self.axes, values[:3], values[3:6])
         return after
 
 
@@ -112,15 +112,15 @@ class Burn(Part):
     def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
         """Return the acceleration [m/s2] in inertial axes while it burns, `time_s` counted from the start of the run."""
         if self.acceleration_m_s2 is not None:
-            return in_inertial(self.acceleration_m_s2, self.axes, r, v)
+            return rotate_to_inertial(self.acceleration_m_s2, self.axes, r, v)
         assert self.thrust_n is not None
         assert self.mass_kg is not None
         mass = self.mass_kg - self._flow_kg_s * min(max(time_s - self.from_s, 0.0), self.duration_s)
         x, y, z = self.thrust_n
-        return in_inertial((x / mass, y / mass, z / mass), self.axes, r, v)
+        return rotate_to_inertial((x / mass, y / mass, z / mass), self.axes, r, v)
 
 
-def in_inertial(vector: Vector, axes: Axes3, r: list[float], v: list[float]) -> tuple[float, float, float]:
+def rotate_to_inertial(vector: Vector, axes: Axes3, r: list[float], v: list[float]) -> tuple[float, float, float]:
     """Return a vector given in `axes` of the state r [m], v [m/s] as components in inertial axes."""
     if axes == "inertial":
         return vector

@@ -17,7 +17,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.propagation.integrator import Solution
+from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.propagation.j2 import J2
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
@@ -43,7 +43,9 @@ class Numerical(Part):
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; a fall to the ground raises `PropagationError`."""
         start = self.initial.states(Epochs(epochs.start_utc, np.zeros(1)))
-        flight = solution(start.position_m[0], start.velocity_m_s[0], epochs.start_utc, self.forces, self.maneuvers)
+        flight = integrate_orbit(
+            start.position_m[0], start.velocity_m_s[0], epochs.start_utc, self.forces, self.maneuvers
+        )
         rows = flight(epochs.time_s)
         return BodyState(rows[:, :3], rows[:, 3:])
 
@@ -58,7 +60,7 @@ class Numerical(Part):
         return math.fsum(maneuver.size_m_s for maneuver in self.maneuvers)
 
 
-class Flight:
+class IntegratedOrbit:
     """An integrated orbit: call it with seconds since `start_utc` (time) for rows [position m, velocity m/s] (time, 6)."""
 
     def __init__(
@@ -92,10 +94,10 @@ class Flight:
         # feel it, and the one that begins there must.
         jumps = [(at.at_s, at.apply) for at in maneuvers if isinstance(at, Impulse)]
         for k, burn in enumerate(burns, start=7):
-            jumps.append((burn.until_s, functools.partial(_set, k, 0.0)))
+            jumps.append((burn.until_s, functools.partial(_set_entry, k, 0.0)))
             if burn.from_s > 0.0:
-                jumps.append((burn.from_s, functools.partial(_set, k, 1.0)))
-        self._solution = Solution(
+                jumps.append((burn.from_s, functools.partial(_set_entry, k, 1.0)))
+        self._solution = OdeSolution(
             derivative,
             np.array([*position_m, *velocity_m_s, 0.0, *(float(burn.from_s == 0.0) for burn in burns)]),
             panel_s=_PANEL_S,
@@ -126,25 +128,25 @@ class _FallError(Exception):
     """The orbit ends; the argument is when [s]."""
 
 
-def solution(
+def integrate_orbit(
     position_m: np.ndarray,
     velocity_m_s: np.ndarray,
     start_utc: datetime.datetime,
     forces: Forces,
     maneuvers: tuple[Impulse | Burn, ...] = (),
-) -> Flight:
+) -> IntegratedOrbit:
     """Return the integrated orbit from a state (3), (3) in GCRS axes at `start_utc`; the same question costs nothing twice.
 
     Call it with seconds since `start_utc` (time): rows [position m, velocity m/s] (time, 6).
     """
     position, velocity = np.asarray(position_m, dtype=float).tolist(), np.asarray(velocity_m_s, dtype=float).tolist()
-    return _flight(tuple(position), tuple(velocity), start_utc, forces, maneuvers)
+    return _integrated_orbit(tuple(position), tuple(velocity), start_utc, forces, maneuvers)
 
 
-_flight = functools.lru_cache(maxsize=64)(Flight)
+_integrated_orbit = functools.lru_cache(maxsize=64)(IntegratedOrbit)
 
 
-def _set(entry: int, value: float, state: np.ndarray) -> np.ndarray:
+def _set_entry(entry: int, value: float, state: np.ndarray) -> np.ndarray:
     after = np.array(state)
     after[entry] = value
     return after

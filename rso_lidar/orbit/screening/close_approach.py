@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, Flights
+from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, ScheduledFleet
 
 ROOT_S = 1e-4
 BRIEF_S = 1e-3  # sets that fly for less are passed over
@@ -23,7 +23,7 @@ _EQUAL_M = 1e-4  # minima closer to each other are equal: after days, rounding i
 
 
 @dataclass(frozen=True, eq=False)
-class Stay:
+class CloseApproach:
     """One time inside the limit, from `enter_s` to `leave_s` [s since the start], with the minima of range in it.
 
     `entered` and `left` are False where the span, or what SGP4 can fly, begins or ends inside. A minimum may lie at such
@@ -49,7 +49,7 @@ class Stay:
         return float(self.minima_m.min())
 
 
-class Pair:
+class RelativePositions:
     """Relative positions of element sets by number about one of the follower's; `span_s` (set, 2) is when they fly [s]."""
 
     def __init__(self, lead: Fleet, one: int, fleet: Fleet, span_s: np.ndarray) -> None:
@@ -77,7 +77,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Times:
+class SubIntervals:
     """Sub-intervals of `sub_s` [s] from `begin_s` on, `last` of them."""
 
     begin_s: float
@@ -95,7 +95,7 @@ class _Nodes:
     square: np.ndarray
     closing: np.ndarray
 
-    def with_more(self, pair: Pair, near: np.ndarray, time_s: np.ndarray) -> _Nodes:
+    def with_more(self, pair: RelativePositions, near: np.ndarray, time_s: np.ndarray) -> _Nodes:
         """Return these and others, in the windows of the nodes `near`."""
         which = self.which[near]
         parts = (
@@ -105,9 +105,9 @@ class _Nodes:
             (self.square, pair.square(which, time_s)),
             (self.closing, pair.closing(which, time_s)),
         )
-        joined = [np.concatenate(part) for part in parts]
-        order = np.lexsort((joined[2], joined[1]))
-        return _Nodes(*(part[order] for part in joined))
+        merged = [np.concatenate(part) for part in parts]
+        order = np.lexsort((merged[2], merged[1]))
+        return _Nodes(*(part[order] for part in merged))
 
     @property
     def follows(self) -> np.ndarray:
@@ -116,23 +116,25 @@ class _Nodes:
         return after
 
 
-def refined(pair: Pair, cells: np.ndarray, times: Times, within_m: float) -> list[Stay]:
+def refine_approaches(
+    pair: RelativePositions, cells: np.ndarray, times: SubIntervals, within_m: float
+) -> list[CloseApproach]:
     """Return the stays of some sets in the sub-intervals (set, number) that may hold one, cut to when the sets fly."""
-    nodes = _sampled(pair, cells, times)
+    nodes = _sample(pair, cells, times)
     if not len(nodes.time_s):
         return []
-    nodes = _with_dips(pair, nodes, times.sub_s)
+    nodes = _add_dips(pair, nodes, times.sub_s)
     extrema = []
     for sign in (1.0, -1.0):  # minima, maxima
         rate = sign * nodes.closing
         left = np.flatnonzero(nodes.follows & (rate[:-1] < 0.0) & (rate[1:] >= 0.0))
-        extrema.append((left, _roots(pair.closing, nodes, left, nodes.closing)))
+        extrema.append((left, _find_roots(pair.closing, nodes, left, nodes.closing)))
     (at_min, minima), (at_max, maxima) = extrema
     nodes = nodes.with_more(pair, np.concatenate([at_min, at_max]), np.concatenate([minima, maxima]))
     beyond = nodes.square - within_m**2
     inside = beyond <= 0.0
     crossing = np.flatnonzero(nodes.follows & (inside[:-1] != inside[1:]))
-    crossed = _roots(lambda which, time_s: pair.square(which, time_s) - within_m**2, nodes, crossing, beyond)
+    crossed = _find_roots(lambda which, time_s: pair.square(which, time_s) - within_m**2, nodes, crossing, beyond)
     edge = dict(zip(crossing.tolist(), crossed.tolist(), strict=True))
     linked = np.concatenate([[False], nodes.follows])  # to the node before
     begins = np.flatnonzero(inside & ~(linked & np.concatenate([[False], inside[:-1]])))
@@ -146,7 +148,7 @@ def refined(pair: Pair, cells: np.ndarray, times: Times, within_m: float) -> lis
         # the same elements twice have no minimum: then the first of the least counts
         at = first + (np.flatnonzero(lower[of]) if lower[of].any() else np.argmin(nodes.square[of], keepdims=True))
         stays.append(
-            Stay(
+            CloseApproach(
                 which=int(nodes.which[first]),
                 enter_s=edge.get(first - 1, float(nodes.time_s[first])),
                 leave_s=edge.get(end, float(nodes.time_s[end])),
@@ -159,13 +161,15 @@ def refined(pair: Pair, cells: np.ndarray, times: Times, within_m: float) -> lis
     return stays
 
 
-def joined(pieces: Sequence[Stay], lead: Flights, flights: Flights) -> list[Stay]:
+def join_approaches(
+    pieces: Sequence[CloseApproach], lead: ScheduledFleet, flights: ScheduledFleet
+) -> list[CloseApproach]:
     """Return the stays of objects from those of their sets: what one set leaves off and the next takes up is one stay.
 
     Where sets switch the range jumps. A minimum there counts if it is one of the course with the jump, so that the least
     of a stay is always among its minima.
     """
-    stays: list[Stay] = []
+    stays: list[CloseApproach] = []
     last: dict[int, int] = {}  # where the last stay of an object is
     for piece in sorted(pieces, key=lambda piece: piece.enter_s):
         own = replace(piece, which=int(flights.owner[piece.which]))
@@ -175,18 +179,18 @@ def joined(pieces: Sequence[Stay], lead: Flights, flights: Flights) -> list[Stay
             last[own.which] = len(stays)
             stays.append(own)
         elif k is not None:
-            stays[k] = _one_of(before, own, *_ranges_m(lead, flights, own.which, (before.leave_s, own.enter_s)))
-    return [_with_jumps(stay, lead, flights) for stay in stays]
+            stays[k] = _merge(before, own, *_ranges_m(lead, flights, own.which, (before.leave_s, own.enter_s)))
+    return [_mark_jumps(stay, lead, flights) for stay in stays]
 
 
-def _ranges_m(lead: Flights, flights: Flights, which: int, time_s: tuple[float, ...]) -> list[float]:
+def _ranges_m(lead: ScheduledFleet, flights: ScheduledFleet, which: int, time_s: tuple[float, ...]) -> list[float]:
     times = np.array(time_s)
     apart = flights.at(np.full(len(times), which), times)[0] - lead.at(np.zeros(len(times), dtype=int), times)[0]
     ranges: list[float] = np.sqrt(np.einsum("ti,ti->t", apart, apart)).tolist()
     return ranges
 
 
-def _one_of(before: Stay, after: Stay, end_m: float, begin_m: float) -> Stay:
+def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: float) -> CloseApproach:
     """Return two stays as one; `end_m` and `begin_m` are the ranges [m] on both sides of the jump between them."""
     kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
     kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
@@ -199,7 +203,7 @@ def _one_of(before: Stay, after: Stay, end_m: float, begin_m: float) -> Stay:
     )
 
 
-def _with_jumps(stay: Stay, lead: Flights, flights: Flights) -> Stay:
+def _mark_jumps(stay: CloseApproach, lead: ScheduledFleet, flights: ScheduledFleet) -> CloseApproach:
     """Return a stay that is entered or left where the object jumps in or out."""
     beside_s = (stay.enter_s - 1.5 * SWITCH_S, stay.leave_s + 1.5 * SWITCH_S)
     if (stay.entered or beside_s[0] < 0.0) and (stay.left or beside_s[1] > flights.duration_s):
@@ -212,7 +216,7 @@ def _with_jumps(stay: Stay, lead: Flights, flights: Flights) -> Stay:
     )
 
 
-def _sampled(pair: Pair, cells: np.ndarray, times: Times) -> _Nodes:
+def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> _Nodes:
     """Return nodes at the ends of sub-intervals and of those beside them, both ends of the span included."""
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
@@ -232,7 +236,7 @@ def _sampled(pair: Pair, cells: np.ndarray, times: Times) -> _Nodes:
     return _Nodes(*(part[good] for part in (which, window, time_s, square, closing)))
 
 
-def _with_dips(pair: Pair, nodes: _Nodes, sub_s: float) -> _Nodes:
+def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
     """Return the nodes with more of them where the range rate turns back near zero: it may cross it twice."""
     if len(nodes.time_s) < 3:
         return nodes
@@ -256,7 +260,7 @@ def _with_dips(pair: Pair, nodes: _Nodes, sub_s: float) -> _Nodes:
     return nodes.with_more(pair, near[new], times[new]) if len(k) else nodes
 
 
-def _roots(
+def _find_roots(
     f: Callable[[np.ndarray, np.ndarray], np.ndarray], nodes: _Nodes, left: np.ndarray, value: np.ndarray
 ) -> np.ndarray:
     """Return the roots of f(which, time) between the nodes `left` and those after, to 0.1 ms (regula falsi, Illinois)."""

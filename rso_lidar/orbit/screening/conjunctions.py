@@ -35,33 +35,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.epochs import utc_text
-from rso_lidar.orbit.screening.close_approach import BRIEF_S, Pair, Stay, Times, joined, refined
+from rso_lidar.orbit.epochs import format_utc
+from rso_lidar.orbit.screening.close_approach import (
+    BRIEF_S,
+    CloseApproach,
+    RelativePositions,
+    SubIntervals,
+    join_approaches,
+    refine_approaches,
+)
+from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Fleet, Flights
-from rso_lidar.orbit.sets.teme import reason
+from rso_lidar.orbit.sets.fleet import Fleet, ScheduledFleet
+from rso_lidar.orbit.sets.teme import describe_error
 
 STEP_S = 300.0
 CUT = 8  # sub-intervals of a step
 _MOST_STATES = 400_000  # flown at a time: some 50 MB
-_SHELL_INSTANTS = 13
-_SHELL_MARGIN_M = 50e3
-_J2_R2_M2 = units.EARTH_J2 * units.EARTH_RADIUS_M**2
 _SPEED_OFF_M_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Screened:
+class ScreeningResult:
     """All stays of objects within a limit of one follower, by time; `near` of the objects shared its shell.
 
     `rejected` says of objects, by label, why they were not flown, or from when on they were not.
     """
 
-    follower: Flights
-    objects: Flights
-    stays: tuple[Stay, ...]
+    follower: ScheduledFleet
+    objects: ScheduledFleet
+    approaches: tuple[CloseApproach, ...]
     rejected: tuple[tuple[str, str], ...]
     near: int
 
@@ -73,32 +77,34 @@ def screen(
     duration_s: float,
     within_m: float,
     step_s: float = STEP_S,
-) -> Screened:
+) -> ScreeningResult:
     """Return every stay of `objects` within `within_m` [m] of `follower` during `duration_s` [s] from `start_utc`.
 
     Whoever has several element sets flies at each instant by the one whose epoch is nearest.
     """
-    lead, flights = Flights([follower], start_utc, duration_s), Flights(objects, start_utc, duration_s)
+    lead, flights = ScheduledFleet([follower], start_utc, duration_s), ScheduledFleet(objects, start_utc, duration_s)
     near = np.zeros(len(flights), dtype=bool)
     rejected: dict[int, tuple[float, int]] = {}
-    stays: list[Stay] = []
+    stays: list[CloseApproach] = []
     for one in range(len(lead.fleet)):
-        stays += _while_one_leads(lead, one, flights, within_m, step_s, near, rejected)
+        stays += _screen_one_set(lead, one, flights, within_m, step_s, near, rejected)
     if lead.several.any() or flights.several.any():
-        stays = joined(stays, lead, flights)
+        stays = join_approaches(stays, lead, flights)
     stays.sort(key=lambda stay: (stay.time_s, stay.which))
-    return Screened(lead, flights, tuple(stays), tuple(_told(flights.fleet, rejected)), int(near.sum()))
+    return ScreeningResult(
+        lead, flights, tuple(stays), tuple(_describe_rejected(flights.fleet, rejected)), int(near.sum())
+    )
 
 
-def _while_one_leads(
-    lead: Flights,
+def _screen_one_set(
+    lead: ScheduledFleet,
     one: int,
-    flights: Flights,
+    flights: ScheduledFleet,
     within_m: float,
     step_s: float,
     near: np.ndarray,
     rejected: dict[int, tuple[float, int]],
-) -> list[Stay]:
+) -> list[CloseApproach]:
     """Return the stays of element sets while the follower flies by its set `one`; `near`, `rejected` are added to."""
     begin_s, end_s = max(float(lead.from_s[one]), 0.0), min(float(lead.to_s[one]), lead.duration_s)
     steps = max(1, int(np.ceil((end_s - begin_s) / step_s)))
@@ -109,22 +115,22 @@ def _while_one_leads(
         at = int(np.argmax(bad))
         raise PropagationError(
             f"follower {lead.fleet.sets[one].label}: SGP4 has no state at "
-            f"{utc_text(lead.start_utc, float(instants[at]))}: {reason(int(error[0, at]))}; take an element set nearer to "
-            "the span, or a shorter span",
+            f"{format_utc(lead.start_utc, float(instants[at]))}: {describe_error(int(error[0, at]))}; "
+            "take an element set nearer to the span, or a shorter span",
             bad,
         )
     span_s = np.stack([np.maximum(flights.from_s, begin_s), np.minimum(flights.to_s, end_s)], axis=1)
     at_an_end = (span_s[:, 0] <= 0.0) | (span_s[:, 1] >= lead.duration_s)
     sets = np.flatnonzero(span_s[:, 1] - span_s[:, 0] > np.where(at_an_end, 0.0, BRIEF_S))
-    here = Orbits(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
-    there = Orbits(flights.fleet, sets, span_s[sets])
+    here = OrbitBounds(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
+    there = OrbitBounds(flights.fleet, sets, span_s[sets])
     meets = np.flatnonzero(there.may_meet(here, within_m))
     meets = meets[np.argsort(span_s[sets[meets], 0], kind="stable")]  # sets that fly at about one time together
     near[flights.owner[sets[meets]]] = True
-    pair = Pair(lead.fleet, one, flights.fleet, span_s)
-    times = Times(begin_s, float(instants[-1] - begin_s) / (steps * CUT), steps * CUT)
+    pair = RelativePositions(lead.fleet, one, flights.fleet, span_s)
+    times = SubIntervals(begin_s, float(instants[-1] - begin_s) / (steps * CUT), steps * CUT)
     lost = {int(sets[k]): (float(there.lost_s[k]), int(there.error[k])) for k in np.flatnonzero(there.never)}
-    stays: list[Stay] = []
+    stays: list[CloseApproach] = []
     chunk = max(1, _MOST_STATES // len(instants))
     for begin in range(0, len(meets), chunk):
         rows = meets[begin : begin + chunk]
@@ -132,13 +138,11 @@ def _while_one_leads(
         last = min(int(np.searchsorted(instants, span_s[sets[rows], 1].max())), steps)
         some = slice(first, last + 1)
         ends = instants[some], (position[0, some], velocity[0, some])
-        cells, gone = _may_be_inside(
-            flights.fleet, sets[rows], span_s[sets[rows]], *ends, here, there.of(rows), within_m
-        )
+        cells, gone = _find_cells(flights.fleet, sets[rows], span_s[sets[rows]], *ends, here, there.of(rows), within_m)
         cells[:, 1] += first * CUT
         lost.update(gone)
-        for lot in _in_lots(cells):
-            stays += refined(pair, lot, times, within_m)
+        for lot in _split_into_lots(cells):
+            stays += refine_approaches(pair, lot, times, within_m)
     for k in np.flatnonzero(there.lost):
         lost.setdefault(int(sets[k]), (float(there.lost_s[k]), int(there.error[k])))
     for number, when in lost.items():
@@ -146,89 +150,24 @@ def _while_one_leads(
     return stays
 
 
-def _told(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
+def _describe_rejected(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
     return [
         (
             fleet.sets[k].label,
-            f"{reason(error)}, by {utc_text(fleet.start_utc, since_s)} (elements of "
+            f"{describe_error(error)}, by {format_utc(fleet.start_utc, since_s)} (elements of "
             f"{fleet.sets[k].epoch_utc:%Y-%m-%dT%H:%MZ})",
         )
         for k, (since_s, error) in sorted(rejected.items())
     ]
 
 
-class Orbits:
-    """Bounds of osculating orbits (set), each over its own span (set, 2) [s]: shells, speeds, fourth derivatives."""
-
-    def __init__(self, fleet: Fleet, sets: np.ndarray, span_s: np.ndarray) -> None:
-        count = len(sets)
-        instants = np.linspace(span_s[:, 0], span_s[:, 1], _SHELL_INSTANTS, axis=1)
-        q, top, ecc = np.empty((3, count, _SHELL_INSTANTS))
-        for rows in _alike(span_s):
-            position, velocity = _flown(fleet, sets[rows], instants[rows])
-            radius = np.sqrt(np.einsum("...i,...i->...", position, position))
-            speed2 = np.einsum("...i,...i->...", velocity, velocity)
-            radial = np.einsum("...i,...i->...", position, velocity) / radius
-            axis = 1.0 / (2.0 / radius - speed2 / units.EARTH_GM_M3_S2)
-            latus = radius**2 * (speed2 - radial**2) / units.EARTH_GM_M3_S2
-            ecc[rows] = np.sqrt(np.maximum(1.0 - latus / axis, 0.0))
-            q[rows], top[rows] = axis * (1.0 - ecc[rows]), axis * (1.0 + ecc[rows])
-        gone = np.isnan(q)
-        self.never, self.lost = gone.all(axis=1), gone.any(axis=1)
-        first = gone.argmax(axis=1)
-        self.lost_s = instants[np.arange(count), first]
-        self.error = np.zeros(count, dtype=int)
-        for k in np.flatnonzero(self.lost):
-            self.error[k] = fleet.grid(sets[k : k + 1], self.lost_s[k : k + 1])[2][0, 0]
-        with np.errstate(all="ignore"):
-            least, most = np.fmin.reduce(q, axis=1), np.fmax.reduce(top, axis=1)
-            axis = 0.5 * (least + most)
-            self.perigee_m = least - _SHELL_MARGIN_M - (np.fmax.reduce(q, axis=1) - least)
-            spread = most - np.fmin.reduce(top, axis=1)
-            self.apogee_m = most + _SHELL_MARGIN_M + spread + 4.0 * axis**2 * _J2_R2_M2 / least**3
-            e = np.clip(np.fmax.reduce(ecc, axis=1) + 0.01, 0.0, 1.0)
-            low = np.maximum(np.where(np.isnan(least), 0.0, least) - 0.5 * _SHELL_MARGIN_M, units.EARTH_RADIUS_M)
-        self.speed_m_s = np.sqrt(units.EARTH_GM_M3_S2 * (1.0 + e) / low)
-        self.fourth_m_s4 = units.EARTH_GM_M3_S2**2 / low**5 * (1.0 + 9.0 * e + 12.0 * e**2 / (1.0 + e))
-        # what is lost on the way may fall: its shell is not believed
-        open_ = self.lost | ~np.isfinite(self.perigee_m) | ~np.isfinite(self.apogee_m) | (axis <= 0.0)
-        self.perigee_m = np.where(open_, 0.0, self.perigee_m)
-        self.apogee_m = np.where(open_, np.inf, self.apogee_m)
-
-    def of(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return speed [m/s] and fourth derivative [m/s4] of some rows."""
-        return self.speed_m_s[rows], self.fourth_m_s4[rows]
-
-    def may_meet(self, one: Orbits, within_m: float) -> np.ndarray:
-        """Return whether each shell comes within a limit [m] of that of `one`, and there is anything to fly."""
-        above = self.perigee_m > one.apogee_m[0] + within_m
-        below = self.apogee_m < one.perigee_m[0] - within_m
-        meets: np.ndarray = ~(above | below | self.never)
-        return meets
-
-
-def _alike(span_s: np.ndarray) -> list[np.ndarray]:
-    """Return rows in lots of bounded size: those of the widest span together, and the rest."""
-    widest = (span_s == [span_s[:, 0].min(initial=np.inf), span_s[:, 1].max(initial=-np.inf)]).all(axis=1)
-    lots = [np.flatnonzero(widest), np.flatnonzero(~widest)]
-    return [lot[begin : begin + 20_000] for lot in lots for begin in range(0, len(lot), 20_000)]
-
-
-def _flown(fleet: Fleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (set, time, 3), each set at instants (set, time) of its own [s]."""
-    if (instants == instants[0]).all():
-        return fleet.grid(sets, instants[0])[:2]
-    position, velocity = fleet.at(np.repeat(sets, instants.shape[1]), instants.ravel())
-    return position.reshape(*instants.shape, 3), velocity.reshape(*instants.shape, 3)
-
-
-def _may_be_inside(
+def _find_cells(
     fleet: Fleet,
     sets: np.ndarray,
     span_s: np.ndarray,
     instants: np.ndarray,
     lead: tuple[np.ndarray, np.ndarray],
-    here: Orbits,
+    here: OrbitBounds,
     there: tuple[np.ndarray, np.ndarray],
     within_m: float,
 ) -> tuple[np.ndarray, dict[int, tuple[float, int]]]:
@@ -289,7 +228,7 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
     return inside
 
 
-def _in_lots(cells: np.ndarray) -> list[np.ndarray]:
+def _split_into_lots(cells: np.ndarray) -> list[np.ndarray]:
     """Return the (set, sub-interval) rows in lots of bounded size, all of one set in one."""
     if not len(cells):
         return []

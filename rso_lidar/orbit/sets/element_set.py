@@ -68,10 +68,10 @@ _EPOCH = re.compile(
 _UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb]+")
 
 
-def printable(text: str) -> str:
+def make_printable(text: str) -> str:
     r"""Return a text as one line that can be printed: controls become a space, and halves of a character a '?'.
 
-    >>> printable("A\nB \ud800")
+    >>> make_printable("A\nB \ud800")
     'A B ?'
     """
     if text.isprintable():
@@ -83,7 +83,7 @@ def printable(text: str) -> str:
 class ElementSet:
     """One element set as it was written. `problem` says what is wrong with it; `where` is its file and line or record.
 
-    Texts are made `printable`, wherever they come from: a name is one line.
+    Texts are made printable, wherever they come from: a name is one line.
 
     `epoch_utc` is cut to whole microseconds, `epoch_rest_ns` is what is left of it. Rates are as TLE and OMM print them:
     `mean_motion_dot_rev_day2` is half the rate, `mean_motion_ddot_rev_day3` a sixth of its rate; SGP4 uses neither. What
@@ -117,7 +117,7 @@ class ElementSet:
         for key in ("name", "object_id", "classification", "problem"):
             text = getattr(self, key)
             if text and not text.isprintable():
-                object.__setattr__(self, key, printable(text))
+                object.__setattr__(self, key, make_printable(text))
 
     @property
     def label(self) -> str:
@@ -212,7 +212,7 @@ class ElementSet:
         return dict(zip(KEYS, values, strict=True))
 
 
-def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) -> ElementSet:
+def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) -> ElementSet:
     """Return the element set of an OMM's fields, keys in capitals; what is wrong with it is its `problem`."""
     wrong: list[str] = [problem] if problem else []
 
@@ -226,15 +226,15 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
             return otherwise
         if type(value) is float and math.isfinite(value):
             return value
-        found = _number(value)
+        found = _parse_number(value)
         if found is None:
-            wrong.append(f"{key} {shown(value)} is not a number")
+            wrong.append(f"{key} {quote(value)} is not a number")
         return math.nan if found is None else found
 
     def whole(key: str, most: int = 10**9) -> int:
         value = number(key, 0.0)
         if value != value or not 0 <= value < most or value != int(value):
-            wrong.append(f"{key} {shown(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits")
+            wrong.append(f"{key} {quote(fields.get(key))} is not a whole number of at most {len(str(most - 1))} digits")
             return 0
         return int(value)
 
@@ -243,11 +243,11 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
         wrong.append(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
-            wrong.append(f"{key} is {shown(fields[key])}, which SGP4 cannot fly: it needs {allowed[0]}")
+            wrong.append(f"{key} is {quote(fields[key])}, which SGP4 cannot fly: it needs {allowed[0]}")
     epoch, rest_ns = NO_EPOCH, 0.0
     if text("EPOCH"):
         try:
-            epoch, rest_ns = epoch_of(text("EPOCH"))
+            epoch, rest_ns = parse_epoch(text("EPOCH"))
         except ValueError as error:
             wrong.append(str(error))
     found = ElementSet(
@@ -271,7 +271,7 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
         element_set_no=whole("ELEMENT_SET_NO"),
         rev_at_epoch=whole("REV_AT_EPOCH"),
     )
-    if not wrong and (out := impossible(found)):
+    if not wrong and (out := explain_impossible(found)):
         wrong.append(out)
     if wrong:
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
@@ -280,7 +280,7 @@ def from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) 
     return found
 
 
-def impossible(elements: ElementSet) -> str | None:
+def explain_impossible(elements: ElementSet) -> str | None:
     """Return in words why numbers are no elements of an orbit about the Earth, or None."""
     if not 0.0 <= elements.eccentricity < 1.0:
         return f"eccentricity {elements.eccentricity:g} is not from 0 to below 1"
@@ -305,15 +305,15 @@ def impossible(elements: ElementSet) -> str | None:
     return None
 
 
-def epoch_of(text: str) -> tuple[datetime.datetime, float]:
+def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     """Return an epoch cut to microseconds, and the nanoseconds beyond them; `ValueError` says what is wrong.
 
-    >>> epoch_of("2024-061T12:00:00.1234567")
+    >>> parse_epoch("2024-061T12:00:00.1234567")
     (datetime.datetime(2024, 3, 1, 12, 0, 0, 123456, tzinfo=datetime.timezone.utc), 700.0)
     """
     found = _EPOCH.fullmatch(text)
     if found is None:
-        raise ValueError(f"EPOCH {shown(text)} is no UTC instant such as 2024-09-17T12:00:00.123456")
+        raise ValueError(f"EPOCH {quote(text)} is no UTC instant such as 2024-09-17T12:00:00.123456")
     year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
     digits = (decimals or "").ljust(6, "0")
     try:
@@ -327,13 +327,13 @@ def epoch_of(text: str) -> tuple[datetime.datetime, float]:
         )
     except (ValueError, OverflowError):
         why = "falls in a leap second or beyond the clock" if int(second) >= 60 else "is on no calendar"
-        raise ValueError(f"EPOCH {shown(text)} {why}") from None
+        raise ValueError(f"EPOCH {quote(text)} {why}") from None
     if not 1957 <= epoch.year <= 2200:
-        raise ValueError(f"EPOCH {shown(text)} is not between 1957 and 2200")
+        raise ValueError(f"EPOCH {quote(text)} is not between 1957 and 2200")
     return epoch, float(f"0.{digits[6:] or 0}") * 1e3
 
 
-def _number(value: Any) -> float | None:
+def _parse_number(value: Any) -> float | None:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         return None
     if isinstance(value, str) and ("_" in value or not value.isascii()):
@@ -345,7 +345,7 @@ def _number(value: Any) -> float | None:
     return found if math.isfinite(found) else None
 
 
-def shown(value: Any) -> str:
+def quote(value: Any) -> str:
     """Return a value in quotes, cut to 40 signs, as errors name it."""
     try:
         text = " ".join(str(value).split())

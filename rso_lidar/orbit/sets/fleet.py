@@ -1,6 +1,6 @@
 """Many element sets flown side by side by SGP4, each at its own instants or all at the same, in TEME axes.
 
-`Flights` are of objects, which may have several sets each.
+`ScheduledFleet` are of objects, which may have several sets each.
 
 Distances and speeds are the same in TEME as in GCRS. What SGP4 rejects is NaN, never an exception: of thousands a few
 have always decayed.
@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, failed
+from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, find_failures
 
 SWITCH_S = 1e-4  # a set ends so long before the next begins: an instant has one set
 
@@ -59,7 +59,7 @@ class Fleet:
                 *dates
             )
         error[np.abs(self._since_epoch_s[which][:, None] + time_s) > MOST_AGE_S] = TOO_OLD
-        return *_checked(position, velocity, error), error
+        return *_mask_failures(position, velocity, error), error
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (pair, 3) of the set ``which[k]`` at ``time_s[k]``; NaN where none."""
@@ -77,13 +77,13 @@ class Fleet:
                 model = self._models[which[rows[0]]]
                 error[rows], position[rows], velocity[rows] = model.sgp4_array(whole[begin:end], fraction[begin:end])
         error[np.abs(self._since_epoch_s[which] + time_s) > MOST_AGE_S] = TOO_OLD
-        return _checked(position, velocity, error)
+        return _mask_failures(position, velocity, error)
 
     def _dates(self, time_s: np.ndarray, era: int) -> tuple[np.ndarray, np.ndarray]:
         return Epochs(self.start_utc, time_s).utc_julian(leap_seconds_at=self._eras[era])
 
 
-class Flights:
+class ScheduledFleet:
     """Objects flown for a span: each by its only element set, or by that of several whose epoch is nearest.
 
     Between sets it switches half-way between neighbouring epochs, and jumps there, as `SeveralSets` does. `fleet` holds
@@ -99,7 +99,7 @@ class Flights:
         owner: list[int] = []
         from_s: list[float] = []
         for number, entry in enumerate(objects):
-            flown = [(-np.inf, entry)] if isinstance(entry, ElementSet) else _in_turn(entry, start, duration_s)
+            flown = [(-np.inf, entry)] if isinstance(entry, ElementSet) else _schedule(entry, start, duration_s)
             for begin_s, elements in flown:
                 sets.append(elements)
                 owner.append(number)
@@ -160,7 +160,7 @@ class Flights:
         return age
 
 
-def _in_turn(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
+def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
     """Return the sets of one object that fly within a span, each with when it begins to [s]; of equal epochs the first."""
     distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(sets)}
     ordered = [distinct[epoch] for epoch in sorted(distinct)]
@@ -171,8 +171,10 @@ def _in_turn(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> li
     return [(-np.inf if k == 0 else begin, entry) for k, (begin, entry) in enumerate(flown)]
 
 
-def _checked(position_km: np.ndarray, velocity_km_s: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _mask_failures(
+    position_km: np.ndarray, velocity_km_s: np.ndarray, error: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     position, velocity = position_km * units.KM, velocity_km_s * units.KM
-    bad = failed(position, velocity, error)
+    bad = find_failures(position, velocity, error)
     position[bad], velocity[bad] = np.nan, np.nan
     return position, velocity

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, from_omm, printable
+from rso_lidar.orbit.sets.element_set import KEYS, KNOWN, REQUIRED, ElementSet, element_set_from_omm, make_printable
 
 Found = tuple[list[ElementSet], list[str]]
 
@@ -39,9 +39,9 @@ _TWICE = "' stands there twice"
 def read_json(text: str, where: str) -> Found:
     """Return the element sets of JSON: one object or a list of them, or those that can be saved from a broken file."""
     try:
-        tree = json.loads(text, object_pairs_hook=_unique)
+        tree = json.loads(text, object_pairs_hook=_mark_duplicate_keys)
     except (ValueError, RecursionError):
-        return _saved(text, where)
+        return _salvage_json(text, where)
     if isinstance(tree, dict) and "EPOCH" not in tree and len(tree) <= 2:
         tree = next((value for value in tree.values() if isinstance(value, list)), tree)  # {"data": [...]}
     records = tree if isinstance(tree, list) else [tree]
@@ -49,13 +49,13 @@ def read_json(text: str, where: str) -> Found:
     for k, record in enumerate(records, start=1):
         place = f"{where}: record {k}"
         if isinstance(record, dict):
-            sets.append(_from_object(record, place))
+            sets.append(_set_from_json(record, place))
         else:
             junk.append(f"{place}: is no object with the keys of an OMM: remove it")
     return sets, junk
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _mark_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object with its keys in capitals; a key that stands there twice is told under '!'."""
     found = {key.upper(): value for key, value in pairs}
     if len(found) < len(pairs):
@@ -65,12 +65,12 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _from_object(record: dict[str, Any], place: str) -> ElementSet:
+def _set_from_json(record: dict[str, Any], place: str) -> ElementSet:
     twice = record.get("!")
-    return from_omm(record, place, f"key '{twice}{_TWICE}" if twice else None)
+    return element_set_from_omm(record, place, f"key '{twice}{_TWICE}" if twice else None)
 
 
-def _saved(text: str, where: str) -> Found:
+def _salvage_json(text: str, where: str) -> Found:
     """Return what can be read of broken JSON: every whole flat object, and a line for what is not."""
     sets: list[ElementSet] = []
     junk: list[str] = []
@@ -81,13 +81,13 @@ def _saved(text: str, where: str) -> Found:
         counted, end = found.start(), found.end()
         place = f"{where}: line {line}"
         if between:
-            junk.append(f"{place}: '{_short(between)}' before it is no JSON: remove it")
+            junk.append(f"{place}: '{_shorten(between)}' before it is no JSON: remove it")
         try:
             if not found[1]:
                 raise ValueError("no end")
-            record = json.loads(found[0], object_pairs_hook=_unique)
+            record = json.loads(found[0], object_pairs_hook=_mark_duplicate_keys)
         except ValueError as error:
-            what = "is cut off" if not found[1] else f"is no JSON ({_short(getattr(error, 'msg', str(error)))})"
+            what = "is cut off" if not found[1] else f"is no JSON ({_shorten(getattr(error, 'msg', str(error)))})"
             name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', found[0], re.IGNORECASE)
             number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', found[0], re.IGNORECASE)
             problem = f"{place}: this record {what}: fetch it again"
@@ -95,10 +95,10 @@ def _saved(text: str, where: str) -> Found:
                 ElementSet(name[1] if name else "", int(number[1]) if number else 0, where=place, problem=problem)
             )
             continue
-        sets.append(_from_object(record, place))
+        sets.append(_set_from_json(record, place))
     after = text[end:].strip(" \t\r\n,[]}")
     if after:
-        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_short(after)}' is no JSON: remove it")
+        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_shorten(after)}' is no JSON: remove it")
     return sets, junk
 
 
@@ -120,19 +120,19 @@ def read_csv(text: str, where: str) -> Found:
         try:
             cells = next(csv.reader([line]))
         except csv.Error as error:
-            sets.append(_broken(place, f"cannot be read as CSV ({error})"))
+            sets.append(_make_broken(place, f"cannot be read as CSV ({error})"))
             continue
         if is_csv(line):  # of this table, or of another one put behind it
             header = [cell.strip().upper() for cell in cells]
             _check_header(place, header)
         elif len(cells) != len(header):
             sets.append(
-                _broken(
+                _make_broken(
                     place, f"has {len(cells)} cells, the header {len(header)}", dict(zip(header, cells, strict=False))
                 )
             )
         else:
-            sets.append(from_omm(dict(zip(header, cells, strict=True)), place))
+            sets.append(element_set_from_omm(dict(zip(header, cells, strict=True)), place))
     return sets, junk
 
 
@@ -145,7 +145,7 @@ def _check_header(place: str, header: list[str]) -> None:
         raise CatalogError(f"{place}: column {', '.join(missing)} is missing: an OMM needs {', '.join(REQUIRED)}")
 
 
-def _broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
+def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) -> ElementSet:
     fields = fields or {}
     number = fields.get("NORAD_CAT_ID", "").strip()
     identity = int(number) if number.isascii() and number.isdigit() and len(number) < 10 else 0
@@ -162,17 +162,17 @@ def read_xml(text: str, where: str) -> Found:
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, RecursionError) as error:
-        return _saved_xml(text, where, str(error))
-    return [_from_leaves(leaves, f"{where}: record {k}") for k, leaves in enumerate(_messages(root), start=1)], []
+        return _salvage_xml(text, where, str(error))
+    return [_set_from_xml(leaves, f"{where}: record {k}") for k, leaves in enumerate(_find_messages(root), start=1)], []
 
 
-def _messages(root: Any) -> list[list[Any]]:
+def _find_messages(root: Any) -> list[list[Any]]:
     """Return the nodes within each `omm`, those of an `omm` within it left out."""
     found: list[list[Any]] = []
     ahead: list[tuple[Any, list[Any]]] = [(root, [])]
     while ahead:
         node, within = ahead.pop()
-        if _local(node.tag) == "OMM":
+        if _local_name(node.tag) == "OMM":
             within = []
             found.append(within)
         within.append(node)
@@ -180,7 +180,7 @@ def _messages(root: Any) -> list[list[Any]]:
     return found
 
 
-def _saved_xml(text: str, where: str, error: str) -> Found:
+def _salvage_xml(text: str, where: str, error: str) -> Found:
     """Return the messages of a broken file that are whole in themselves."""
     import xml.etree.ElementTree as ET
 
@@ -192,46 +192,46 @@ def _saved_xml(text: str, where: str, error: str) -> Found:
         place = f"{where}: line {line}"
         piece = re.match(r"<(\w+:)?omm\b.*?</(?:\w+:)?omm\s*>", text[start:end], re.IGNORECASE | re.DOTALL)
         if piece is None:
-            sets.append(_broken(place, "this message is cut off", _glimpsed(text[start:end])))
+            sets.append(_make_broken(place, "this message is cut off", _find_identity(text[start:end])))
             continue
         try:
             node = ET.fromstring(re.sub(r"(</?)\w+:", r"\1", piece[0]))
         except ET.ParseError as wrong:
-            sets.append(_broken(place, f"this message is no XML ({wrong})", _glimpsed(piece[0])))
+            sets.append(_make_broken(place, f"this message is no XML ({wrong})", _find_identity(piece[0])))
             continue
-        sets.append(_from_leaves(next(iter(_messages(node)), []), place))
+        sets.append(_set_from_xml(next(iter(_find_messages(node)), []), place))
     junk = [] if any(entry.problem for entry in sets) else [f"{where}: is no whole XML ({error}): fetch it again"]
     return sets, junk
 
 
-def _glimpsed(text: str) -> dict[str, str]:
+def _find_identity(text: str) -> dict[str, str]:
     return dict(re.findall(r"<(OBJECT_NAME|NORAD_CAT_ID)[^>]*>([^<]*)<", text))
 
 
-def _from_leaves(nodes: list[Any], place: str) -> ElementSet:
+def _set_from_xml(nodes: list[Any], place: str) -> ElementSet:
     fields: dict[str, str] = {}
     wrong: str | None = None
     for leaf in nodes:
-        key = _local(leaf.tag)
+        key = _local_name(leaf.tag)
         if key in KNOWN:
-            wrong = wrong or (f"key '{key}{_TWICE}" if key in fields else _of_unit(key, leaf.get("units")))
+            wrong = wrong or (f"key '{key}{_TWICE}" if key in fields else _check_unit(key, leaf.get("units")))
             fields.setdefault(key, (leaf.text or "").strip())
-    return from_omm(fields, place, wrong)
+    return element_set_from_omm(fields, place, wrong)
 
 
-def _of_unit(key: str, unit: str | None) -> str | None:
+def _check_unit(key: str, unit: str | None) -> str | None:
     """Return in words that a unit is not the standard's, or None."""
     allowed = _UNITS.get(key, ())
     if unit is None or "".join(unit.split()).casefold() in {"".join(known.split()).casefold() for known in allowed}:
         return None
-    return f"{key} is in [{_short(unit)}], which must be {f'[{allowed[0]}]' if allowed else 'without a unit'}"
+    return f"{key} is in [{_shorten(unit)}], which must be {f'[{allowed[0]}]' if allowed else 'without a unit'}"
 
 
-def _local(tag: Any) -> str:
+def _local_name(tag: Any) -> str:
     return str(tag).rpartition("}")[2].upper()
 
 
-class Kvn:
+class KvnCollector:
     """Messages of lines `KEY = value`, collected from a file that may hold other things between them."""
 
     def __init__(self, where: str) -> None:
@@ -255,23 +255,23 @@ class Kvn:
             self._wrong = self._wrong or f"key '{key}{_TWICE}, again in line {number}"
         value, unit = found[2], None if key in _TEXTS else _UNIT.fullmatch(found[2])
         if unit and key in KNOWN:
-            value, self._wrong = unit[1], self._wrong or _of_unit(key, unit[2]) or ""
+            value, self._wrong = unit[1], self._wrong or _check_unit(key, unit[2]) or ""
         self._fields.setdefault(key, value)
         return iter(ended)
 
     def end(self) -> Iterator[ElementSet]:
         """Return the message that was begun, if any."""
         if self._fields:
-            yield from_omm(self._fields, self._place, self._wrong or None)
+            yield element_set_from_omm(self._fields, self._place, self._wrong or None)
         self._fields = {}
 
 
-def written_json(sets: Iterable[ElementSet]) -> str:
+def format_json(sets: Iterable[ElementSet]) -> str:
     """Return element sets as a list of OMM in JSON."""
     return "[" + ",\n".join(json.dumps(entry.omm()) for entry in sets) + "]\n"
 
 
-def written_csv(sets: Sequence[ElementSet]) -> str:
+def format_csv(sets: Sequence[ElementSet]) -> str:
     """Return element sets as a table of OMM; a name that begins with # stands in quotes, for it is no remark."""
     table = io.StringIO()
     remark = any(entry.name.startswith("#") for entry in sets)
@@ -282,6 +282,6 @@ def written_csv(sets: Sequence[ElementSet]) -> str:
     return table.getvalue()
 
 
-def _short(text: str) -> str:
-    text = printable(" ".join(text.split()))
+def _shorten(text: str) -> str:
+    text = make_printable(" ".join(text.split()))
     return text if len(text) <= 40 else f"{text[:37]}..."

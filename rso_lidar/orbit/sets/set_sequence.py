@@ -14,13 +14,13 @@ from rso_lidar import units
 from rso_lidar.errors import CatalogError, PropagationError, warn
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.teme import failed, failure, gcrs_from_teme, teme, warn_stale
+from rso_lidar.orbit.sets.teme import describe_failure, find_failures, gcrs_from_teme, propagate_in_teme, warn_stale
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 
 
 @dataclass(frozen=True)
-class Jump:
+class SetJump:
     """A switch from one element set to the next: when, and by how much the state jumps there [m], [m/s].
 
     NaN where SGP4 has no state from one of the two sets.
@@ -32,7 +32,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class SeveralSets:
+class SetSequence:
     """The trajectory of one object from all its sets; it switches half-way between neighbouring epochs, and jumps there.
 
     A jump is of the size of the sets' own errors, a kilometre or so: a run across one is no smooth motion.
@@ -78,7 +78,7 @@ class SeveralSets:
         )
         return after
 
-    def jumps(self, epochs: Epochs | None = None) -> tuple[Jump, ...]:
+    def jumps(self, epochs: Epochs | None = None) -> tuple[SetJump, ...]:
         """Return the switches between sets, or those that the span of some epochs crosses."""
         first, last = 0, len(self._switch_s)
         if epochs is not None:
@@ -86,15 +86,17 @@ class SeveralSets:
             first, last = (int(used.min()), int(used.max())) if len(used) else (0, 0)
         return tuple(self._jump(k) for k in range(first, last))
 
-    def _jump(self, k: int) -> Jump:
+    def _jump(self, k: int) -> SetJump:
         at = self._at_first(float(self._switch_s[k]))
-        before, after = teme(self.sets[k], at), teme(self.sets[k + 1], at)
+        before, after = propagate_in_teme(self.sets[k], at), propagate_in_teme(self.sets[k + 1], at)
         sizes = [
-            float("nan") if failed(*before).any() or failed(*after).any() else float(np.linalg.norm(b - a))
+            float("nan")
+            if find_failures(*before).any() or find_failures(*after).any()
+            else float(np.linalg.norm(b - a))
             for a, b in zip(before[:2], after[:2], strict=True)
         ]
         when = self.sets[0].epoch_utc + datetime.timedelta(seconds=float(self._switch_s[k]))
-        return Jump(when, *sizes)
+        return SetJump(when, *sizes)
 
     def ages_days(self, epochs: Epochs) -> np.ndarray:
         """Return the time (time) between each epoch and that of the set flown there [day]."""
@@ -109,10 +111,10 @@ class SeveralSets:
         error = np.zeros(len(epochs), dtype=int)
         for k in np.unique(used):
             mask = used == k
-            position_m[mask], velocity_m_s[mask], error[mask] = teme(self.sets[int(k)], epochs.at(mask))
-        bad = failed(position_m, velocity_m_s, error)
+            position_m[mask], velocity_m_s[mask], error[mask] = propagate_in_teme(self.sets[int(k)], epochs.at(mask))
+        bad = find_failures(position_m, velocity_m_s, error)
         if bad.any():
-            raise PropagationError(failure(self.sets[int(used[np.argmax(bad)])], epochs, bad, error), bad)
+            raise PropagationError(describe_failure(self.sets[int(used[np.argmax(bad)])], epochs, bad, error), bad)
         if len(epochs):
             ages = self.ages_days(epochs)
             oldest = int(np.argmax(ages))
@@ -122,7 +124,7 @@ class SeveralSets:
         return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
 
 
-def warn_jumps(label: str, jumps: Sequence[Jump]) -> None:
+def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:
     """Warn in one line that a trajectory switches between element sets: how often, and the largest jump."""
     if not jumps:
         return
@@ -135,6 +137,6 @@ def warn_jumps(label: str, jumps: Sequence[Jump]) -> None:
 
 
 @functools.lru_cache(maxsize=64)
-def of_sets(sets: tuple[ElementSet, ...]) -> SeveralSets:
+def make_sequence(sets: tuple[ElementSet, ...]) -> SetSequence:
     """Return the trajectory of some sets, the same one where they are asked for again."""
-    return SeveralSets(sets)
+    return SetSequence(sets)

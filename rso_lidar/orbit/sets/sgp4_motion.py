@@ -13,10 +13,11 @@ from pydantic import Field, model_validator
 from rso_lidar.errors import CatalogError, warn
 from rso_lidar.files import expanded
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets import catalog
-from rso_lidar.orbit.sets.element_set import ElementSet, impossible
-from rso_lidar.orbit.sets.set_sequence import Jump, SeveralSets, of_sets
-from rso_lidar.orbit.sets.teme import age_days, states
+from rso_lidar.orbit.sets.element_set import ElementSet, explain_impossible
+from rso_lidar.orbit.sets.formats import parse_lines, read_lines, read_object
+from rso_lidar.orbit.sets.selection import select_set
+from rso_lidar.orbit.sets.set_sequence import SetJump, SetSequence, make_sequence
+from rso_lidar.orbit.sets.teme import age_days, propagate_sgp4
 from rso_lidar.part import Instant, Number, Part, Text, Whole
 from rso_lidar.records import BodyState
 from rso_lidar.shipped import find, shipped
@@ -71,7 +72,7 @@ class Omm(Part):
 
     @model_validator(mode="after")
     def _of_an_orbit(self) -> Self:
-        wrong = impossible(self.elements())
+        wrong = explain_impossible(self.elements())
         if wrong:
             raise ValueError(f"{wrong}; correct the message")
         return self
@@ -104,7 +105,7 @@ class Omm(Part):
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
-        return states(self.elements(), epochs)
+        return propagate_sgp4(self.elements(), epochs)
 
 
 class Tle(Part):
@@ -152,17 +153,17 @@ class Tle(Part):
             )
         if inline:
             read = self._inline_sets()
-            junk = catalog.read_lines(self.lines, "lines")[1] if self.lines else []
+            junk = read_lines(self.lines, "lines")[1] if self.lines else []
             wrong = next((entry.problem for entry in read if entry.problem), junk[0] if junk else None)
             if wrong:
                 raise ValueError(wrong)
-            chosen = catalog.choose(read, "lines")
+            chosen = select_set(read, "lines")
             if self.norad_id not in (None, chosen.norad_id):
                 raise ValueError(f"lines: are of NORAD {chosen.norad_id}, not {self.norad_id}: correct norad_id")
         return self
 
     def _inline_sets(self) -> tuple[ElementSet, ...]:
-        read = _of_lines(self.lines, self.name) if self.lines is not None else ()
+        read = _sets_from_lines(self.lines, self.name) if self.lines is not None else ()
         name = {"name": self.name} if self.name else {}
         messages = (ElementSet(**{**omm.elements().__dict__, **name}) for omm in self.messages)
         return (*read, *messages)
@@ -176,7 +177,7 @@ class Tle(Part):
             places = f"in {folder or Path.cwd()} and among the shipped data in {shipped()}"
             looked = "" if expanded(self.file).is_absolute() else f", looked for {places}"
             raise CatalogError(f"{self.file}: no such file{looked}: check the path")
-        return catalog.read_object(path, self.file, self.name, self.norad_id), self.file
+        return read_object(path, self.file, self.name, self.norad_id), self.file
 
     def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> ElementSet:
         """Return the element set to fly, checked: of several epochs the nearest to `near_utc`, else the newest.
@@ -186,12 +187,12 @@ class Tle(Part):
         read, where = self._read(folder)
         if self.sets == "all":
             read = tuple(entry for entry in read if entry.problem is None) or read
-        return catalog.choose(read, where, near_utc=near_utc)
+        return select_set(read, where, near_utc=near_utc)
 
-    def trajectory(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> SeveralSets:
+    def trajectory(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> SetSequence:
         """Return what is flown: one set, or all good ones of the object; a warning counts the bad ones left out."""
         if self.sets == "nearest":
-            return of_sets((self.elements(near_utc, folder),))
+            return make_sequence((self.elements(near_utc, folder),))
         read, _ = self._read(folder)
         good = tuple(entry for entry in read if entry.problem is None)
         if len(good) < len(read):
@@ -199,7 +200,7 @@ class Tle(Part):
             if not good:
                 raise CatalogError(str(bad[0]))
             warn(f"{good[0].label}: {len(bad)} of {len(read)} element sets are left out, the first is {bad[0]}")
-        return of_sets(good)
+        return make_sequence(good)
 
     def inline(self, near_utc: datetime.datetime, folder: Path | None = None) -> Tle | Omm:
         """Return the same motion without a file: its sets in `lines` or, where they came without, as messages."""
@@ -216,7 +217,7 @@ class Tle(Part):
             sets=self.sets,
         )
 
-    def jumps(self, epochs: Epochs) -> tuple[Jump, ...]:
+    def jumps(self, epochs: Epochs) -> tuple[SetJump, ...]:
         """Return the switches between sets that the span of the epochs crosses."""
         return self.trajectory(epochs.start_utc).jumps(epochs)
 
@@ -234,11 +235,11 @@ class Tle(Part):
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
         if self.sets == "all":
             return self.trajectory(epochs.start_utc).states(epochs)
-        return states(self.elements(epochs.start_utc), epochs)
+        return propagate_sgp4(self.elements(epochs.start_utc), epochs)
 
 
 @functools.lru_cache(maxsize=64)
-def _of_lines(lines: tuple[str, ...], name: str | None) -> tuple[ElementSet, ...]:
+def _sets_from_lines(lines: tuple[str, ...], name: str | None) -> tuple[ElementSet, ...]:
     """Return the element sets of inline lines, under the name that the part gives."""
-    read = catalog.parse_lines(lines, "lines")
+    read = parse_lines(lines, "lines")
     return tuple(ElementSet(**{**entry.__dict__, "name": name or entry.name}) for entry in read)

@@ -45,17 +45,17 @@ _OUT_OF_DATE = (
 )
 
 
-def states(elements: ElementSet, epochs: Epochs) -> BodyState:
+def propagate_sgp4(elements: ElementSet, epochs: Epochs) -> BodyState:
     """Return position [m] and velocity [m/s] (time, 3) in GCRS axes by SGP4; its failures raise `PropagationError`.
 
     Validity: element sets are good to about a kilometre at their epoch, and lose one to three a day; a warning is given
     beyond a week from it, and beyond `MOST_YEARS` there is no state.
     """
     warn_stale(elements, age_days(elements, epochs))
-    position_m, velocity_m_s, error = teme(elements, epochs)
-    bad = failed(position_m, velocity_m_s, error)
+    position_m, velocity_m_s, error = propagate_in_teme(elements, epochs)
+    bad = find_failures(position_m, velocity_m_s, error)
     if bad.any():
-        raise PropagationError(failure(elements, epochs, bad, error), bad)
+        raise PropagationError(describe_failure(elements, epochs, bad, error), bad)
     rotation = gcrs_from_teme(epochs)
     return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
 
@@ -74,7 +74,7 @@ def warn_stale(elements: ElementSet, days: float) -> None:
         )
 
 
-def failed(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) -> np.ndarray:
+def find_failures(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Return the mask (time) of epochs at which SGP4 gave no state, or one that cannot be."""
     bad: np.ndarray = (error != 0) | ~np.isfinite(position_m).all(axis=-1) | ~np.isfinite(velocity_m_s).all(axis=-1)
     radius_m = np.linalg.norm(position_m, axis=-1)
@@ -82,16 +82,16 @@ def failed(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) 
     return bad
 
 
-def reason(error: int) -> str:
+def describe_error(error: int) -> str:
     """Return in words why there is no state, from an error code; 0 stands for a state that is physically impossible."""
     return _OUT_OF_DATE if error == TOO_OLD else REASONS.get(error, _ASTRAY)
 
 
-def failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.ndarray) -> str:
+def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.ndarray) -> str:
     """Return in words which satellite SGP4 cannot fly, when and why."""
     first = int(np.argmax(bad))
     code = int(error[first])
-    why = reason(code) + (f", SGP4 error {code}" if code in REASONS else "")
+    why = describe_error(code) + (f", SGP4 error {code}" if code in REASONS else "")
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
         f"time_s = {epochs.time_s[first]:g}: {why}: fly nearer to the elements' epoch "
@@ -99,7 +99,7 @@ def failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.nda
     )
 
 
-def teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return SGP4's position [m] and velocity [m/s] (time, 3) in TEME axes, and its error codes (time), 0 = none."""
     error, position_km, velocity_km_s = elements.satrec().sgp4_array(
         *epochs.utc_julian(leap_seconds_at=elements.epoch_utc)
@@ -108,7 +108,7 @@ def teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, 
     return position_km * units.KM, velocity_km_s * units.KM, error
 
 
-def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def propagate_many_in_teme(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position [m] and velocity [m/s] (satellite, time, 3) in TEME axes of many sgp4 Satrecs, and error codes.
 
     The codes (satellite, time) are SGP4's, 0 where it gave a state, `TOO_OLD` beyond `MOST_YEARS` from the epoch. Leap
@@ -119,7 +119,7 @@ def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.
     shape = (len(satrecs), len(epochs))
     position, velocity = np.empty((*shape, 3)), np.empty((*shape, 3))
     error = np.empty(shape, dtype=np.uint8)
-    for rows, (whole, fraction) in _by_leap_seconds(satrecs, epochs):
+    for rows, (whole, fraction) in _group_by_leap_seconds(satrecs, epochs):
         chosen = satrecs if len(rows) == len(satrecs) else [satrecs[row] for row in rows]
         error_of, position_of, velocity_of = SatrecArray(chosen).sgp4(whole, fraction)
         days = np.array([[model.jdsatepoch, model.jdsatepochF] for model in chosen])
@@ -133,7 +133,9 @@ def teme_states(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.
     return position, velocity, error
 
 
-def _by_leap_seconds(satrecs: Sequence[Any], epochs: Epochs) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
+def _group_by_leap_seconds(
+    satrecs: Sequence[Any], epochs: Epochs
+) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
     """Return groups of satellites whose epochs have the same leap seconds, and the Julian dates to give to them."""
     if not satrecs or not len(epochs):
         return []
@@ -168,7 +170,7 @@ def gcrs_from_teme(at: Epochs) -> np.ndarray:
     hours = np.floor(in_hours)
     first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # of the four hours around an epoch
     wanted, row = np.unique(first, return_inverse=True)
-    nodes = np.array([[_node(int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
+    nodes = np.array([[_hour_matrix(int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
     total = np.zeros((len(at), 3, 3))
     for around, weight in zip(nodes, _lagrange(in_hours - hours), strict=True):
         total += weight[:, None, None] * around[row]
@@ -181,14 +183,14 @@ def _lagrange(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
 
 
-def _node(hour: int) -> np.ndarray:
+def _hour_matrix(hour: int) -> np.ndarray:
     """Return gcrs_from_teme (3, 3) at a whole hour TT since J2000.0."""
-    matrix: np.ndarray = _day_of_nodes(hour // 24)[hour % 24]
+    matrix: np.ndarray = _day_of_matrices(hour // 24)[hour % 24]
     return matrix
 
 
 @functools.lru_cache(maxsize=4096)
-def _day_of_nodes(day: int) -> np.ndarray:
+def _day_of_matrices(day: int) -> np.ndarray:
     """Return gcrs_from_teme (24, 3, 3) at the whole hours of one day since J2000.0; always a whole day, for equal bits."""
     from skyfield.sgp4lib import TEME
 

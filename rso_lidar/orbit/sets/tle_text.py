@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rso_lidar.errors import CatalogError, warn
-from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, impossible
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, explain_impossible
 
 LINE_LENGTH = 69
 _ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10
@@ -43,7 +43,7 @@ _PACKED_NUMBER = re.compile(r"[-+ ][0-9 ]{5}[-+ ][0-9]")
 _WORTH = bytes(int(chr(c)) if chr(c).isdigit() else int(chr(c) == "-") for c in range(128)) + bytes(128)
 
 
-def decoded(content: bytes) -> str | None:
+def decode_text(content: bytes) -> str | None:
     """Return the text of a file, or None where it is none: UTF-8, or UTF-16 with its mark; lines that are not, Latin-1.
 
     A NUL here and there spoils the record that it stands in, no other; where one sign in twenty is one, it is no text.
@@ -54,18 +54,18 @@ def decoded(content: bytes) -> str | None:
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
-            text = "\n".join(map(_decoded_line, content.removeprefix(b"\xef\xbb\xbf").split(b"\n")))
+            text = "\n".join(map(_decode_line, content.removeprefix(b"\xef\xbb\xbf").split(b"\n")))
     return None if 20 * text.count("\0") > len(text) else text
 
 
-def _decoded_line(line: bytes) -> str:
+def _decode_line(line: bytes) -> str:
     try:
         return line.decode("utf-8")
     except UnicodeDecodeError:
         return line.decode("latin-1")
 
 
-def element_line(line: str) -> str | None:
+def identify_element_line(line: str) -> str | None:
     """Return '1' or '2' where a line is that line of an element set, good or bad, else None."""
     kind = _ELEMENT_LINE.match(line)
     return kind[1] if kind else None
@@ -82,85 +82,87 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
     elif after is None:
         problem = f"{place}: the file ends before line 2 of this element set: restore the missing line"
     elif not after[1].startswith("2 "):
-        at += element_line(after[1]) is None and len(lines[at][1]) == LINE_LENGTH  # its line 2, spoilt, is no name
+        at += (
+            identify_element_line(after[1]) is None and len(lines[at][1]) == LINE_LENGTH
+        )  # its line 2, spoilt, is no name
         problem = f"{where}: line {after[0]}: line 2 of an element set must begin with '2 ', not '{after[1][:12]}'"
     else:
         line2, at = after[1], at + 1
         if len(line2) > LINE_LENGTH and _SPAN.fullmatch(line2[LINE_LENGTH:]):
             line2 = line2[:LINE_LENGTH]
-        problem = _problem(line1, number, line2, after[0], where) or ""
-    identity = norad_id((line1 or line2)[2:7]) or 0
+        problem = _find_problem(line1, number, line2, after[0], where) or ""
+    identity = parse_norad_id((line1 or line2)[2:7]) or 0
     try:
-        told = _fields(line1, line2)
+        told = _parse_fields(line1, line2)
     except (ValueError, OverflowError, IndexError) as error:
         told = {}
         problem = problem or f"{place}: a number cannot be read ({error}): fetch the set again"
     if not problem:
         found = ElementSet(name, identity, line1, line2, place, None, **told)
-        out = impossible(found)
+        out = explain_impossible(found)
         if out is None:
             return found, at
         problem = f"{place}: {out}: fetch the set again"
     return ElementSet(name, identity, line1, line2, place, problem, **told), at
 
 
-def _fields(line1: str, line2: str) -> dict[str, Any]:
+def _parse_fields(line1: str, line2: str) -> dict[str, Any]:
     ddot, bstar = line1[44:52], line1[53:61]
     return {
-        "object_id": object_id(line1[9:17]),
-        "epoch_utc": _epoch(line1),
+        "object_id": parse_object_id(line1[9:17]),
+        "epoch_utc": _parse_epoch(line1),
         "mean_motion_rev_day": float(line2[52:63]),
         "eccentricity": float("0." + line2[26:33].replace(" ", "0")),
         "inclination_deg": float(line2[8:16]),
         "raan_deg": float(line2[17:25]),
         "argument_of_perigee_deg": float(line2[34:42]),
         "mean_anomaly_deg": float(line2[43:51]),
-        "bstar_per_earth_radius": _unpacked(bstar),
+        "bstar_per_earth_radius": _unpack_number(bstar),
         "mean_motion_dot_rev_day2": float(line1[33:43]),
-        "mean_motion_ddot_rev_day3": _unpacked(ddot),
+        "mean_motion_ddot_rev_day3": _unpack_number(ddot),
         "ephemeris_type": int(line1[62]) if line1[62:63].isdigit() else 0,
         "classification": line1[7].strip() or "U",
-        "element_set_no": _whole(line1[64:68]),
-        "rev_at_epoch": _whole(line2[63:68]),
+        "element_set_no": _parse_whole(line1[64:68]),
+        "rev_at_epoch": _parse_whole(line2[63:68]),
     }
 
 
-def _epoch(line1: str) -> datetime.datetime:
+def _parse_epoch(line1: str) -> datetime.datetime:
     """Return the epoch of a line 1; two-digit years below 57 are of this century. 1e-8 day are 864 us, exactly."""
-    year, (day, _, decimals) = _year(line1), line1[20:32].strip().partition(".")
-    if not 1 <= int(day) <= _days_of(year):
+    year, (day, _, decimals) = _parse_year(line1), line1[20:32].strip().partition(".")
+    if not 1 <= int(day) <= _count_days(year):
         return NO_EPOCH
     first = datetime.datetime(year, 1, 1, tzinfo=datetime.UTC)
     microseconds = int(decimals or 0) * 86_400_000_000 // 10 ** len(decimals)
     return first + datetime.timedelta(days=int(day) - 1, microseconds=microseconds)
 
 
-def _year(line1: str) -> int:
+def _parse_year(line1: str) -> int:
     """Return the year of the epoch of a line 1."""
     year = int(line1[18:20])
     return year + (1900 if year >= _FIRST_YEAR % 100 else 2000)
 
 
-def _days_of(year: int) -> int:
+def _count_days(year: int) -> int:
     """Return how many days a year has."""
     return 366 if calendar.isleap(year) else 365
 
 
-def _unpacked(field: str) -> float:
+def _unpack_number(field: str) -> float:
     """Return the number of eight columns with an implied point and exponent, such as ' 55648-4'."""
     digits = field[1:6].replace(" ", "0")
     exponent = f"{field[6]}{field[7]}".replace(" ", "")
     return float(f"{field[0].strip()}.{digits}e{exponent}")
 
 
-def _whole(field: str) -> int:
+def _parse_whole(field: str) -> int:
     return int(field) if field.strip().isdigit() else 0
 
 
-def object_id(field: str) -> str:
+def parse_object_id(field: str) -> str:
     """Return the international designator of eight columns as an OMM writes it.
 
-    >>> object_id("58002B  ")
+    >>> parse_object_id("58002B  ")
     '1958-002B'
     """
     text = field.strip()
@@ -169,13 +171,13 @@ def object_id(field: str) -> str:
     return f"{'20' if int(text[:2]) < 57 else '19'}{text[:2]}-{text[2:]}"
 
 
-def _problem(line1: str, number1: int, line2: str, number2: int, where: str) -> str | None:
+def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str) -> str | None:
     """Return what is wrong with an element set, naming file and line, or None."""
     for which, line, number in ((1, line1, number1), (2, line2, number2)):
-        wrong = _line_problem(which, line)
+        wrong = _find_line_problem(which, line)
         if wrong:
             return f"{where}: line {number}: {wrong}"
-    if norad_id(line1[2:7]) != norad_id(line2[2:7]):
+    if parse_norad_id(line1[2:7]) != parse_norad_id(line2[2:7]):
         return (
             f"{where}: line {number2}: is of object '{line2[2:7].strip()}', the line before it of "
             f"'{line1[2:7].strip()}': restore the missing line"
@@ -183,7 +185,7 @@ def _problem(line1: str, number1: int, line2: str, number2: int, where: str) -> 
     return None
 
 
-def _line_problem(which: int, line: str) -> str | None:
+def _find_line_problem(which: int, line: str) -> str | None:
     """Return what is wrong with line 1 or 2 of an element set, or None."""
     if not line.startswith(f"{which} "):
         return f"should begin with '{which} ', not '{line[:2]}'"
@@ -192,10 +194,10 @@ def _line_problem(which: int, line: str) -> str | None:
         return f"{what}: {len(line)} characters, an element line has {LINE_LENGTH}: fetch the set again"
     if not (line.isascii() and line.isprintable()):
         return "holds a character that no element set has: fetch the set again"
-    expected = str(checksum(line))
+    expected = str(compute_checksum(line))
     if line[68] != expected:
         return f"wrong checksum: its digits add up to {expected}, its last is '{line[68]}': fetch the set again"
-    if norad_id(line[2:7]) is None:
+    if parse_norad_id(line[2:7]) is None:
         return f"'{line[2:7]}' is not a catalogue number: fetch the set again"
     for column in _BLANK[which]:
         if line[column] != " ":
@@ -211,21 +213,23 @@ def _line_problem(which: int, line: str) -> str | None:
         day = line[20:32].strip()
         if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day)):
             return f"epoch '{line[18:32]}' is no year and day: fetch the set again"
-        year = _year(line)
-        if not 1.0 <= float(day) < _days_of(year) + 1.0:
-            return f"epoch '{line[18:32]}' is no year and day ({year} has {_days_of(year)} days): fetch the set again"
+        year = _parse_year(line)
+        if not 1.0 <= float(day) < _count_days(year) + 1.0:
+            return (
+                f"epoch '{line[18:32]}' is no year and day ({year} has {_count_days(year)} days): fetch the set again"
+            )
         for what, (first, end) in _PACKED.items():
             if not _PACKED_NUMBER.fullmatch(line[first:end]):
                 return f"{what} '{line[first:end]}' is not a number: fetch the set again"
     return None
 
 
-def checksum(line: str) -> int:
+def compute_checksum(line: str) -> int:
     """Return the checksum of an element line: its digits, and 1 for each minus, over 68 columns, modulo 10."""
     return sum(line[:68].encode("ascii", "replace").translate(_WORTH)) % 10
 
 
-def norad_id(field: str) -> int | None:
+def parse_norad_id(field: str) -> int | None:
     """Return a catalogue number from its five columns, Alpha-5 included, or None."""
     text = field.strip()
     if text.isascii() and text.isdigit():
@@ -235,7 +239,7 @@ def norad_id(field: str) -> int | None:
     return None
 
 
-def written(elements: ElementSet) -> tuple[str, str]:
+def format_tle(elements: ElementSet) -> tuple[str, str]:
     """Return lines 1 and 2 of an element set: its own, or new ones, rounded to the digits that a TLE has.
 
     What its columns cannot hold is an error: a number above 339999, a year that two digits do not tell, any number that
@@ -252,11 +256,11 @@ def written(elements: ElementSet) -> tuple[str, str]:
     designator = re.sub(r"^(?:19|20)(\d\d)-", r"\1", elements.object_id)[:8]
     rate = f"{elements.mean_motion_dot_rev_day2:+.8f}".replace("+0.", " .").replace("-0.", "-.")
     out = CatalogError(f"{elements.label}: its numbers do not fit the columns of a TLE: write .json")
-    if len(rate) != 10 or e > 9_999_999 or not _FIRST_YEAR <= epoch.year <= _LAST_YEAR or impossible(elements):
+    if len(rate) != 10 or e > 9_999_999 or not _FIRST_YEAR <= epoch.year <= _LAST_YEAR or explain_impossible(elements):
         raise out
     line1 = (
-        f"1 {code}{elements.classification[:1]} {designator:8s} {_written_epoch(elements)} {rate} "
-        f"{_packed(elements.mean_motion_ddot_rev_day3, out)} {_packed(elements.bstar_per_earth_radius, out)} "
+        f"1 {code}{elements.classification[:1]} {designator:8s} {_format_epoch(elements)} {rate} "
+        f"{_pack_number(elements.mean_motion_ddot_rev_day3, out)} {_pack_number(elements.bstar_per_earth_radius, out)} "
         f"{elements.ephemeris_type % 10:d} {elements.element_set_no % 10_000:4d}"
     )
     angles = (elements.raan_deg % 360.0, elements.argument_of_perigee_deg % 360.0, elements.mean_anomaly_deg % 360.0)
@@ -264,13 +268,13 @@ def written(elements: ElementSet) -> tuple[str, str]:
         f"2 {code} {elements.inclination_deg:8.4f} {angles[0]:8.4f} {e:07d} {angles[1]:8.4f} {angles[2]:8.4f} "
         f"{elements.mean_motion_rev_day:11.8f}{elements.rev_at_epoch % 100_000:5d}"
     )
-    line1, line2 = f"{line1}{checksum(line1)}", f"{line2}{checksum(line2)}"
-    if _problem(line1, 1, line2, 2, ""):
+    line1, line2 = f"{line1}{compute_checksum(line1)}", f"{line2}{compute_checksum(line2)}"
+    if _find_problem(line1, 1, line2, 2, ""):
         raise out
     return line1, line2
 
 
-def written_text(sets: Sequence[ElementSet], where: str) -> str:
+def format_tles(sets: Sequence[ElementSet], where: str) -> str:
     """Return the lines of element sets, each below its name; a warning counts those that no TLE can hold.
 
     Parameters
@@ -287,7 +291,7 @@ def written_text(sets: Sequence[ElementSet], where: str) -> str:
     left_out: list[CatalogError] = []
     for entry in sets:
         try:
-            pair = written(entry)
+            pair = format_tle(entry)
         except CatalogError as error:
             left_out.append(error)
             continue
@@ -300,7 +304,7 @@ def written_text(sets: Sequence[ElementSet], where: str) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _written_epoch(elements: ElementSet) -> str:
+def _format_epoch(elements: ElementSet) -> str:
     """Return the epoch as line 1 has it: the nearest that its columns hold, in steps of 1e-8 day (864 us).
 
     The last half step of a year is day 1 of the next year, but for 2056, after which two digits mean 1957.
@@ -315,7 +319,7 @@ def _written_epoch(elements: ElementSet) -> str:
     return f"{midnight.year % 100:02d}{midnight.timetuple().tm_yday:03d}.{steps:08d}"
 
 
-def _packed(value: float, out: CatalogError) -> str:
+def _pack_number(value: float, out: CatalogError) -> str:
     """Return a number in eight columns with an implied point and exponent; where it has no room, raise `out`."""
     if abs(value) < 1e-14:
         return " 00000+0" if value == 0.0 else " 00000-9"

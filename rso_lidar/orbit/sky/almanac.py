@@ -22,7 +22,7 @@ Vector3 = tuple[float, float, float]
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
-class Sky:
+class Almanac:
     """Call it with seconds since `start_utc`: the pole, the Sun [m] and the Moon [m] in GCRS axes, zero if not wanted."""
 
     def __init__(self, start_utc: datetime.datetime, *, sun: bool, moon: bool) -> None:

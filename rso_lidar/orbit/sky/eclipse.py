@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.event_search import spans_below
+from rso_lidar.orbit.sky.event_search import find_spans_below
 from rso_lidar.orbit.sky.geometry import angle_rad
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import Trajectory
@@ -61,7 +61,7 @@ class Eclipse:
     penumbra_to_s: float
 
     @property
-    def total(self) -> bool:
+    def is_total(self) -> bool:
         """Return whether the Sun is hidden whole at some time."""
         return not math.isnan(self.umbra_from_s)
 
@@ -83,7 +83,7 @@ def shadow_margins_rad(position_m: np.ndarray, sun_m: np.ndarray) -> tuple[np.nd
     return touched, covered
 
 
-def eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
+def find_eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
     """Return the passages through the Earth's shadow between the first and the last of the epochs, in order.
 
     The orbit is scanned once a minute whatever epochs there are between, and grazing passages are searched for.
@@ -97,9 +97,9 @@ def eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
 
         return of
 
-    dark = spans_below(margin(1), start_s, end_s)
+    dark = find_spans_below(margin(1), start_s, end_s)
     found = []
-    for begins, ends in spans_below(margin(0), start_s, end_s):
+    for begins, ends in find_spans_below(margin(0), start_s, end_s):
         within = [span for span in dark if span[0] >= begins and span[1] <= ends]
         umbra = (within[0][0], within[-1][1]) if within else (np.nan, np.nan)
         found.append(Eclipse(begins, *umbra, ends))

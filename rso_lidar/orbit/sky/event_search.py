@@ -12,7 +12,7 @@ _WITHIN_S = 1e-4
 _AT_ONCE = 100_000  # instants of a scan
 
 
-def spans_below(
+def find_spans_below(
     value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float, scan_s: float = _SCAN_S
 ) -> list[tuple[float, float]]:
     """Return the spans [s] within start to end in which a smooth function is negative, their ends to 0.1 ms.
@@ -28,11 +28,11 @@ def spans_below(
     values = np.concatenate([value(time_s[k : k + _AT_ONCE]) for k in range(0, len(time_s), _AT_ONCE)])
     if end_s <= start_s:
         return [(-np.inf, np.inf)] if values[0] < 0.0 else []
-    bottoms_s, bottoms = _bottoms(value, time_s, values)
+    bottoms_s, bottoms = _find_dips(value, time_s, values)
     order = np.argsort(time_s := np.concatenate([time_s, bottoms_s]), kind="stable")
     time_s, below = time_s[order], np.concatenate([values, bottoms])[order] < 0.0
     turns = np.flatnonzero(below[1:] != below[:-1])
-    crossed = _crossings(value, time_s[turns], time_s[turns + 1])
+    crossed = _find_crossings(value, time_s[turns], time_s[turns + 1])
     begins = [
         *([-np.inf] if below[0] else []),
         *(float(t) for t, k in zip(crossed, turns, strict=True) if below[k + 1]),
@@ -41,18 +41,18 @@ def spans_below(
     return list(zip(begins, ends, strict=True))
 
 
-def least(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float) -> tuple[float, float]:
+def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float) -> tuple[float, float]:
     """Return when [s] between two instants a smooth function is least, to 0.1 ms, and how much it is there.
 
     The lowest of 129 instants is followed to the bottom of its dip.
     """
     time_s = np.linspace(start_s, end_s, 129)
     lowest = int(np.argmin(value(time_s)))
-    found_s, values = _narrowed(value, time_s[[max(lowest - 1, 0)]], time_s[[min(lowest + 1, 128)]])
+    found_s, values = _narrow_to_minimum(value, time_s[[max(lowest - 1, 0)]], time_s[[min(lowest + 1, 128)]])
     return float(found_s[0]), float(values[0])
 
 
-def _bottoms(
+def _find_dips(
     value: Callable[[np.ndarray], np.ndarray], time_s: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return instants and values of the bottoms of those dips of a scan that may reach below zero between its instants."""
@@ -63,10 +63,10 @@ def _bottoms(
     dips = np.flatnonzero((values <= before) & (values <= after) & (values >= 0.0) & deep)
     if not len(dips):
         return np.zeros(0), np.zeros(0)
-    return _narrowed(value, time_s[np.maximum(dips - 1, 0)], time_s[np.minimum(dips + 1, len(time_s) - 1)])
+    return _narrow_to_minimum(value, time_s[np.maximum(dips - 1, 0)], time_s[np.minimum(dips + 1, len(time_s) - 1)])
 
 
-def _narrowed(
+def _narrow_to_minimum(
     value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return where between each low and high the function is least, and its values there."""
@@ -81,7 +81,7 @@ def _narrowed(
         high = np.take_along_axis(times, np.minimum(best + 1, _PARTS)[:, None], 1)[:, 0]
 
 
-def _crossings(value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _find_crossings(value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return where between each low and high (time) [s], on whose sides the function's signs differ, it changes sign."""
     steps = np.arange(_PARTS + 1) / _PARTS
     while len(low) and np.max(high - low) > _WITHIN_S:

@@ -32,7 +32,7 @@ def phase_angle_rad(target_m: np.ndarray, observer_m: np.ndarray, sun_m: np.ndar
     return angle_rad(sun_m - target_m, observer_m - target_m)
 
 
-def earth_radius_rad(position_m: np.ndarray) -> np.ndarray:
+def earth_angular_radius_rad(position_m: np.ndarray) -> np.ndarray:
     """Return half the angle (time) [rad] that the Earth's disk subtends; pi / 2 on the surface, NaN below it."""
     distance = np.sqrt(np.sum(position_m * position_m, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -42,11 +42,11 @@ def earth_radius_rad(position_m: np.ndarray) -> np.ndarray:
 
 def earth_limb_angle_rad(boresight: np.ndarray, position_m: np.ndarray) -> np.ndarray:
     """Return the angle (time) [rad] from a boresight (root axes) to the Earth's limb; negative where the disk covers it."""
-    angle: np.ndarray = angle_rad(boresight, -position_m) - earth_radius_rad(position_m)
+    angle: np.ndarray = angle_rad(boresight, -position_m) - earth_angular_radius_rad(position_m)
     return angle
 
 
-def earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarray) -> np.ndarray:
+def is_earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarray) -> np.ndarray:
     """Return whether (time) the Earth is in daylight where the boresight meets it, or at the limb nearest to it."""
     ahead = boresight / np.sqrt(np.sum(boresight**2, axis=-1, keepdims=True))
     distance = np.sqrt(np.sum(position_m**2, axis=-1))
@@ -64,7 +64,7 @@ def earth_lit(boresight: np.ndarray, position_m: np.ndarray, sun_m: np.ndarray) 
     return lit
 
 
-def line_height_m(a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
+def line_altitude_m(a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
     """Return how high (time) [m] over the Earth the straight line from a to b passes at its lowest; negative: blocked."""
     line = b_m - a_m
     length2 = np.sum(line * line, axis=-1)
@@ -74,7 +74,7 @@ def line_height_m(a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
     return height
 
 
-def outside_field_rad(direction: np.ndarray, half_field: np.ndarray) -> np.ndarray:
+def angle_outside_field_rad(direction: np.ndarray, half_field: np.ndarray) -> np.ndarray:
     """Return by how much (time) [rad] directions lie outside a rectangular field: 0 inside it.
 
     A disk of angular radius q about the direction cuts the field where this is at most q.
@@ -101,6 +101,6 @@ def outside_field_rad(direction: np.ndarray, half_field: np.ndarray) -> np.ndarr
     return angle
 
 
-def cone_angle_rad(position_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
+def angle_off_axis_rad(position_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Return the angle (time) [rad] at a cone's apex between its axis and a place, both in the axes of the apex."""
     return angle_rad(position_m, np.broadcast_to(axis, position_m.shape))

@@ -43,8 +43,8 @@ def mean_from_eccentric(eccentric_anomaly_rad: np.ndarray | float, eccentricity:
     x, e = np.broadcast_arrays(np.asarray(eccentric_anomaly_rad, dtype=float), np.asarray(eccentricity, dtype=float))
     open_ = e > 1.0
     h = np.where(open_, x, 0.0)
-    ellipse = (1.0 - e) * np.sin(x) + less_sine(x)
-    hyperbola = (e - 1.0) * np.sinh(h) + _sinh_less(h)
+    ellipse = (1.0 - e) * np.sin(x) + angle_minus_sine(x)
+    hyperbola = (e - 1.0) * np.sinh(h) + _sinh_minus_angle(h)
     return np.asarray(np.where(e == 1.0, math.nan, np.where(open_, hyperbola, ellipse)))
 
 
@@ -60,7 +60,7 @@ def eccentric_from_mean(mean_anomaly_rad: np.ndarray | float, eccentricity: np.n
         outer = np.minimum(np.abs(m) / np.maximum(e - 1.0, 1e-300), np.cbrt(6.0 * np.abs(m)))
         outer = np.minimum(outer, np.maximum(np.arcsinh(2.0 * np.abs(m)), 2.2))
     most = np.copysign(np.minimum(np.where(ellipse, most, outer), _LARGE), m)
-    x = np.where(ellipse, starter(np.where(ellipse, m, 0.0), inner), most)
+    x = np.where(ellipse, start_eccentric_anomaly(np.where(ellipse, m, 0.0), inner), most)
     low, high = np.minimum(0.0, most), np.maximum(0.0, most)
     x = np.clip(x, low, high)
     left = np.ones(np.shape(x), dtype=bool)
@@ -89,7 +89,7 @@ def mean_from_true(true_anomaly_rad: np.ndarray | float, eccentricity: np.ndarra
     return mean_from_eccentric(eccentric_from_true(true_anomaly_rad, eccentricity), eccentricity)
 
 
-def starter(mean_anomaly_rad: np.ndarray, eccentricity: np.ndarray | float) -> np.ndarray:
+def start_eccentric_anomaly(mean_anomaly_rad: np.ndarray, eccentricity: np.ndarray | float) -> np.ndarray:
     """Return an ellipse's eccentric anomaly within 1e-3 of itself, mean anomaly in [-pi, pi] (Markley 1995, eqs. 15-20).
 
     Markley, Kepler Equation Solver, Celestial Mechanics 63: the root of a cubic that stands for Kepler's equation.
@@ -108,7 +108,7 @@ def starter(mean_anomaly_rad: np.ndarray, eccentricity: np.ndarray | float) -> n
     return root
 
 
-def less_sine(x: np.ndarray) -> np.ndarray:
+def angle_minus_sine(x: np.ndarray) -> np.ndarray:
     """Return x - sin x, by its series within 1 rad."""
     z = np.minimum(x * x, 1.0)
     total = np.zeros_like(z)
@@ -117,7 +117,7 @@ def less_sine(x: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(np.abs(x) < 1.0, x * z * total, x - np.sin(x)))
 
 
-def _sinh_less(x: np.ndarray) -> np.ndarray:
+def _sinh_minus_angle(x: np.ndarray) -> np.ndarray:
     """Return sinh x - x, by its series within 1."""
     z = np.minimum(x * x, 1.0)
     total = np.zeros_like(z)

@@ -17,30 +17,22 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import two_body_rates
-from rso_lidar.orbit.two_body.anomaly import starter
-from rso_lidar.orbit.two_body.osculating_elements import Elements, elements
-from rso_lidar.orbit.two_body.universal_variables import inverse_axis, perigee_m, universal
+from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
+from rso_lidar.orbit.two_body.universal_variables import (
+    inverse_semi_major_axis,
+    perigee_distance_m,
+    propagate_universal,
+)
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
 from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
-
-__all__ = [
-    "Elements",
-    "Kepler",
-    "OrbitElements",
-    "State",
-    "elements",
-    "propagate",
-    "propagate_each",
-    "semi_major_axis_m",
-]
 
 GM = units.EARTH_GM_M3_S2
 _BLOCK = 4_096  # epochs solved at a time: what fits a processor's cache
 _NEAR_PARABOLA = 1e-7  # perigee over semi-major axis, below which an ellipse is solved like an open orbit
 
 
-class OrbitElements(Part):
+class ClassicalElements(Part):
     """The base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
 
     epoch_utc: Instant = Field(description="Time at which the elements apply.")
@@ -105,7 +97,7 @@ class OrbitElements(Part):
         return BodyState(turned(inertial_from_perifocal, position), turned(inertial_from_perifocal, velocity))
 
 
-class Kepler(OrbitElements):
+class Kepler(ClassicalElements):
     """Two-body motion from osculating elements in GCRS axes at `epoch_utc`. A hyperbola has e > 1 and a negative a."""
 
     type: Literal["kepler"] = "kepler"
@@ -152,7 +144,7 @@ class State(Part):
 
 def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return the osculating semi-major axis [m], negative on a hyperbola (vis-viva)."""
-    alpha = inverse_axis(np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float))
+    alpha = inverse_semi_major_axis(np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float))
     return 1.0 / alpha if alpha else math.inf
 
 
@@ -170,19 +162,19 @@ def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
     """
     r0_vector, v0_vector = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     dt = np.atleast_1d(np.asarray(dt_s, dtype=float))
-    alpha = inverse_axis(r0_vector, v0_vector)
+    alpha = inverse_semi_major_axis(r0_vector, v0_vector)
     positions, velocities, bad = np.empty((len(dt), 3)), np.empty((len(dt), 3)), np.zeros(len(dt), dtype=bool)
-    if alpha > 0.0 and alpha * perigee_m(r0_vector, v0_vector) > _NEAR_PARABOLA:
+    if alpha > 0.0 and alpha * perigee_distance_m(r0_vector, v0_vector) > _NEAR_PARABOLA:
         conic = _Ellipse(r0_vector[None, :], v0_vector[None, :])
         for k in range(0, len(dt), _BLOCK):
             rows = slice(k, k + _BLOCK)
             bad[rows] = conic.fly(dt[rows], positions[rows], velocities[rows])
         for row in np.flatnonzero(bad):
-            positions[row], velocities[row], bad[row] = _one(r0_vector, v0_vector, dt[row])
+            positions[row], velocities[row], bad[row] = _propagate_one(r0_vector, v0_vector, dt[row])
     else:
-        positions, velocities, bad = universal(r0_vector, v0_vector, dt, alpha)
+        positions, velocities, bad = propagate_universal(r0_vector, v0_vector, dt, alpha)
     if bad.any():
-        raise _unanswered(bad, dt)
+        raise _convergence_error(bad, dt)
     return positions, velocities
 
 
@@ -205,13 +197,13 @@ def propagate_each(
         bad[some] = _Ellipse(r[some], v[some]).fly(dt[some], x, u)
         positions[some], velocities[some] = x, u
     for row in np.flatnonzero(bad | ~closed):
-        positions[row], velocities[row], bad[row] = _one(r[row], v[row], dt[row])
+        positions[row], velocities[row], bad[row] = _propagate_one(r[row], v[row], dt[row])
     if bad.any():
-        raise _unanswered(bad, dt)
+        raise _convergence_error(bad, dt)
     return positions, velocities
 
 
-def _unanswered(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
+def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
     first = float(dt_s[np.argmax(bad)])
     return PropagationError(
         f"kepler: no state at {int(bad.sum())} of {len(bad)} epochs, first {first:g} s from the epoch of the elements: "
@@ -247,7 +239,7 @@ class _Ellipse:
         goal = self.n * (dt - turn * np.round(dt / turn))  # mean anomaly flown, within half a turn
         mean = self.m0 + goal
         whole = math.tau * np.round(mean / math.tau)
-        x = starter(mean - whole, self.e) + whole - self.e0
+        x = start_eccentric_anomaly(mean - whole, self.e) + whole - self.e0
         # one step of fifth order (Markley eqs. 21-25, on this form of the equation)
         half = 0.5 * x
         s, c = np.sin(half), np.cos(half)
@@ -279,8 +271,8 @@ class _Ellipse:
         return ~(np.abs(left) < 1e-6)
 
 
-def _one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
-    position, velocity, bad = universal(r, v, np.array([dt_s]), inverse_axis(r, v))
+def _propagate_one(r: np.ndarray, v: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray, bool]:
+    position, velocity, bad = propagate_universal(r, v, np.array([dt_s]), inverse_semi_major_axis(r, v))
     return position[0], velocity[0], bool(bad[0])
 
 

@@ -41,7 +41,7 @@ class Transfer:
     way: Literal["short", "long"]
 
 
-def lambert_all(
+def solve_lambert_all(
     from_m: np.ndarray,
     to_m: np.ndarray,
     duration_s: float,
@@ -52,14 +52,14 @@ def lambert_all(
     """Return every orbit from one position (3) [m] to another in `duration_s` [s]: short ways first, then by revolutions.
 
     `normal` (3) is needed where the positions are in one line with the Earth's centre and span no plane of their own. A
-    time for more than 1000 revolutions is refused: `lambert` finds the orbits of one number of them, however large.
+    time for more than 1000 revolutions is refused: `solve_lambert` finds the orbits of one number of them, however large.
 
     >>> radius = 7e6
-    >>> day = lambert_all(np.array([radius, 0, 0]), np.array([0, radius, 0]), 20_000.0)
+    >>> day = solve_lambert_all(np.array([radius, 0, 0]), np.array([0, radius, 0]), 20_000.0)
     >>> [(orbit.revolutions, orbit.branch, orbit.way) for orbit in day][:3]
     [(0, None, 'short'), (1, 'low', 'short'), (1, 'high', 'short')]
     """
-    arc = _Arc.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    arc = _Geometry.between(from_m, to_m, duration_s, gm_m3_s2, normal)
     if arc.scaled_time > math.pi * (MOST_REVOLUTIONS + 1):
         raise ScenarioError(
             f"duration_s: {duration_s:g} s leave time for some {arc.scaled_time / math.pi:.3g} revolutions, and orbits of "
@@ -73,7 +73,7 @@ def lambert_all(
     )
 
 
-def lambert(
+def solve_lambert(
     from_m: np.ndarray,
     to_m: np.ndarray,
     duration_s: float,
@@ -101,7 +101,7 @@ def lambert(
         pole = np.array([0.0, 0.0, 1.0]) if normal is None else _vector("normal", normal)
         turns = float(np.sum(np.cross(_vector("from_m", from_m), _vector("to_m", to_m)) * pole))
         chosen = "short" if (turns >= 0.0) == (way == "prograde") else "long"
-    arc = _Arc.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    arc = _Geometry.between(from_m, to_m, duration_s, gm_m3_s2, normal)
     problem = arc.scaled_time, arc.share, arc.lam(chosen)
     if revolutions <= arc.scaled_time / math.pi:
         for which, x in _orbits(*problem, revolutions):
@@ -128,7 +128,7 @@ def _vector(name: str, given: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Arc:
+class _Geometry:
     """The triangle of the problem: unit vectors, lengths [m], and the scaled time that Izzo solves in."""
 
     outward: tuple[np.ndarray, np.ndarray]  # unit vectors to departure and arrival
@@ -147,7 +147,7 @@ class _Arc:
         duration_s: float,
         gm_m3_s2: float,
         normal: Sequence[float] | np.ndarray | None,
-    ) -> _Arc:
+    ) -> _Geometry:
         start, end = _vector("from_m", from_m), _vector("to_m", to_m)
         for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
             if not isinstance(value, int | float | np.number) or not math.isfinite(value):
@@ -175,7 +175,7 @@ class _Arc:
                 raise ScenarioError("lambert: the normal is along the positions: give one across them")
         chord = float(np.linalg.norm(end - start))
         half = 0.5 * (r1 + r2 + chord)
-        return _Arc(
+        return _Geometry(
             (u1, u2),
             pole / np.linalg.norm(pole),
             (r1, r2),

@@ -20,7 +20,7 @@ ROUND = 8.0 * float(np.finfo(float).eps)  # below this, an eccentricity or a sin
 
 
 @dataclass(frozen=True, eq=False)
-class Elements:
+class OsculatingElements:
     """Osculating elements, single or arrays of one shape.
 
     On a circle the perigee stands at the node, on the equator the node at +x. `semi_latus_rectum_m` belongs to
@@ -48,28 +48,28 @@ class Elements:
         """Return the period [s], infinite where the conic is open."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
         closed = (a > 0.0) & np.isfinite(a)
-        return _plain(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / GM), math.inf))
+        return _unwrap_scalar(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / GM), math.inf))
 
     @property
     def perigee_altitude_m(self) -> np.ndarray | float:
         """Return the perigee's height [m] above the equatorial radius."""
-        return _plain(self._p / (1.0 + self.eccentricity) - units.EARTH_RADIUS_M)
+        return _unwrap_scalar(self._p / (1.0 + self.eccentricity) - units.EARTH_RADIUS_M)
 
     @property
     def apogee_altitude_m(self) -> np.ndarray | float:
         """Return the apogee's height [m] above the equatorial radius, infinite where the conic is open."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
         perigee = self._p / (1.0 + self.eccentricity)
-        return _plain(np.where(a > 0.0, 2.0 * a - perigee - units.EARTH_RADIUS_M, math.inf))
+        return _unwrap_scalar(np.where(a > 0.0, 2.0 * a - perigee - units.EARTH_RADIUS_M, math.inf))
 
     @property
     def mean_anomaly_rad(self) -> np.ndarray | float:
         """Return the mean anomaly [rad]: e sinh H - H on a hyperbola, NaN on a parabola."""
         anomaly = eccentric_from_true(self.true_anomaly_rad, self.eccentricity)
-        return _plain(mean_from_eccentric(anomaly, self.eccentricity))
+        return _unwrap_scalar(mean_from_eccentric(anomaly, self.eccentricity))
 
 
-def elements(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Elements:
+def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> OsculatingElements:
     """Return the osculating elements of states (…, 3) [m, m/s] about the Earth, angles in [0, 2 pi)."""
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     hx, hy, hz = _cross(r, v)
@@ -96,18 +96,18 @@ def elements(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Elements:
     latitude = np.arctan2(aside, ahead)
     anomaly = np.where(circle, latitude, np.arctan2(across, out))
     perigee = np.where(circle, 0.0, latitude - anomaly)
-    return Elements(
-        _plain(a),
-        _plain(np.where(circle, 0.0, e)),
-        _plain(inclination),
-        _plain(_turn(raan)),
-        _plain(_turn(perigee)),
-        _plain(_turn(anomaly)),
-        _plain(p),
+    return OsculatingElements(
+        _unwrap_scalar(a),
+        _unwrap_scalar(np.where(circle, 0.0, e)),
+        _unwrap_scalar(inclination),
+        _unwrap_scalar(_wrap_turn(raan)),
+        _unwrap_scalar(_wrap_turn(perigee)),
+        _unwrap_scalar(_wrap_turn(anomaly)),
+        _unwrap_scalar(p),
     )
 
 
-def cartesian(of: Elements) -> tuple[np.ndarray, np.ndarray]:
+def state_from_elements(of: OsculatingElements) -> tuple[np.ndarray, np.ndarray]:
     """Return positions [m] and velocities [m/s] (…, 3) of osculating elements (Vallado 4th ed. alg. 10)."""
     p, e = of._p, np.asarray(of.eccentricity, dtype=float)
     nu, argument = np.asarray(of.true_anomaly_rad), np.asarray(of.argument_of_perigee_rad)
@@ -127,7 +127,7 @@ def cartesian(of: Elements) -> tuple[np.ndarray, np.ndarray]:
     return placed(x, y), placed(u, w)
 
 
-def _turn(angle: np.ndarray) -> np.ndarray:
+def _wrap_turn(angle: np.ndarray) -> np.ndarray:
     """Return the angle in [0, 2 pi)."""
     turned = np.where(angle < 0.0, angle + math.tau, angle)
     turned = np.where(turned < 0.0, turned + math.tau, turned)
@@ -147,6 +147,6 @@ def _length(a: np.ndarray) -> np.ndarray:
     return length
 
 
-def _plain(value: np.ndarray) -> np.ndarray | float:
+def _unwrap_scalar(value: np.ndarray) -> np.ndarray | float:
     """Return an array, or a float where it holds one number."""
     return float(value) if np.ndim(value) == 0 else value

@@ -18,12 +18,12 @@ _MAX_STEPS = 100
 _BLOCK = 4_096  # epochs solved at a time: what fits a processor's cache
 
 
-def inverse_axis(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+def inverse_semi_major_axis(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return one over the semi-major axis [1/m], zero or negative on an open orbit (vis-viva)."""
     return float(2.0 / np.linalg.norm(position_m) - velocity_m_s @ velocity_m_s / GM)
 
 
-def universal(
+def propagate_universal(
     r0_vector: np.ndarray, v0_vector: np.ndarray, dt_s: np.ndarray, alpha: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, velocities (time, 3) and the mask of what did not converge, by universal variables: any conic."""
@@ -33,11 +33,11 @@ def universal(
         if math.isfinite(period):
             dt = dt - period * np.round(dt / period)
     else:  # count from perigee: across it the terms of an open orbit would cancel
-        r0_vector, v0_vector, since_perigee_s = _from_perigee(r0_vector, v0_vector, alpha)
+        r0_vector, v0_vector, since_perigee_s = _shift_to_perigee(r0_vector, v0_vector, alpha)
         dt = dt + since_perigee_s
     r0 = float(np.linalg.norm(r0_vector))
     sigma0 = 0.0 if alpha <= 0.0 else float(r0_vector @ v0_vector) / math.sqrt(GM)
-    perigee = perigee_m(r0_vector, v0_vector)
+    perigee = perigee_distance_m(r0_vector, v0_vector)
     blocks = [dt[k : k + _BLOCK] for k in range(0, len(dt), _BLOCK)] or [dt]
     solved = [_universal_anomaly(block, r0, sigma0, perigee, alpha) for block in blocks]
     chi, bad = (np.concatenate(column) for column in zip(*solved, strict=True))
@@ -50,14 +50,14 @@ def universal(
     return positions, velocities, bad
 
 
-def perigee_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+def perigee_distance_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return the distance of perigee [m]."""
     h = np.cross(position_m, velocity_m_s)
     e = np.linalg.norm(np.cross(velocity_m_s, h) / GM - position_m / np.linalg.norm(position_m))
     return float(h @ h / GM / (1.0 + e))
 
 
-def _from_perigee(r: np.ndarray, v: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, float]:
+def _shift_to_perigee(r: np.ndarray, v: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return an open orbit's position [m] and velocity [m/s] at perigee, and the time since it [s]."""
     h = np.cross(r, v)
     to_perigee = np.cross(v, h) / GM - r / np.linalg.norm(r)

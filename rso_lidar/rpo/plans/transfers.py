@@ -17,7 +17,7 @@ from rso_lidar.errors import ScenarioError, placed
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body import kepler
-from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, lambert
+from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, solve_lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
@@ -263,7 +263,7 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     for turns, branch in product(counts, branches):
         try:
             orbits.append(
-                lambert(start_m, end_m, part.duration_s, revolutions=turns, branch=branch, way=way, normal=pole)
+                solve_lambert(start_m, end_m, part.duration_s, revolutions=turns, branch=branch, way=way, normal=pole)
             )
         except ScenarioError:
             if part.revolutions is not None or (turns == counts[0] and turns == 0):

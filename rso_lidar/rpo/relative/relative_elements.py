@@ -23,7 +23,13 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import conic, mean_from_osculating, osculating_from_mean, quasi_nonsingular, secular
+from rso_lidar.orbit.propagation.j2 import (
+    mean_from_osculating,
+    osculating_from_mean,
+    propagate_secular,
+    quasi_nonsingular_from_state,
+    state_from_quasi_nonsingular,
+)
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.trajectory import Trajectory, state_rates
 from rso_lidar.orbit.two_body.kepler import propagate
@@ -90,7 +96,7 @@ class RelativeElements(RelativeMotion):
             there = of.states(epochs)
             rates = there.velocity_m_s, state_rates(of, epochs, there)[1]
             return rtn_difference(there, body.states(epochs), rates)
-        there, here = (BodyState(*propagate(*conic(row), epochs.time_s)) for row in rows)
+        there, here = (BodyState(*propagate(*state_from_quasi_nonsingular(row), epochs.time_s)) for row in rows)
         return rtn_difference(there, here)
 
     def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +141,7 @@ class _MeanFlight:
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3)."""
-        return BodyState(*osculating_from_mean(secular(self.row, epochs.time_s)))
+        return BodyState(*osculating_from_mean(propagate_secular(self.row, epochs.time_s)))
 
 
 @functools.lru_cache(maxsize=64)
@@ -144,7 +150,7 @@ def _start(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the elements of the chief and of the body, rows (6); the mean ones take milliseconds, so they are kept."""
     state = in_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
-    of = (mean_from_osculating if part.j2 else quasi_nonsingular)(state.position_m, state.velocity_m_s)
+    of = (mean_from_osculating if part.j2 else quasi_nonsingular_from_state)(state.position_m, state.velocity_m_s)
     half_m = math.pi * float(of[0])
     for name, value in zip(_NAMES, part.elements_m.tolist(), strict=True):
         if abs(value) > half_m:
@@ -213,13 +219,17 @@ def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
 
 def relative_elements_from_states(chief: BodyState, body: BodyState) -> np.ndarray:
     """Return the osculating relative elements (…, 6) [m] of states (…, 3); their z axis is the one inclinations are from."""
-    rows = [quasi_nonsingular(state.position_m, state.velocity_m_s) for state in (chief, body)]
+    rows = [quasi_nonsingular_from_state(state.position_m, state.velocity_m_s) for state in (chief, body)]
     return relative_elements(*rows)
 
 
 def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> BodyState:
     """Return the body's state (…, 3) beside a chief's, `relative_elements_from_states` (…, 6) [m] undone."""
-    return BodyState(*conic(beside_elements(quasi_nonsingular(chief.position_m, chief.velocity_m_s), elements_m)))
+    return BodyState(
+        *state_from_quasi_nonsingular(
+            beside_elements(quasi_nonsingular_from_state(chief.position_m, chief.velocity_m_s), elements_m)
+        )
+    )
 
 
 def _turn(angle: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.anomaly import starter
+from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
 from rso_lidar.part import Vector
 from rso_lidar.rpo.relative.hill import FAR_M, GM, eccentricity, flattening, state_at_start
 from rso_lidar.rpo.relative.relative_motion import RelativeState
@@ -153,7 +153,7 @@ class _Orbit:
 def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
     """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26; then a step of Newton)."""
     m = mean_rad - math.tau * np.round(mean_rad / math.tau)
-    anomaly = starter(m, e)
+    anomaly = start_eccentric_anomaly(m, e)
     f2, f3 = e * np.sin(anomaly), e * np.cos(anomaly)
     f0, f1 = anomaly - f2 - m, 1.0 - f3
     step = -f0 / (f1 - 0.5 * f0 * f2 / f1)

@@ -13,7 +13,7 @@ from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.motion.dynamics.function import in_words
-from rso_lidar.orbit import Tle, utc_text
+from rso_lidar.orbit import Tle, format_utc
 from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
@@ -33,7 +33,7 @@ def source_of(mission: Mission) -> Source:
     return Source(
         scenario=resolve(mission),
         title=mission.name,
-        start_utc=utc_text(mission.time.start_utc, 0.0),
+        start_utc=format_utc(mission.time.start_utc, 0.0),
         seed=mission.seed,
         versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in _LIBRARIES}

@@ -13,13 +13,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.sky.geometry import (
+    angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
+    earth_angular_radius_rad,
     earth_limb_angle_rad,
-    earth_lit,
-    earth_radius_rad,
-    line_height_m,
-    outside_field_rad,
+    is_earth_lit,
+    line_altitude_m,
     phase_angle_rad,
 )
 from rso_lidar.orbit.sky.moon import moon_position_m
@@ -71,21 +71,21 @@ class SkyGeometry:
         """Return whether (time) the Earth's disk cuts the field of view; never from below its surface."""
         if not self.earth:
             return np.full(len(self.position_m), False)
-        covers: np.ndarray = self.outside_field_rad(-self.position_m) <= earth_radius_rad(self.position_m)
+        covers: np.ndarray = self.outside_field_rad(-self.position_m) <= earth_angular_radius_rad(self.position_m)
         return covers
 
     @property
     def earth_side(self) -> str:
         """Return in words which side of the Earth is in the field while its disk is."""
         assert self.sun_m is not None
-        lit = earth_lit(self.boresight, self.position_m, self.sun_m)[self.earth_in_field]
+        lit = is_earth_lit(self.boresight, self.position_m, self.sun_m)[self.earth_in_field]
         if lit.all():
             return "its day side"
         return f"its day side {np.mean(lit):.0%} of that" if lit.any() else "its night side"
 
     def outside_field_rad(self, direction: np.ndarray) -> np.ndarray:
         """Return by how much (time) [rad] directions in root axes lie outside of the field of view."""
-        return outside_field_rad(turned(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
+        return angle_outside_field_rad(turned(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
 
 
 def sky_geometry(mission: Mission, seen: Preview) -> SkyGeometry:
@@ -115,7 +115,7 @@ def environment_table(mission: Mission, seen: Preview) -> dict[str, np.ndarray]:
         "sun_angle_rad": around.sun_angle_rad,
         "moon_angle_rad": around.moon_angle_rad,
         "earth_limb_angle_rad": around.earth_limb_angle_rad,
-        "earth_radius_rad": earth_radius_rad(around.position_m) if around.earth else None,
+        "earth_radius_rad": earth_angular_radius_rad(around.position_m) if around.earth else None,
     }
     for body in mission.bodies:
         if body.orbits and around.sun_m is not None:
@@ -146,5 +146,5 @@ def _line_m(seen: Preview, target: str) -> np.ndarray:
 def line_of_sight_height_m(seen: Preview, target: str) -> np.ndarray:
     """Return how high [m] the line from follower to target passes; NaN where an end of it is below the Earth's surface."""
     ends = [seen.states[name].position_m for name in ("follower", target)]
-    buried = np.isnan(earth_radius_rad(ends[0])) | np.isnan(earth_radius_rad(ends[1]))
-    return np.where(buried, np.nan, line_height_m(*ends))
+    buried = np.isnan(earth_angular_radius_rad(ends[0])) | np.isnan(earth_angular_radius_rad(ends[1]))
+    return np.where(buried, np.nan, line_altitude_m(*ends))

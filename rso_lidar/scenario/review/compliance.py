@@ -7,7 +7,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.errors import unwarned
 from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.sky.event_search import least, spans_below
+from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
 from rso_lidar.pose import PoseTree
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
@@ -92,11 +92,11 @@ def _keep_out(constraints: Constraints, mission: Mission, seen: Preview, target:
 
     start_s, end_s = float(seen.time_s[0]), float(seen.time_s[-1])
     step_s = max((end_s - start_s) / _MOST, min(_SCAN_S, (end_s - start_s) / _FEWEST))
-    spans = spans_below(clear_m, start_s, end_s, max(step_s, 1e-3))
+    spans = find_spans_below(clear_m, start_s, end_s, max(step_s, 1e-3))
     if not spans:
         return []
     clipped = [(max(begins, start_s), min(ends, end_s)) for begins, ends in spans]
-    when_s, nearest_m = min((least(distance_m, *span) for span in clipped), key=lambda found: found[1])
+    when_s, nearest_m = min((find_minimum(distance_m, *span) for span in clipped), key=lambda found: found[1])
     inside = ", from the first frame on" if spans[0][0] < start_s else f", first at {clipped[0][0]:.3f} s"
     outside = " outside of its corridor" if corridors else ""
     return [

@@ -10,9 +10,9 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.detector import Empirical
 from rso_lidar.detector.trial import Trial
-from rso_lidar.orbit import Numerical, Tle, utc_text
+from rso_lidar.orbit import Numerical, Tle, format_utc
 from rso_lidar.orbit.sets.sgp4_motion import Omm
-from rso_lidar.orbit.two_body.osculating_elements import elements
+from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, Sight, preview
@@ -50,7 +50,7 @@ def describe(mission: Mission) -> str:
 
 def _span(mission: Mission) -> str:
     start, end = mission.span
-    return f"{utc_text(start, 0.0)} to {utc_text(start, end)}"
+    return f"{format_utc(start, 0.0)} to {format_utc(start, end)}"
 
 
 def _target_lines(mission: Mission, number: int, sight: Sight, seen: Preview) -> list[str]:
@@ -90,7 +90,7 @@ def _motion(mission: Mission, number: int, seen: Preview) -> str:
     attitude = body.attitude.type if body.attitude else "as its motion"
     if body.orbits:
         state = seen.states[body.name]
-        orbit = elements(state.position_m[0], state.velocity_m_s[0])
+        orbit = elements_from_state(state.position_m[0], state.velocity_m_s[0])
         text += (
             f"; a {orbit.semi_major_axis_m / units.KM:.1f} km, e {orbit.eccentricity:.5f}, "
             f"i {orbit.inclination_rad / units.DEG:.3f}°, period {orbit.period_s / 60.0:.1f} min"

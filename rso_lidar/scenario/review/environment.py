@@ -7,7 +7,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.motion import Body
 from rso_lidar.orbit import Epochs
-from rso_lidar.orbit.sky.eclipse import Eclipse, eclipses
+from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import SkyGeometry, environment_table, line_of_sight_height_m, sky_geometry
@@ -119,7 +119,7 @@ def _eclipses(mission: Mission, body: Body) -> str:
     """Return the passages through the shadow in words: from when to when the Sun is hidden, whole and in part."""
     start_utc, end_s = mission.span
     searched_s = min(end_s, _ECLIPSES_S)
-    found = eclipses(motion.Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
+    found = find_eclipses(motion.Chief(mission.bodies, body.name), Epochs(start_utc, np.array([0.0, searched_s])))
     span = f" in the first {searched_s / units.DAY_S:g} days" if searched_s < end_s else ""
     if not found:
         return f"no eclipse{span}"
@@ -133,7 +133,7 @@ def _eclipses(mission: Mission, body: Body) -> str:
 
 def _told(eclipse: Eclipse) -> str:
     partial = _from_to("penumbra", eclipse.penumbra_from_s, eclipse.penumbra_to_s)
-    return f"{_from_to('umbra', eclipse.umbra_from_s, eclipse.umbra_to_s)}, {partial}" if eclipse.total else partial
+    return f"{_from_to('umbra', eclipse.umbra_from_s, eclipse.umbra_to_s)}, {partial}" if eclipse.is_total else partial
 
 
 def _from_to(what: str, begins_s: float, ends_s: float) -> str:

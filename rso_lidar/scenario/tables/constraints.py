@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.motion import Body
-from rso_lidar.orbit.sky.geometry import cone_angle_rad
+from rso_lidar.orbit.sky.geometry import angle_off_axis_rad
 from rso_lidar.part import GREATEST, Direction, NotNegative, Part, Positive, Text
 
 Exclusion = Annotated[Positive, Field(lt=180)]
@@ -71,7 +71,7 @@ class Corridor(Part):
 
     def angle_rad(self, place_m: np.ndarray) -> np.ndarray:
         """Return the angle (time) [rad] between the corridor's axis and places (time, 3) in the axes of its apex."""
-        return cone_angle_rad(place_m, np.array(self.axis))
+        return angle_off_axis_rad(place_m, np.array(self.axis))
 
     def applies(self, place_m: np.ndarray) -> np.ndarray:
         """Return whether (time) places are as far from the apex as the corridor is long."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.orbit.screening.conjunctions import Screened
+from rso_lidar.orbit.screening.conjunctions import ScreeningResult
 from rso_lidar.pose import turned
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
@@ -26,7 +26,7 @@ _STEP_S = 120.0
 _NEAR_M = 20e3  # a closest approach beyond this is never attributed to errors of the sets
 
 
-def fold_docked(screened: Screened, rows: Sequence[Encounter]) -> list[Encounter]:
+def fold_docked(screened: ScreeningResult, rows: Sequence[Encounter]) -> list[Encounter]:
     """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
     An object counts as docked where the difference to the follower, in the follower's rtn axes, stays within the errors of
@@ -78,7 +78,7 @@ def _one_of(stays: Sequence[Encounter], reason: str) -> Encounter:
     )
 
 
-def _reason(screened: Screened, which: int) -> str | None:
+def _reason(screened: ScreeningResult, which: int) -> str | None:
     """Return in words why an object counts as docked with the follower, or None."""
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)

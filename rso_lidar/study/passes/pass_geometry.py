@@ -10,11 +10,11 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.optics.link_budget import filled_pixel
-from rso_lidar.orbit.epochs import Epochs, utc_text
-from rso_lidar.orbit.screening.close_approach import Stay
-from rso_lidar.orbit.screening.conjunctions import Screened
+from rso_lidar.orbit.epochs import Epochs, format_utc
+from rso_lidar.orbit.screening.close_approach import CloseApproach
+from rso_lidar.orbit.screening.conjunctions import ScreeningResult
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.fleet import Flights
+from rso_lidar.orbit.sets.fleet import ScheduledFleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.sky.eclipse import shadow_margins_rad, sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
@@ -95,7 +95,7 @@ class Encounter:
     docked: str
     time_s: float = field(metadata={"private": True})
     span_s: tuple[float, float] = field(metadata={"private": True})
-    stay: Stay = field(repr=False, compare=False, metadata={"private": True})
+    stay: CloseApproach = field(repr=False, compare=False, metadata={"private": True})
     elements: ElementSet = field(repr=False, compare=False, metadata={"private": True})
     follower: ElementSet = field(repr=False, compare=False, metadata={"private": True})
 
@@ -132,14 +132,14 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
 
 
 def sightings(
-    screened: Screened,
+    screened: ScreeningResult,
     reach: tuple[float, float],
     max_slew_deg_s: float,
     constraints: Constraints | None = None,
 ) -> list[Encounter]:
     """Return one encounter for each stay, in the order of the stays."""
     sky = _Sky(screened, constraints)
-    each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.stays]
+    each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
     each = [2 ** math.ceil(math.log2(number / _EACH_SIDE)) * _EACH_SIDE for number in each]
     rows: list[Encounter | None] = [None] * len(each)
     for number in sorted(set(each)):
@@ -147,7 +147,7 @@ def sightings(
         lot = max(1, _AT_ONCE // (4 * number))
         for begin in range(0, len(alike), lot):
             some = alike[begin : begin + lot]
-            stays = tuple(screened.stays[k] for k in some)
+            stays = tuple(screened.approaches[k] for k in some)
             for k, row in zip(some, _some(screened, stays, reach, max_slew_deg_s, sky, number), strict=True):
                 rows[k] = row
     return [row for row in rows if row is not None]
@@ -167,9 +167,9 @@ def keep_out_radius_m(constraints: Constraints | None) -> float | None:
 class _Sky:
     """Sun and Moon in TEME axes over the span of a screening, and how near to them and to the Earth one may look."""
 
-    def __init__(self, screened: Screened, constraints: Constraints | None) -> None:
+    def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
         self.constraints = constraints
-        last_s = max((stay.leave_s for stay in screened.stays), default=0.0)
+        last_s = max((stay.leave_s for stay in screened.approaches), default=0.0)
         self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
         epochs = Epochs(screened.objects.start_utc, self._time_s)
         teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
@@ -204,8 +204,8 @@ class _Sky:
 
 
 def _some(
-    screened: Screened,
-    stays: tuple[Stay, ...],
+    screened: ScreeningResult,
+    stays: tuple[CloseApproach, ...],
     reach: tuple[float, float],
     max_slew_deg_s: float,
     sky: _Sky,
@@ -251,9 +251,9 @@ def _some(
             Encounter(
                 name=elements.name,
                 norad_id=elements.norad_id,
-                closest_utc=utc_text(objects.start_utc, stay.time_s),
-                from_utc=utc_text(objects.start_utc, stay.enter_s),
-                to_utc=utc_text(objects.start_utc, stay.leave_s),
+                closest_utc=format_utc(objects.start_utc, stay.time_s),
+                from_utc=format_utc(objects.start_utc, stay.enter_s),
+                to_utc=format_utc(objects.start_utc, stay.leave_s),
                 inside_s=stay.leave_s - stay.enter_s,
                 entered=stay.entered,
                 left=stay.left,
@@ -307,15 +307,15 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
     }
 
 
-def _gcrs(objects: Flights, which: np.ndarray, epochs: Epochs) -> BodyState:
+def _gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
     position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
     return BodyState(turned(rotation, position), turned(rotation, velocity))
 
 
 def _looked(
-    screened: Screened,
-    stays: tuple[Stay, ...],
+    screened: ScreeningResult,
+    stays: tuple[CloseApproach, ...],
     speed_m_s: np.ndarray,
     reach: tuple[float, float],
     max_slew_deg_s: float,

@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.element_set import ElementSet, printable
+from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
 from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import turned
@@ -60,8 +60,8 @@ def scenario_text(table: Encounters, number: int) -> str:
     model, why = _model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
-        *map(printable, _facts(table, number)),  # names were written by others: a comment stays in its line
-        *map(printable, _warnings(table, row)),
+        *map(make_printable, _facts(table, number)),  # names were written by others: a comment stays in its line
+        *map(make_printable, _warnings(table, row)),
         "version = 1",
         f"name    = {_quoted(title)}",
         f"seed    = {row.norad_id % 2**31}",
@@ -248,4 +248,4 @@ def _quoted(value: Any) -> str:
     """Return a value as TOML."""
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
-    return json.dumps(printable(value) if isinstance(value, str) else value, ensure_ascii=False)
+    return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)

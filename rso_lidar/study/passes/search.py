@@ -17,8 +17,9 @@ from rso_lidar import units
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
 from rso_lidar.files import write_text
 from rso_lidar.orbit.screening.conjunctions import screen
-from rso_lidar.orbit.sets.catalog import Catalog, read_element_sets
-from rso_lidar.orbit.sets.element_set import ElementSet, shown
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet, quote
+from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.orbit.sets.teme import STALE_DAYS
 from rso_lidar.study.passes.docked import fold_docked
 from rso_lidar.study.passes.pass_geometry import (
@@ -254,14 +255,14 @@ def encounters(
 
     checked_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
-        raise ScenarioError(f"sort: {shown(sort)} is no order; use one of {', '.join(_KEYS)}")
+        raise ScenarioError(f"sort: {quote(sort)} is no order; use one of {', '.join(_KEYS)}")
     if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
-        raise ScenarioError(f"limit: {shown(limit)} is no number of rows; give 1 or more, or leave it out for all")
+        raise ScenarioError(f"limit: {quote(limit)} is no number of rows; give 1 or more, or leave it out for all")
     _real("min_duration", "s", min_duration_s)
     if not min_duration_s >= 0.0:
         raise ScenarioError(f"min_duration: {min_duration_s:g} s is no duration; give 0 or more")
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral | ElementSet):
-        raise ScenarioError(f"follower: {shown(follower)} is no object; give its catalogue number or its name")
+        raise ScenarioError(f"follower: {quote(follower)} is no object; give its catalogue number or its name")
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
     sets, problems = _sets(catalog)
@@ -302,7 +303,7 @@ def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _real(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
-        raise ScenarioError(f"start: {shown(start_utc)} is no time; give a datetime with its time zone")
+        raise ScenarioError(f"start: {quote(start_utc)} is no time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
         raise ScenarioError(f"within: {within_m:g} m is no distance to look within; give one up to 100,000 km")
     if start_utc.tzinfo is None:
@@ -315,7 +316,7 @@ def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max
 
 def _real(what: str, unit: str, value: Any) -> None:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise ScenarioError(f"{what}: {shown(value)} is no number; give one in {unit}, without the unit")
+        raise ScenarioError(f"{what}: {quote(value)} is no number; give one in {unit}, without the unit")
 
 
 def counted(number: float, noun: str) -> str:
@@ -328,11 +329,11 @@ def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet],
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
     if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
-        raise CatalogError(f"catalogue: {shown(catalog)} is none: give a file's path, a catalogue or element sets")
+        raise CatalogError(f"catalogue: {quote(catalog)} is none: give a file's path, a catalogue or element sets")
     sets = list(catalog)
     for entry in sets:
         if not isinstance(entry, ElementSet):
-            raise CatalogError(f"catalogue: {shown(entry)} in it is no element set: read them with Catalog")
+            raise CatalogError(f"catalogue: {quote(entry)} in it is no element set: read them with Catalog")
     bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
     told = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
     return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in told]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import motion, orbit, rpo, units
-from rso_lidar.orbit.sky.eclipse import eclipses
+from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.scenario import Scenario
 from rso_lidar.sight import truth_columns
@@ -111,8 +111,8 @@ def umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
     return {
         body.name: [
             (one.umbra_from_s, one.umbra_to_s)
-            for one in eclipses(motion.Chief(scenario.bodies, body.name), ends)
-            if one.total
+            for one in find_eclipses(motion.Chief(scenario.bodies, body.name), ends)
+            if one.is_total
         ]
         for body in scenario.bodies
         if body.orbits

@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import motion, units
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.files import free, write_columns
-from rso_lidar.orbit.two_body.osculating_elements import elements
+from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
@@ -143,7 +143,7 @@ def _models(first: Frame, *, local: bool) -> dict[str, float | None]:
     if local:
         return {"cv": None}
     own = first.truth.states["follower"]
-    period_s = float(elements(own.position_m, own.velocity_m_s).period_s)
+    period_s = float(elements_from_state(own.position_m, own.velocity_m_s).period_s)
     return {"cv": None, "cw": 2.0 * np.pi / period_s}
 
 

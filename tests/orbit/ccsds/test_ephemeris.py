@@ -8,7 +8,7 @@ import pytest
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
-from rso_lidar.orbit.ccsds.interpolation import hermite, lagrange
+from rso_lidar.orbit.ccsds.interpolation import interpolate_hermite, interpolate_lagrange
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.orbit.two_body.kepler import Kepler
@@ -61,12 +61,12 @@ def test_polynomials_of_their_degree_are_met_exactly():
     time = np.linspace(0.0, 7.0, 50)
     for degree in (1, 2, 3, 6):
         poly = np.polynomial.Polynomial(np.arange(1.0, degree + 2.0))
-        value, rate = lagrange(time, nodes, poly(nodes)[:, None], degree)
+        value, rate = interpolate_lagrange(time, nodes, poly(nodes)[:, None], degree)
         np.testing.assert_allclose(value[:, 0], poly(time), atol=1e-12 * poly(7.0))
         np.testing.assert_allclose(rate[:, 0], poly.deriv()(time), atol=1e-11 * poly.deriv()(7.0))
     for degree in (3, 5, 7):
         poly = np.polynomial.Polynomial(np.arange(1.0, degree + 2.0))
-        value, rate = hermite(time, nodes, poly(nodes)[:, None], poly.deriv()(nodes)[:, None], degree)
+        value, rate = interpolate_hermite(time, nodes, poly(nodes)[:, None], poly.deriv()(nodes)[:, None], degree)
         np.testing.assert_allclose(value[:, 0], poly(time), atol=1e-12 * poly(7.0))
         np.testing.assert_allclose(rate[:, 0], poly.deriv()(time), atol=1e-11 * poly.deriv()(7.0))
 

@@ -14,10 +14,10 @@ from rso_lidar.orbit.propagation.forces import (
     Drag,
     Forces,
     RadiationPressure,
-    _air_drag,
-    _light,
-    _third,
-    _zonal,
+    _drag_acceleration,
+    _sunlight_acceleration,
+    _third_body_acceleration,
+    _zonal_acceleration,
     air_density_kg_m3,
 )
 from rso_lidar.orbit.sky.precession import pole_direction
@@ -35,7 +35,7 @@ def test_zonals_against_brahe():
     brahe = np.array([-5.558083046705689, 3.557173149891641, -4.346664757943989])
     normalised = [-0.000484169548456, 9.57170590888e-07, 5.39777068357e-07, 6.86589879865e-08, -1.49671561786e-07]
     zonals = tuple(-c * math.sqrt(2 * n + 1) for n, c in enumerate(normalised, start=2))
-    ours = np.array(_zonal(zonals, R, RADIUS, NORTH)) - GM / RADIUS**3 * np.array(R)
+    ours = np.array(_zonal_acceleration(zonals, R, RADIUS, NORTH)) - GM / RADIUS**3 * np.array(R)
     np.testing.assert_allclose(ours * (398600.4415e9 / GM), brahe, rtol=1e-14)
 
 
@@ -53,7 +53,7 @@ def test_each_zonal_is_the_gradient_of_its_potential(degree):
 
     step = 10.0
     slope = [(potential(np.add(R, e)) - potential(np.subtract(R, e))) / (2 * step) for e in np.eye(3) * step]
-    got = _zonal(zonals, R, RADIUS, NORTH)
+    got = _zonal_acceleration(zonals, R, RADIUS, NORTH)
     # differences: (step / r)^2 of the value, and EPS V / step
     np.testing.assert_allclose(got, slope, rtol=1e-8, atol=1e-8)
 
@@ -62,12 +62,12 @@ def test_drag_and_light_against_brahe():
     # brahe 1.8.0: accel_drag at 1e-12 kg/m3, axes as given; its rotation rate is 7.292115146706979e-5, ours to 2e-8 of that
     brahe = np.array([-8.722398547011429e-07, -1.8668240142634664e-06, -4.2597973603628864e-07])
     height_m = RADIUS - units.EARTH_RADIUS_M * (1 - (R[2] / RADIUS) ** 2 / 298.257223563)
-    push = np.array(_air_drag(Drag(area_m2=4.0, mass_kg=100.0), R, RADIUS, V, NORTH))
+    push = np.array(_drag_acceleration(Drag(area_m2=4.0, mass_kg=100.0), R, RADIUS, V, NORTH))
     np.testing.assert_allclose(push / air_density_kg_m3(height_m) * 1e-12, brahe, rtol=1e-8)
     # brahe 1.8.0: accel_solar_radiation_pressure at -R with p0 = 1361 / c, in full light
     sun = (-1.4e11, 3e10, 1.3e10)
     brahe = np.array([2.4892693833228605e-07, -5.333770194482603e-08, -2.3122404467153933e-08])
-    light = _light(RadiationPressure(area_m2=4.0, mass_kg=100.0), tuple(-x for x in R), RADIUS, sun)
+    light = _sunlight_acceleration(RadiationPressure(area_m2=4.0, mass_kg=100.0), tuple(-x for x in R), RADIUS, sun)
     np.testing.assert_allclose(light, brahe, rtol=1e-13)
 
 
@@ -76,17 +76,21 @@ def test_light_is_off_in_the_shadow_and_never_elsewhere():
     sun = (units.ASTRONOMICAL_UNIT_M, 0.0, 0.0)
     full = units.SOLAR_PRESSURE_N_M2 * 1.3
     behind, aside = (-7e6, 0.0, 0.0), (-7e6, 6.5e6, 0.0)
-    assert math.hypot(*_light(pressure, behind, 7e6, sun)) == 0.0
-    assert math.hypot(*_light(pressure, aside, math.hypot(*aside), sun)) == pytest.approx(full, rel=1e-4)
+    assert math.hypot(*_sunlight_acceleration(pressure, behind, 7e6, sun)) == 0.0
+    assert math.hypot(*_sunlight_acceleration(pressure, aside, math.hypot(*aside), sun)) == pytest.approx(
+        full, rel=1e-4
+    )
     half = (-7e6, 6.378e6, 0.0)
-    assert 0.0 < math.hypot(*_light(pressure, half, math.hypot(*half), sun)) < 0.9 * full
-    assert math.hypot(*_light(pressure, (7e6, 0.0, 0.0), 7e6, sun)) == pytest.approx(full, rel=2e-4)
+    assert 0.0 < math.hypot(*_sunlight_acceleration(pressure, half, math.hypot(*half), sun)) < 0.9 * full
+    assert math.hypot(*_sunlight_acceleration(pressure, (7e6, 0.0, 0.0), 7e6, sun)) == pytest.approx(full, rel=2e-4)
 
 
 def test_third_body_is_a_tide():
     # along the line to the body 2 GM r / d^3, across it minus half of that, to r / d of it
     d = 3.844e8
-    along, across = (_third(units.MOON_GM_M3_S2, r, (d, 0.0, 0.0)) for r in ((1e5, 0.0, 0.0), (0.0, 1e5, 0.0)))
+    along, across = (
+        _third_body_acceleration(units.MOON_GM_M3_S2, r, (d, 0.0, 0.0)) for r in ((1e5, 0.0, 0.0), (0.0, 1e5, 0.0))
+    )
     tide = units.MOON_GM_M3_S2 * 1e5 / d**3
     assert along[0] == pytest.approx(2 * tide, rel=1e-3) and across[1] == pytest.approx(-tide, rel=1e-3)
 
@@ -144,9 +148,9 @@ def test_acceleration_is_the_sum():
         total, bare + sum(p.acceleration(epochs, r, v) - bare for p in parts), rtol=0, atol=1e-14
     )
     pole, sun = pole_direction(epochs), sun_position_m(epochs)
-    expected = [_zonal((units.EARTH_J2,), R, RADIUS, tuple(k)) for k in pole.tolist()]
+    expected = [_zonal_acceleration((units.EARTH_J2,), R, RADIUS, tuple(k)) for k in pole.tolist()]
     np.testing.assert_allclose(Forces().acceleration(epochs, r, v) - bare, expected, rtol=0, atol=1e-14)
-    expected = [_third(units.SUN_GM_M3_S2, R, tuple(s)) for s in sun.tolist()]
+    expected = [_third_body_acceleration(units.SUN_GM_M3_S2, R, tuple(s)) for s in sun.tolist()]
     np.testing.assert_allclose(parts[3].acceleration(epochs, r, v) - bare, expected, rtol=0, atol=1e-14)
 
 
@@ -157,7 +161,7 @@ def test_zonals_average_over_the_sphere_to_nothing():
 
         def outward(s, zonals=zonals):
             r = (7e6 * math.sqrt(1 - s * s), 0.0, 7e6 * s)
-            pull = _zonal(zonals, r, 7e6, NORTH)
+            pull = _zonal_acceleration(zonals, r, 7e6, NORTH)
             return (pull[0] * r[0] + pull[2] * r[2]) / 7e6
 
         assert abs(quad(outward, -1, 1)[0]) < 1e-10

@@ -3,7 +3,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.propagation.integrator import Solution
+from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.orbit.two_body.kepler import propagate
 
 GM = units.EARTH_GM_M3_S2
@@ -21,7 +21,7 @@ def test_two_bodies_forward_and_back(eccentricity):
     period = 2 * np.pi * np.sqrt((perigee / (1.0 - eccentricity)) ** 3 / GM)
     start = np.array([perigee, 0.0, 0.0, 0.0, speed, 0.0])
     times = np.linspace(-2 * period, 2 * period, 501)
-    flown = Solution(two_body, start, panel_s=600.0)(times)
+    flown = OdeSolution(two_body, start, panel_s=600.0)(times)
     expected, _ = propagate(start[:3], start[3:], times)
     np.testing.assert_allclose(flown[:, :3], expected, rtol=0, atol=1e-3)
 
@@ -29,9 +29,9 @@ def test_two_bodies_forward_and_back(eccentricity):
 def test_an_instant_has_the_same_bits_whatever_else_is_asked():
     start = np.array([7e6, 0.0, 0.0, 0.0, 7600.0, 100.0])
     times = np.linspace(-4000.0, 5000.0, 37)
-    many = Solution(two_body, start, panel_s=600.0)(times)
+    many = OdeSolution(two_body, start, panel_s=600.0)(times)
     for order in (range(len(times)), reversed(range(len(times)))):
-        alone = Solution(two_body, start, panel_s=600.0)
+        alone = OdeSolution(two_body, start, panel_s=600.0)
         for k in order:
             assert np.array_equal(alone(times[k : k + 1])[0], many[k])
 
@@ -42,7 +42,7 @@ def test_jumps_and_breaks():
     def cart(t, x):
         return np.array([x[1], 2.0 if 10.0 <= t < 12.5 else 0.0])
 
-    cart_rolls = Solution(
+    cart_rolls = OdeSolution(
         cart,
         np.zeros(2),
         panel_s=7.0,
@@ -55,7 +55,7 @@ def test_jumps_and_breaks():
 
 
 def test_a_jump_is_seen_at_its_own_instant_and_not_a_moment_before():
-    jumping = Solution(
+    jumping = OdeSolution(
         lambda _t, _x: np.zeros(1),
         np.zeros(1),
         panel_s=10.0,
@@ -65,7 +65,7 @@ def test_a_jump_is_seen_at_its_own_instant_and_not_a_moment_before():
 
 
 def test_what_breaks_down_says_where():
-    blow_up = Solution(lambda _t, x: x * x, np.ones(1), panel_s=0.6, name="blow_up")  # x = 1 / (1 - t)
+    blow_up = OdeSolution(lambda _t, x: x * x, np.ones(1), panel_s=0.6, name="blow_up")  # x = 1 / (1 - t)
     np.testing.assert_allclose(blow_up(np.array([0.5])), [[2.0]], rtol=1e-10)
     with pytest.raises(PropagationError, match=r"blow_up: the integration breaks down 1 s from its start") as caught:
         blow_up(np.array([0.5, 1.5]))
@@ -73,7 +73,7 @@ def test_what_breaks_down_says_where():
 
 
 def test_two_jumps_at_one_instant_act_in_the_order_given():
-    rolling = Solution(
+    rolling = OdeSolution(
         lambda _t, _x: np.zeros(1),
         np.ones(1),
         panel_s=10.0,
@@ -90,7 +90,7 @@ def test_what_f_does_not_know_is_not_asked_of_it_unless_it_must():
             raise ValueError("the table ends at 12 s")
         return np.array([x[1], np.cos(t)])
 
-    rolling = Solution(table, np.zeros(2), panel_s=60.0)
+    rolling = OdeSolution(table, np.zeros(2), panel_s=60.0)
     np.testing.assert_allclose(rolling(np.array([3.0, 11.0, 12.0]))[:, 0], 1.0 - np.cos([3.0, 11.0, 12.0]), atol=1e-9)
     with pytest.raises(ValueError, match="the table ends"):
         rolling(np.array([3.0, 12.5]))

@@ -12,12 +12,12 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.j2 import (
     J2,
-    conic,
     mean_from_osculating,
     osculating_from_mean,
-    quasi_nonsingular,
-    secular,
+    propagate_secular,
+    quasi_nonsingular_from_state,
     secular_rates,
+    state_from_quasi_nonsingular,
 )
 from rso_lidar.orbit.propagation.numerical import Numerical
 from rso_lidar.orbit.two_body.kepler import Kepler, State
@@ -44,11 +44,13 @@ def rows(a, e, i, perigee=0.7, latitude=1.0, raan=2.0):
 
 @pytest.mark.parametrize(("a", "e", "i", "allowed"), ORBITS)
 def test_the_map_has_an_inverse(a, e, i, allowed):
-    start = secular(rows(a, e, i), np.linspace(0.0, 30_000.0, 50))
+    start = propagate_secular(rows(a, e, i), np.linspace(0.0, 30_000.0, 50))
     position, velocity = osculating_from_mean(start)
     back = mean_from_osculating(position, velocity)
-    bare, speed = conic(start)
-    again, speed_again = conic(back)  # compared as states: on the equator the node is a convention
+    bare, speed = state_from_quasi_nonsingular(start)
+    again, speed_again = state_from_quasi_nonsingular(
+        back
+    )  # compared as states: on the equator the node is a convention
     np.testing.assert_allclose(again, bare, rtol=0, atol=1e-6)
     np.testing.assert_allclose(speed_again, speed, rtol=0, atol=1e-9)
     moved = np.linalg.norm(position - bare, axis=1).max()
@@ -81,7 +83,7 @@ def test_mean_elements_of_an_integrated_orbit_drift_as_they_should():
     turn = equator_axes(Epochs(START, np.zeros(1)))[0]
     mean = mean_from_osculating(turned(turn, state.position_m), turned(turn, state.velocity_m_s))
     assert np.ptp(mean[:, 0]) < 0.1  # the osculating axis swings by 10 km or so
-    assert np.ptp(quasi_nonsingular(state.position_m, state.velocity_m_s)[:, 0]) > 5e3
+    assert np.ptp(quasi_nonsingular_from_state(state.position_m, state.velocity_m_s)[:, 0]) > 5e3
     anomaly, perigee, node = secular_rates(mean[0])
     slope = np.polyfit(epochs.time_s, np.unwrap(mean[:, 5]), 1)[0]
     assert slope == pytest.approx(node, rel=2e-5)  # third order of J2, and what is left of the long period
@@ -128,7 +130,7 @@ def test_states_have_the_same_bits_in_any_company():
     for k in (0, 1, 77, 202):
         np.testing.assert_array_equal(orbit.states(epochs.at(k)).position_m[0], together.position_m[k])
     assert orbit.validity(epochs) == []
-    (sentence,) = orbit.validity(epochs.shifted(5 * units.DAY_S))
+    (sentence,) = orbit.validity(epochs.shift(5 * units.DAY_S))
     assert "numerical" in sentence and "\n" not in sentence
     assert "drag" in orbit.replace(semi_major_axis_km=6700.0).validity(epochs)[0]
 

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, in_inertial
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inertial
 
 R, V = [7e6, 0.0, 0.0], [100.0, 0.0, 7.5e3]  # r x v is along -y
 
 
 def test_axes():
-    assert in_inertial((1.0, 2.0, 3.0), "inertial", R, V) == (1.0, 2.0, 3.0)
+    assert rotate_to_inertial((1.0, 2.0, 3.0), "inertial", R, V) == (1.0, 2.0, 3.0)
     # rtn: x out, z along r x v = -y, y = z x x = +z
-    np.testing.assert_allclose(in_inertial((1.0, 2.0, 3.0), "rtn", R, V), (1.0, -3.0, 2.0), atol=1e-15)
+    np.testing.assert_allclose(rotate_to_inertial((1.0, 2.0, 3.0), "rtn", R, V), (1.0, -3.0, 2.0), atol=1e-15)
     # vnc: x along v, y along r x v = -y, z = x x y, outward
     u, w = 100.0 / math.hypot(100, 7500), 7500.0 / math.hypot(100, 7500)
-    np.testing.assert_allclose(in_inertial((1.0, 0.0, 0.0), "vnc", R, V), (u, 0.0, w), atol=1e-15)
-    np.testing.assert_allclose(in_inertial((0.0, 1.0, 0.0), "vnc", R, V), (0.0, -1.0, 0.0), atol=1e-15)
-    np.testing.assert_allclose(in_inertial((0.0, 0.0, 1.0), "vnc", R, V), (w, 0.0, -u), atol=1e-15)
+    np.testing.assert_allclose(rotate_to_inertial((1.0, 0.0, 0.0), "vnc", R, V), (u, 0.0, w), atol=1e-15)
+    np.testing.assert_allclose(rotate_to_inertial((0.0, 1.0, 0.0), "vnc", R, V), (0.0, -1.0, 0.0), atol=1e-15)
+    np.testing.assert_allclose(rotate_to_inertial((0.0, 0.0, 1.0), "vnc", R, V), (w, 0.0, -u), atol=1e-15)
 
 
 def test_impulse_changes_the_velocity_only():

@@ -10,8 +10,8 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, in_inertial
-from rso_lidar.orbit.propagation.numerical import Flight, Numerical, solution
+from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inertial
+from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Numerical, integrate_orbit
 from rso_lidar.orbit.sets.sgp4_motion import Tle
 from rso_lidar.orbit.sky.precession import pole_direction
 from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate
@@ -44,17 +44,17 @@ def test_a_point_mass_is_two_body_motion(e):
 def test_an_instant_has_the_same_bits_in_any_company():
     forces = Forces(zonal_degree=4, sun=True, radiation_pressure=RadiationPressure(area_m2=4.0, mass_kg=100.0))
     burn = Burn(from_s=100.0, duration_s=50.0, acceleration_m_s2=(0.0, 0.01, 0.0))
-    many = Flight(tuple(R), tuple(V), START, forces, (burn,))(np.linspace(0.0, 12_000.0, 97))
-    alone = Flight(tuple(R), tuple(V), START, forces, (burn,))
+    many = IntegratedOrbit(tuple(R), tuple(V), START, forces, (burn,))(np.linspace(0.0, 12_000.0, 97))
+    alone = IntegratedOrbit(tuple(R), tuple(V), START, forces, (burn,))
     for k in (96, 3, 50):
         np.testing.assert_array_equal(alone(np.linspace(0.0, 12_000.0, 97)[k : k + 1])[0], many[k])
-    assert solution(R, V, START, forces) is solution(R, V, START, forces)
+    assert integrate_orbit(R, V, START, forces) is integrate_orbit(R, V, START, forces)
 
 
 def test_energy_and_momentum_about_the_pole_are_kept_by_zonals():
     from rso_lidar.orbit.propagation.forces import _ZONALS
 
-    rows = solution(R, V, START, Forces(zonal_degree=6))(np.linspace(0.0, 86_400.0, 201))
+    rows = integrate_orbit(R, V, START, Forces(zonal_degree=6))(np.linspace(0.0, 86_400.0, 201))
     pole = pole_direction(Epochs(START, np.linspace(0.0, 86_400.0, 201)))
     radius = np.linalg.norm(rows[:, :3], axis=1)
     s = (rows[:, :3] * pole).sum(axis=1) / radius
@@ -77,7 +77,7 @@ def test_impulse_is_two_conics():
     impulse = Impulse(at_s=1000.0, delta_v_m_s=(1.0, 20.0, -3.0), axes="vnc")
     got = Numerical(initial=STATE, forces=POINT, maneuvers=(impulse,)).states(Epochs(START, times))
     r, v = (column[0] for column in propagate(R, V, np.array([1000.0])))
-    v = v + in_inertial((1.0, 20.0, -3.0), "vnc", r.tolist(), v.tolist())
+    v = v + rotate_to_inertial((1.0, 20.0, -3.0), "vnc", r.tolist(), v.tolist())
     after = propagate(r, v, times[2:] - 1000.0)
     before = propagate(R, V, times[:2])
     np.testing.assert_allclose(got.position_m, np.concatenate([before[0], after[0]]), rtol=0, atol=1e-5)
@@ -89,7 +89,7 @@ def test_burn_far_from_anything_is_tsiolkovsky():
     far, slow = np.array([5e9, 0.0, 0.0]), np.array([0.0, 100.0, 0.0])
     burn = Burn(from_s=300.0, duration_s=700.0, thrust_n=(0.0, 30.0, 40.0), mass_kg=200.0, isp_s=220.0, axes="inertial")
     at = np.array([200.0, 1000.0, 5000.0])
-    change = solution(far, slow, START, POINT, (burn,))(at) - solution(far, slow, START, POINT)(at)
+    change = integrate_orbit(far, slow, START, POINT, (burn,))(at) - integrate_orbit(far, slow, START, POINT)(at)
     np.testing.assert_allclose(change[0], 0.0, atol=1e-10)
     for row in change[1:]:
         np.testing.assert_allclose(
@@ -105,7 +105,7 @@ def test_short_burn_is_nearly_an_impulse():
     burn = Burn(from_s=999.5, duration_s=1.0, acceleration_m_s2=(0.0, 2.0, 0.0))
     impulse = Impulse(at_s=1000.0, delta_v_m_s=(0.0, 2.0, 0.0))
     at = np.array([4000.0])
-    a, b = (solution(R, V, START, Forces(), (m,))(at)[0] for m in (burn, impulse))
+    a, b = (integrate_orbit(R, V, START, Forces(), (m,))(at)[0] for m in (burn, impulse))
     assert 0.0 < np.linalg.norm((a - b)[:3]) < 1e-2  # a dv (n dt)^2 / 24 in velocity, times the run
     assert Numerical(initial=STATE, maneuvers=(burn, impulse)).delta_v_m_s == pytest.approx(4.0)
 
@@ -114,7 +114,7 @@ def test_a_burn_from_the_start_and_one_after_the_other():
     one = (Burn(from_s=0.0, duration_s=200.0, acceleration_m_s2=(0.0, 0.02, 0.01)),)
     two = tuple(Burn(from_s=t, duration_s=100.0, acceleration_m_s2=(0.0, 0.02, 0.01)) for t in (0.0, 100.0))
     at = np.array([50.0, 150.0, 3000.0])
-    a, b = (solution(R, V, START, POINT, m)(at) for m in (one, two))
+    a, b = (integrate_orbit(R, V, START, POINT, m)(at) for m in (one, two))
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
 
 
@@ -129,7 +129,7 @@ def test_shadow_edges_are_not_stepped_over():
         return [*x[3:], *field(t, tuple(x[:3]), tuple(x[3:]))[0]]
 
     held = solve_ivp(derivative, (0, 8000.0), [*R, *V], method="DOP853", rtol=1e-12, atol=1e-7, max_step=5.0).y[:3, -1]
-    free = solution(R, V, START, forces)(np.array([8000.0]))[0, :3]
+    free = integrate_orbit(R, V, START, forces)(np.array([8000.0]))[0, :3]
     assert np.linalg.norm(free - propagate(R, V, np.array([8000.0]))[0][0]) > 0.3
     assert np.linalg.norm(free - held) < 1e-3
 

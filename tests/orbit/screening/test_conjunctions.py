@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import PropagationError
-from rso_lidar.orbit.screening.conjunctions import Orbits, screen
+from rso_lidar.orbit.screening.conjunctions import screen
+from rso_lidar.orbit.screening.orbit_bounds import OrbitBounds
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import Fleet
@@ -91,7 +92,7 @@ def held_against_the_grid(found, objects, time_s, ranges, within_m):
     step_s = time_s[1] - time_s[0]
     inside = np.zeros(ranges.shape, dtype=bool)
     minima = {k: [] for k in range(len(objects))}
-    for stay in found.stays:
+    for stay in found.approaches:
         inside[stay.which] |= (time_s >= stay.enter_s) & (time_s <= stay.leave_s)
         minima[stay.which] += stay.minima_s.tolist()
     # a point on the limit itself may fall on either side: the entry is good to 0.1 ms, at 15 km/s 1.5 m
@@ -114,7 +115,7 @@ def test_nothing_is_missed_that_a_fine_grid_finds(follower, within_m):
     count = held_against_the_grid(found, objects, time_s, ranges, within_m)
     least = {150e3: 60, 300e3: 2, 600e3: 8, 3e3: 1}[within_m]
     assert count >= least, "the test has too little to find"
-    for stay in found.stays:
+    for stay in found.approaches:
         assert np.all(stay.minima_m <= within_m)
         assert np.all(np.diff(stay.minima_s) > 0)
         assert stay.entered == (stay.enter_s > 0.0)
@@ -134,7 +135,7 @@ def test_an_encounter_that_the_cubic_misses_is_found_by_its_error_bound(step_s):
     assert 3.0 * 0.727 * 3.986e14**2 / r_m**5 * h4 / 384.0 > 500.0  # m: far outside the limit
     for phase in (0.0, 0.2, 0.45, 0.5, 0.7):
         begin = START + datetime.timedelta(seconds=20064.002 - (2.0 + phase) * step_s)
-        (stay,) = screen(follower, [there], begin, 5.0 * step_s, 20.0, step_s).stays
+        (stay,) = screen(follower, [there], begin, 5.0 * step_s, 20.0, step_s).approaches
         assert stay.time_s == pytest.approx((2.0 + phase) * step_s, abs=2e-3)
         assert stay.range_m < 1.0
 
@@ -144,7 +145,7 @@ def test_minima_and_edges_are_good_to_the_millisecond():
     found = screen(LEO, objects, START, 6 * 3600.0, within_m)
     lead, others = found.follower, found.objects
     checked = 0
-    for stay in found.stays:
+    for stay in found.approaches:
 
         def apart_m(times, which=stay.which):
             which = np.full(len(times), which)
@@ -167,7 +168,7 @@ def test_minima_and_edges_are_good_to_the_millisecond():
 
 def test_a_formation_is_one_long_stay_with_several_minima():
     mate = elements(10, 15.2, e=0.0011, anomaly=0.02)
-    (stay,) = screen(LEO, [mate], START, 86_400.0, 50e3).stays
+    (stay,) = screen(LEO, [mate], START, 86_400.0, 50e3).approaches
     assert (stay.enter_s, stay.leave_s, stay.entered, stay.left) == (0.0, 86_400.0, False, False)
     assert 14 <= len(stay.minima_s) <= 32  # a relative ellipse is nearest once or twice in each of 15.2 revolutions
 
@@ -182,7 +183,7 @@ def test_of_equal_minima_the_first_counts(i):
     found = []
     for moved in (0.0, 1e-9, -1e-9, 2e-9):
         one, two = (elements(k, 15.0, e=0.0, i=i, bstar=0.0, anomaly=k * (0.01 + moved)) for k in (0, 1))
-        (stay,) = screen(one, [two], START, 43200.0, 50e3).stays
+        (stay,) = screen(one, [two], START, 43200.0, 50e3).approaches
         lowest = stay.minima_m <= stay.minima_m.min() + 1e-3
         assert lowest.sum() >= 7 and stay.time_s == stay.minima_s[lowest][0]
         found.append(stay.time_s)
@@ -191,7 +192,7 @@ def test_of_equal_minima_the_first_counts(i):
 
 def test_the_same_elements_twice_are_one_stay_at_range_zero():
     twin = elements(11, 15.2)
-    (stay,) = screen(LEO, [twin], START, 7200.0, 1e3).stays
+    (stay,) = screen(LEO, [twin], START, 7200.0, 1e3).approaches
     assert stay.range_m == 0.0
     assert (stay.enter_s, stay.leave_s) == (0.0, 7200.0)
 
@@ -199,9 +200,9 @@ def test_the_same_elements_twice_are_one_stay_at_range_zero():
 def test_a_dip_at_the_edge_of_the_span_counts():
     objects = fleet()
     whole = screen(LEO, objects, START, 4 * 3600.0, 150e3)
-    stay = next(stay for stay in whole.stays if stay.entered and stay.left and stay.leave_s - stay.enter_s > 4.0)
+    stay = next(stay for stay in whole.approaches if stay.entered and stay.left and stay.leave_s - stay.enter_s > 4.0)
     cut = screen(LEO, [whole.objects.elements(stay.which, 0.0)], START, stay.time_s - 1.0, 150e3)
-    last = cut.stays[-1]
+    last = cut.approaches[-1]
     assert not last.left
     assert last.time_s == pytest.approx(stay.time_s - 1.0)  # nearest where the span ends
 
@@ -209,8 +210,8 @@ def test_a_dip_at_the_edge_of_the_span_counts():
 def test_the_size_of_the_step_changes_nothing():
     objects = fleet()
     coarse, fine = (screen(LEO, objects, START, 4 * 3600.0, 60e3, step_s=step) for step in (300.0, 40.0))
-    assert [stay.which for stay in coarse.stays] == [stay.which for stay in fine.stays]
-    for a, b in zip(coarse.stays, fine.stays, strict=True):
+    assert [stay.which for stay in coarse.approaches] == [stay.which for stay in fine.approaches]
+    for a, b in zip(coarse.approaches, fine.approaches, strict=True):
         assert a.range_m == pytest.approx(b.range_m, abs=1e-3)
         assert a.enter_s == pytest.approx(b.enter_s, abs=2e-3)
 
@@ -218,7 +219,7 @@ def test_the_size_of_the_step_changes_nothing():
 def test_shells_and_speeds_contain_what_is_flown():
     objects, duration_s = fleet(), 86_400.0
     flown = Fleet(objects, START)
-    bounds = Orbits(flown, np.arange(len(objects)), np.tile([0.0, duration_s], (len(objects), 1)))
+    bounds = OrbitBounds(flown, np.arange(len(objects)), np.tile([0.0, duration_s], (len(objects), 1)))
     position, velocity, _ = flown.grid(np.arange(len(objects)), np.arange(0.0, duration_s, 97.0))
     radius, speed = np.linalg.norm(position, axis=2), np.linalg.norm(velocity, axis=2)
     whole = ~np.isnan(radius).any(axis=1)
@@ -235,7 +236,7 @@ def test_what_decays_is_listed_and_the_rest_is_used():
     ((label, why),) = found.rejected
     assert label == doomed.label
     assert "by 2026-05-" in why
-    assert {stay.which for stay in found.stays} == {1}
+    assert {stay.which for stay in found.approaches} == {1}
 
 
 def test_a_follower_that_decays_is_told():
@@ -244,7 +245,7 @@ def test_a_follower_that_decays_is_told():
 
 
 def test_no_objects_no_stays():
-    assert screen(LEO, [], START, 600.0, 50e3).stays == ()
+    assert screen(LEO, [], START, 600.0, 50e3).approaches == ()
 
 
 def test_a_real_catalogue_against_a_grid_of_five_seconds(shared):

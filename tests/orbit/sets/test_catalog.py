@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, ScenarioError
-from rso_lidar.orbit.sets.catalog import Catalog, checksum, choose, parse_lines, read_element_sets
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.formats import parse_lines, read_element_sets
+from rso_lidar.orbit.sets.selection import select_set
 from rso_lidar.orbit.sets.sgp4_motion import Tle
+from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 # Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
 ENVISAT_2013 = (
@@ -30,7 +33,7 @@ def utc(*parts):
 
 
 def with_checksum(line):
-    return line[:68] + str(checksum(line))
+    return line[:68] + str(compute_checksum(line))
 
 
 def test_names_numbers_and_epochs():
@@ -52,9 +55,9 @@ def test_a_file_without_names(tmp_path):
 
 def test_nearest_epoch_is_chosen():
     sets = parse_lines(BOTH, "file")
-    assert choose(sets, "file", name="Envisat", near_utc=utc(2014, 1, 1)).line1 == ENVISAT_2013[0]
-    assert choose(sets, "file", name="envisat", near_utc=utc(2019, 1, 1)).line1 == ENVISAT_2020[0]
-    assert choose(sets, "file", norad_id=27386).line1 == ENVISAT_2020[0]  # the newest
+    assert select_set(sets, "file", name="Envisat", near_utc=utc(2014, 1, 1)).line1 == ENVISAT_2013[0]
+    assert select_set(sets, "file", name="envisat", near_utc=utc(2019, 1, 1)).line1 == ENVISAT_2020[0]
+    assert select_set(sets, "file", norad_id=27386).line1 == ENVISAT_2020[0]  # the newest
 
 
 def test_several_objects_must_be_told_apart():
@@ -62,14 +65,14 @@ def test_several_objects_must_be_told_apart():
     with pytest.raises(
         CatalogError, match=r"file\.tle: .*ENVISAT \(NORAD 27386\), TERRASAR-X \(NORAD 31698\).* name or norad_id"
     ):
-        choose(sets, "file.tle")
+        select_set(sets, "file.tle")
     with pytest.raises(CatalogError, match="did you mean 'TERRASAR-X'"):
-        choose(sets, "file.tle", name="terrasar")
+        select_set(sets, "file.tle", name="terrasar")
     with pytest.raises(CatalogError, match="no object with norad_id 5"):
-        choose(sets, "file.tle", norad_id=5)
+        select_set(sets, "file.tle", norad_id=5)
     twins = parse_lines(["TWIN", *TERRASAR, "TWIN", *ENVISAT_2013], "file")
     with pytest.raises(CatalogError, match="choose one with norad_id"):
-        choose(twins, "file", name="twin")
+        select_set(twins, "file", name="twin")
 
 
 def test_alpha5_numbers():
@@ -87,7 +90,7 @@ def test_alpha5_numbers():
     for field in ("I0000", "O0000", "a0000"):
         lines = [with_checksum(line[:2] + field + line[7:]) for line in TERRASAR]
         with pytest.raises(CatalogError):
-            choose(parse_lines(lines, "file"), "file")
+            select_set(parse_lines(lines, "file"), "file")
 
 
 BROKEN = {
@@ -121,20 +124,20 @@ def test_a_broken_set_is_refused_and_stops_no_other(case, tmp_path):
     path = tmp_path / "mixed.tle"
     path.write_text("\n".join(["ENVISAT", *ENVISAT_2020, "TERRASAR-X", *lines]) + "\n")
     sets = read_element_sets(path)
-    assert choose(sets, str(path), norad_id=27386).line1 == ENVISAT_2020[0]
+    assert select_set(sets, str(path), norad_id=27386).line1 == ENVISAT_2020[0]
     with pytest.raises(CatalogError, match=r"mixed\.tle: " + message) as caught:
-        choose(sets, str(path), name="TERRASAR-X")
+        select_set(sets, str(path), name="TERRASAR-X")
     assert "\n" not in str(caught.value)
     alone = parse_lines(lines, "alone")
     with pytest.raises(CatalogError, match=r"alone: line"):
-        choose(alone, "alone")
+        select_set(alone, "alone")
 
 
 def test_a_lost_line_1():
     sets = parse_lines(["A", TERRASAR[1], "ENVISAT", *ENVISAT_2020], "file")
-    assert choose(sets, "file", name="ENVISAT").problem is None
+    assert select_set(sets, "file", name="ENVISAT").problem is None
     with pytest.raises(CatalogError, match="line 2: a line 2 without its line 1"):
-        choose(sets, "file", norad_id=31698)
+        select_set(sets, "file", norad_id=31698)
 
 
 def test_files_that_are_no_catalogues(tmp_path):

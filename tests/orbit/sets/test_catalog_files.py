@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.errors import CatalogError
 from rso_lidar.orbit.sets.catalog import Catalog
-from rso_lidar.orbit.sets.tle_text import checksum
+from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 # Real sets (CelesTrak): Envisat at two epochs, TerraSAR-X.
 ENVISAT_2013 = (
@@ -30,7 +30,7 @@ def utc(*parts):
 
 
 def with_checksum(line):
-    return line[:68] + str(checksum(line))
+    return line[:68] + str(compute_checksum(line))
 
 
 RECORD = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import parse_lines
-from rso_lidar.orbit.sets.element_set import NO_EPOCH, epoch_of, from_omm
-from rso_lidar.orbit.sets.teme import teme
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, element_set_from_omm, parse_epoch
+from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 
 # python-sgp4's sample_omm.csv: Vanguard 1, CelesTrak
 VANGUARD = {
@@ -38,13 +38,15 @@ VANGUARD_LINES = (
 
 
 def states_of(elements):
-    position_m, velocity_m_s, error = teme(elements, Epochs(elements.epoch_utc, np.linspace(-86400.0, 86400.0, 49)))
+    position_m, velocity_m_s, error = propagate_in_teme(
+        elements, Epochs(elements.epoch_utc, np.linspace(-86400.0, 86400.0, 49))
+    )
     assert not error.any()
     return position_m, velocity_m_s
 
 
 def test_a_message_and_its_tle_fly_alike():
-    omm, (tle,) = from_omm(VANGUARD, "here"), parse_lines(VANGUARD_LINES, "here")
+    omm, (tle,) = element_set_from_omm(VANGUARD, "here"), parse_lines(VANGUARD_LINES, "here")
     assert omm.problem is tle.problem is None
     for field in ("norad_id", "object_id", "epoch_utc", "eccentricity", "bstar_per_earth_radius", "element_set_no"):
         assert getattr(omm, field) == getattr(tle, field)
@@ -55,9 +57,9 @@ def test_a_message_and_its_tle_fly_alike():
 
 
 def test_the_number_is_no_part_of_the_motion():
-    base = states_of(from_omm(VANGUARD, "here"))[0]
+    base = states_of(element_set_from_omm(VANGUARD, "here"))[0]
     for number in (339_999, 340_000, 799_500_123, 999_999_999):
-        elements = from_omm({**VANGUARD, "NORAD_CAT_ID": number}, "here")
+        elements = element_set_from_omm({**VANGUARD, "NORAD_CAT_ID": number}, "here")
         assert (elements.norad_id, elements.problem) == (number, None)
         assert elements.label == f"VANGUARD 1 (NORAD {number})"
         np.testing.assert_array_equal(states_of(elements)[0], base)
@@ -65,12 +67,12 @@ def test_the_number_is_no_part_of_the_motion():
 
 def test_a_later_epoch_is_the_same_path_later():
     """A nanosecond is 6 um of this orbit: the epoch's digits below the microsecond are not lost."""
-    plain = from_omm({**VANGUARD, "EPOCH": "2020-10-13T04:52:48"}, "here")
-    later = from_omm({**VANGUARD, "EPOCH": "2020-10-13T04:52:48.000000500"}, "here")
+    plain = element_set_from_omm({**VANGUARD, "EPOCH": "2020-10-13T04:52:48"}, "here")
+    later = element_set_from_omm({**VANGUARD, "EPOCH": "2020-10-13T04:52:48.000000500"}, "here")
     assert plain.problem is None  # an epoch without a fraction, which sgp4's own reader refuses
     assert (later.epoch_utc, later.epoch_rest_ns) == (plain.epoch_utc, 500.0)
     epochs = Epochs(plain.epoch_utc, np.array([0.0, 3000.0]))
-    (position_m, velocity_m_s, _), (moved_m, _, _) = teme(plain, epochs), teme(later, epochs)
+    (position_m, velocity_m_s, _), (moved_m, _, _) = propagate_in_teme(plain, epochs), propagate_in_teme(later, epochs)
     # sgp4 counts minutes since epoch as a difference of days: 1e-16 day is 1e-11 s, below 1e-7 m
     np.testing.assert_allclose(position_m - moved_m, velocity_m_s * 500e-9, rtol=0, atol=5e-6)
 
@@ -86,7 +88,7 @@ def test_a_later_epoch_is_the_same_path_later():
     ],
 )
 def test_epochs_as_they_are_written(text, expected, rest_ns):
-    assert epoch_of(text) == (datetime.datetime(*expected, tzinfo=datetime.UTC), rest_ns)
+    assert parse_epoch(text) == (datetime.datetime(*expected, tzinfo=datetime.UTC), rest_ns)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +105,7 @@ def test_epochs_as_they_are_written(text, expected, rest_ns):
 )
 def test_epochs_that_are_none(text, why):
     with pytest.raises(ValueError, match=why):
-        epoch_of(text)
+        parse_epoch(text)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +136,7 @@ def test_epochs_that_are_none(text, why):
     ],
 )
 def test_what_is_no_element_set_says_so(change, message):
-    elements = from_omm({**VANGUARD, **change}, "file: record 7")
+    elements = element_set_from_omm({**VANGUARD, **change}, "file: record 7")
     assert elements.problem is not None
     assert elements.problem.startswith("file: record 7: ")
     assert message in elements.problem
@@ -142,11 +144,11 @@ def test_what_is_no_element_set_says_so(change, message):
 
 
 def test_fields_come_out_as_they_went_in():
-    again = from_omm(from_omm(VANGUARD, "here").omm(), "here")
-    assert again == from_omm(VANGUARD, "here")
+    again = element_set_from_omm(element_set_from_omm(VANGUARD, "here").omm(), "here")
+    assert again == element_set_from_omm(VANGUARD, "here")
     fine = {**VANGUARD, "EPOCH": "2020-10-13T04:52:48.472320789"}
-    assert from_omm(from_omm(fine, "here").omm(), "here") == from_omm(fine, "here")
-    assert from_omm({}, "here").epoch_utc == NO_EPOCH
+    assert element_set_from_omm(element_set_from_omm(fine, "here").omm(), "here") == element_set_from_omm(fine, "here")
+    assert element_set_from_omm({}, "here").epoch_utc == NO_EPOCH
 
 
 def test_regimes_are_space_tracks():
@@ -159,4 +161,4 @@ def test_regimes_are_space_tracks():
         (1.0027, 0.05, "other"),
         (2.0, 0.7, "heo"),
     ]:
-        assert from_omm({**VANGUARD, "MEAN_MOTION": turns, "ECCENTRICITY": e}, "here").regime == regime
+        assert element_set_from_omm({**VANGUARD, "MEAN_MOTION": turns, "ECCENTRICITY": e}, "here").regime == regime

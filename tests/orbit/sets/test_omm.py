@@ -10,7 +10,7 @@ from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning, Sc
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
-from rso_lidar.orbit.sets.teme import states
+from rso_lidar.orbit.sets.teme import propagate_sgp4
 
 UTC = datetime.UTC
 START = datetime.datetime(2026, 5, 7, tzinfo=UTC)
@@ -42,7 +42,7 @@ def test_the_part_is_the_record(tmp_path):
     (read,) = Catalog.from_text(json.dumps(record()))
     assert Omm.of(read) == omm
     epochs = Epochs(START, np.arange(0.0, 86400.0, 600.0))
-    np.testing.assert_array_equal(omm.states(epochs).position_m, states(read, epochs).position_m)
+    np.testing.assert_array_equal(omm.states(epochs).position_m, propagate_sgp4(read, epochs).position_m)
     assert omm.epoch_age_days(epochs) == pytest.approx((85800 - 3723.123456) / 86400, abs=1e-12)
     # a = (GM / n^2)^(1/3) = 6924 km, within SGP4's 10 km of oscillation (J2)
     radius_km = np.linalg.norm(omm.states(epochs).position_m, axis=1) / 1e3

@@ -7,11 +7,12 @@ import pytest
 
 from rso_lidar.errors import CatalogError, PropagationError, RsoLidarWarning
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
-from rso_lidar.orbit.sets.set_sequence import SeveralSets
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.sgp4_motion import Tle
-from rso_lidar.orbit.sets.teme import states
-from rso_lidar.orbit.sets.tle_text import checksum
+from rso_lidar.orbit.sets.teme import propagate_sgp4
+from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 UTC = datetime.UTC
 # CelesTrak: TerraSAR-X; the later sets are made of it, 0.001 degree, about 120 m, ahead each.
@@ -24,7 +25,7 @@ EPOCH = datetime.datetime(2026, 3, 15, tzinfo=UTC)
 
 def made(day, anomaly_deg, line1=LINES[0], line2=LINES[1]):
     pair = line1.replace("26074", f"26{day:03d}"), line2.replace("276.5835", f"{anomaly_deg:8.4f}")
-    return [f"{line}{checksum(line)}" for line in pair]
+    return [f"{line}{compute_checksum(line)}" for line in pair]
 
 
 def sets():
@@ -33,25 +34,25 @@ def sets():
 
 
 def test_the_nearest_set_holds():
-    trajectory = SeveralSets(sets())
+    trajectory = SetSequence(sets())
     assert [entry.epoch_utc.day for entry in trajectory.sets] == [15, 16, 17]
     at_s = np.array([-1e5, 0.0, 43199.0, 43201.0, 86400.0, 129599.0, 129601.0, 3e5])
     assert trajectory.which(Epochs(EPOCH, at_s)).tolist() == [0, 0, 0, 1, 1, 1, 2, 2]
     with pytest.warns(RsoLidarWarning, match="switches element sets 2 times"):
         state = trajectory.states(Epochs(EPOCH, at_s))
     for k, which in enumerate([0, 0, 0, 1, 1, 1, 2, 2]):
-        alone = states(trajectory.sets[which], Epochs(EPOCH, at_s[k : k + 1]))
+        alone = propagate_sgp4(trajectory.sets[which], Epochs(EPOCH, at_s[k : k + 1]))
         np.testing.assert_array_equal(state.position_m[k], alone.position_m[0])
         np.testing.assert_array_equal(state.velocity_m_s[k], alone.velocity_m_s[0])
 
 
 def test_jumps_are_the_difference_of_two_sets():
-    trajectory = SeveralSets(sets())
+    trajectory = SetSequence(sets())
     jumps = trajectory.jumps()
     assert [jump.at_utc for jump in jumps] == [EPOCH + datetime.timedelta(days=0.5 + k) for k in (0, 1)]
     for k, jump in enumerate(jumps):
         at = Epochs(jump.at_utc, np.zeros(1))
-        before, after = (states(trajectory.sets[k + m], at) for m in (0, 1))
+        before, after = (propagate_sgp4(trajectory.sets[k + m], at) for m in (0, 1))
         assert jump.position_m == pytest.approx(np.linalg.norm(after.position_m - before.position_m), abs=1e-6)
         assert jump.velocity_m_s == pytest.approx(np.linalg.norm(after.velocity_m_s - before.velocity_m_s), abs=1e-9)
     with pytest.warns(
@@ -66,7 +67,7 @@ def test_jumps_are_the_difference_of_two_sets():
 
 
 def test_age_is_that_of_the_nearest_set():
-    trajectory = SeveralSets(sets())
+    trajectory = SetSequence(sets())
     np.testing.assert_allclose(trajectory.ages_days(Epochs(EPOCH, np.array([-86400.0, 86400.0 * 0.75]))), [1.0, 0.25])
     with pytest.warns(RsoLidarWarning, match=r"flown 8\.0 days from its epoch 2026-03-17"):
         trajectory.states(Epochs(EPOCH, np.array([10 * 86400.0])))
@@ -75,17 +76,17 @@ def test_age_is_that_of_the_nearest_set():
 def test_what_makes_no_trajectory():
     other = parse_lines(made(74, 0.0, *(line.replace("31698", "31699") for line in LINES)), "here")
     with pytest.raises(CatalogError, match="choose the sets of one object"):
-        SeveralSets((*sets(), *other))
+        SetSequence((*sets(), *other))
     with pytest.raises(CatalogError, match="at least one"):
-        SeveralSets(())
+        SetSequence(())
     broken = parse_lines((made(74, 0.0)[0], made(74, 0.0)[1][:-1]), "here")
     with pytest.raises(CatalogError, match="is truncated"):
-        SeveralSets(tuple(broken))
+        SetSequence(tuple(broken))
 
 
 def test_a_failing_set_of_several_is_named():
     doomed = made(76, 100.0, LINES[0].replace("55648-4", "99999+0"), LINES[1].replace("15.0000", "16.4000"))
-    trajectory = SeveralSets((*sets()[1:], *parse_lines(doomed, "here")))
+    trajectory = SetSequence((*sets()[1:], *parse_lines(doomed, "here")))
     epochs = Epochs(EPOCH, np.array([0.0, 86400.0, 1.9e5, 2.5e5]))
     with pytest.raises(PropagationError, match=r"31698.*2026-03-17T00:00Z") as caught:
         trajectory.states(epochs)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sets.catalog import parse_lines
-from rso_lidar.orbit.sets.teme import REASONS, failed, gcrs_from_teme, teme, teme_states
-from rso_lidar.orbit.sets.tle_text import checksum
+from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.teme import REASONS, find_failures, gcrs_from_teme, propagate_in_teme, propagate_many_in_teme
+from rso_lidar.orbit.sets.tle_text import compute_checksum
 
 UTC = datetime.UTC
 LINES = (
@@ -23,7 +23,7 @@ MOLNIYA = (  # SGP4-VER.TLE, 12 h resonant
 
 def low(epoch):
     pair = (LINES[0].format(epoch=epoch), LINES[1])
-    return parse_lines([f"{line}{checksum(line)}" for line in pair], "here")[0]
+    return parse_lines([f"{line}{compute_checksum(line)}" for line in pair], "here")[0]
 
 
 @pytest.mark.parametrize("n", [1, 3])
@@ -31,10 +31,10 @@ def test_many_are_as_each_alone(n):
     # epochs on both sides of the leap second at the end of 2016
     sets = [low("17001.50000000"), *parse_lines(MOLNIYA, "here"), low("16366.50000000")][:n]
     epochs = Epochs(datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=UTC), np.arange(0.0, 10.0))
-    position_m, velocity_m_s, error = teme_states([entry.satrec() for entry in sets], epochs)
+    position_m, velocity_m_s, error = propagate_many_in_teme([entry.satrec() for entry in sets], epochs)
     assert (position_m.shape, velocity_m_s.shape, error.shape) == ((n, 10, 3), (n, 10, 3), (n, 10))
     for k, entry in enumerate(sets):
-        alone = teme(entry, epochs)
+        alone = propagate_in_teme(entry, epochs)
         np.testing.assert_array_equal(position_m[k], alone[0])
         np.testing.assert_array_equal(velocity_m_s[k], alone[1])
         np.testing.assert_array_equal(error[k], alone[2])
@@ -42,9 +42,9 @@ def test_many_are_as_each_alone(n):
 
 def test_none_of_either():
     epochs = Epochs(datetime.datetime(2017, 1, 1, tzinfo=UTC), np.zeros(0))
-    assert teme_states([], epochs)[0].shape == (0, 0, 3)
-    assert teme_states([low("17001.50000000").satrec()], epochs)[0].shape == (1, 0, 3)
-    assert teme_states([], Epochs(epochs.start_utc, np.zeros(2)))[2].shape == (0, 2)
+    assert propagate_many_in_teme([], epochs)[0].shape == (0, 0, 3)
+    assert propagate_many_in_teme([low("17001.50000000").satrec()], epochs)[0].shape == (1, 0, 3)
+    assert propagate_many_in_teme([], Epochs(epochs.start_utc, np.zeros(2)))[2].shape == (0, 2)
 
 
 def test_every_code_of_the_library_has_words():
@@ -56,7 +56,13 @@ def test_every_code_of_the_library_has_words():
 def test_a_state_underground_or_beyond_the_moon_is_none():
     position_m = np.array([[7e6, 0, 0], [6e6, 0, 0], [2e9, 0, 0], [np.nan, 0, 0], [7e6, 0, 0]])
     velocity_m_s = np.ones((5, 3))
-    assert failed(position_m, velocity_m_s, np.array([0, 0, 0, 0, 6])).tolist() == [False, True, True, True, True]
+    assert find_failures(position_m, velocity_m_s, np.array([0, 0, 0, 0, 6])).tolist() == [
+        False,
+        True,
+        True,
+        True,
+        True,
+    ]
 
 
 def test_the_turn_of_teme_is_skyfields_between_the_hours():

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import CatalogError, RsoLidarWarning
-from rso_lidar.orbit.sets.catalog import Catalog, parse_lines
-from rso_lidar.orbit.sets.element_set import ElementSet, epoch_of
-from rso_lidar.orbit.sets.tle_text import checksum, norad_id, written
+from rso_lidar.orbit.sets.catalog import Catalog
+from rso_lidar.orbit.sets.element_set import ElementSet, parse_epoch
+from rso_lidar.orbit.sets.formats import parse_lines
+from rso_lidar.orbit.sets.tle_text import compute_checksum, format_tle, parse_norad_id
 
 # CelesTrak: TerraSAR-X
 LINES = (
@@ -18,7 +19,7 @@ LINES = (
 
 
 def summed(line):
-    return line[:68] + str(checksum(line))
+    return line[:68] + str(compute_checksum(line))
 
 
 def test_every_field():
@@ -70,7 +71,7 @@ def test_fields_are_sgp4s(shared):
 
 def test_shifted_columns_keep_the_checksum_and_are_seen():
     shifted = LINES[1][:8] + LINES[1][9:17] + " " + LINES[1][17:]
-    assert (len(shifted), checksum(shifted)) == (69, checksum(LINES[1]))
+    assert (len(shifted), compute_checksum(shifted)) == (69, compute_checksum(LINES[1]))
     (only,) = parse_lines((LINES[0], shifted[:16] + "0" + shifted[17:]), "file")
     assert "column 17 is '0' and should be blank" in only.problem
 
@@ -99,14 +100,14 @@ def test_numbers_that_are_no_orbit(line, change, message):
 
 
 def test_numbers_in_five_columns():
-    assert [norad_id(field) for field in ("00005", "    5", "A0000", "Z9999")] == [5, 5, 100000, 339999]
-    assert [norad_id(field) for field in ("I0000", " A005", "", "1 234")] == [None] * 4
+    assert [parse_norad_id(field) for field in ("00005", "    5", "A0000", "Z9999")] == [5, 5, 100000, 339999]
+    assert [parse_norad_id(field) for field in ("I0000", " A005", "", "1 234")] == [None] * 4
 
 
 def test_lines_written_anew_are_those_that_were_read(shared):
     """Without its lines, a set gives them back: all but the sign of a zero and of the exponent of a zero."""
     for entry in Catalog.from_file(shared / "tle" / "catalogs" / "celestrak_stations_2026-05-30.tle"):
-        again = written(ElementSet(**{**entry.__dict__, "line1": "", "line2": ""}))
+        again = format_tle(ElementSet(**{**entry.__dict__, "line1": "", "line2": ""}))
         assert again[1] == entry.line2
         assert again[0][:44] + again[0][53:68] == entry.line1[:44] + entry.line1[53:68]
         (read,) = parse_lines(again, entry.where.rpartition(":")[0])
@@ -117,11 +118,11 @@ def test_lines_written_anew_are_those_that_were_read(shared):
 def test_what_no_tle_can_hold():
     (only,) = parse_lines(LINES, "file")
     bare = ElementSet(**{**only.__dict__, "line1": "", "line2": ""})
-    assert written(ElementSet(**{**bare.__dict__, "norad_id": 270000}))[0].startswith("1 T0000U 07026A   26074.5")
+    assert format_tle(ElementSet(**{**bare.__dict__, "norad_id": 270000}))[0].startswith("1 T0000U 07026A   26074.5")
     with pytest.raises(CatalogError, match="above 339999, no TLE can name it"):
-        written(ElementSet(**{**bare.__dict__, "norad_id": 340000}))
+        format_tle(ElementSet(**{**bare.__dict__, "norad_id": 340000}))
     with pytest.raises(CatalogError, match="do not fit the columns"):
-        written(ElementSet(**{**bare.__dict__, "mean_motion_dot_rev_day2": 12.5}))
+        format_tle(ElementSet(**{**bare.__dict__, "mean_motion_dot_rev_day2": 12.5}))
 
 
 @pytest.mark.parametrize(
@@ -138,7 +139,7 @@ def test_what_no_tle_can_hold():
 def test_what_a_tle_would_lose_is_not_written(change):
     (only,) = parse_lines(LINES, "file")
     with pytest.raises(CatalogError, match=r"^NORAD 31698: its numbers do not fit the columns of a TLE: write \.json$"):
-        written(ElementSet(**{**only.__dict__, "line1": "", "line2": "", **change}))
+        format_tle(ElementSet(**{**only.__dict__, "line1": "", "line2": "", **change}))
 
 
 def test_a_spoilt_line_2_names_no_other_object():
@@ -168,9 +169,9 @@ def test_controls_in_an_element_line_are_seen():
 )
 def test_an_epoch_is_the_nearest_that_the_columns_hold(text, columns):
     (only,) = parse_lines(LINES, "file")
-    epoch, rest_ns = epoch_of(text)
+    epoch, rest_ns = parse_epoch(text)
     change = {"line1": "", "line2": "", "epoch_utc": epoch, "epoch_rest_ns": rest_ns}
-    lines = written(ElementSet(**{**only.__dict__, **change}))
+    lines = format_tle(ElementSet(**{**only.__dict__, **change}))
     assert lines[0][18:32] == columns
     (read,) = parse_lines(lines, "file")
     assert read.problem is None

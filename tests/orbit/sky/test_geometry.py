@@ -8,17 +8,17 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.orbit import Epochs, State
-from rso_lidar.orbit.sky.eclipse import Eclipse, eclipses, shadow_margins_rad, sunlit_fraction
-from rso_lidar.orbit.sky.event_search import least, spans_below
+from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, shadow_margins_rad, sunlit_fraction
+from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
 from rso_lidar.orbit.sky.geometry import (
+    angle_off_axis_rad,
+    angle_outside_field_rad,
     angle_rad,
     beta_angle_rad,
-    cone_angle_rad,
+    earth_angular_radius_rad,
     earth_limb_angle_rad,
-    earth_lit,
-    earth_radius_rad,
-    line_height_m,
-    outside_field_rad,
+    is_earth_lit,
+    line_altitude_m,
     phase_angle_rad,
 )
 from rso_lidar.orbit.sky.sun import sun_position_m
@@ -69,9 +69,9 @@ class TestEarth:
         assert earth_limb_angle_rad(boresight, self.position)[0] == pytest.approx(turn - self.radius, abs=1e-14)
 
     def test_below_the_surface_there_is_no_disk(self):
-        assert np.isnan(earth_radius_rad(row(1000, 0, 0))).all()
-        assert np.isnan(earth_radius_rad(row(0, 0, 0))).all()
-        assert earth_radius_rad(row(EARTH, 0, 0))[0] == pytest.approx(math.pi / 2)
+        assert np.isnan(earth_angular_radius_rad(row(1000, 0, 0))).all()
+        assert np.isnan(earth_angular_radius_rad(row(0, 0, 0))).all()
+        assert earth_angular_radius_rad(row(EARTH, 0, 0))[0] == pytest.approx(math.pi / 2)
 
     @pytest.mark.parametrize(
         ("sun", "down", "ahead"),
@@ -80,32 +80,36 @@ class TestEarth:
     def test_which_side_of_it_is_seen(self, sun, down, ahead):
         """Straight down, and over the horizon toward +y, where the limb is 19.9 degrees along from the point below."""
         if down is not None:
-            assert earth_lit(row(-1, 0, 0), self.position, row(*sun))[0] == down
-        assert earth_lit(row(0, 1, 0), self.position, row(*sun))[0] == ahead
-        assert earth_lit(row(-0.1, 1, 0), self.position, row(*sun))[0] == ahead
+            assert is_earth_lit(row(-1, 0, 0), self.position, row(*sun))[0] == down
+        assert is_earth_lit(row(0, 1, 0), self.position, row(*sun))[0] == ahead
+        assert is_earth_lit(row(-0.1, 1, 0), self.position, row(*sun))[0] == ahead
 
     def test_the_limb_that_it_takes_is_the_one_ahead(self):
         """The point below is 10 degrees on the night side: the limb 19.9 degrees toward the Sun lies in daylight."""
         sun = AU * row(-math.sin(10 * units.DEG), math.cos(10 * units.DEG), 0)
-        assert not earth_lit(row(-1, 0, 0), self.position, sun)[0]
-        assert not earth_lit(row(-1, 0.1, 0), self.position, sun)[0]  # meets the ground 40 km toward it, still at night
-        assert earth_lit(row(0, 1, 0), self.position, sun)[0]
-        assert not earth_lit(row(0, -1, 0), self.position, sun)[0]
+        assert not is_earth_lit(row(-1, 0, 0), self.position, sun)[0]
+        assert not is_earth_lit(row(-1, 0.1, 0), self.position, sun)[
+            0
+        ]  # meets the ground 40 km toward it, still at night
+        assert is_earth_lit(row(0, 1, 0), self.position, sun)[0]
+        assert not is_earth_lit(row(0, -1, 0), self.position, sun)[0]
 
     def test_a_line_that_it_blocks(self):
         a = row(EARTH + 400e3, 0, 0)
-        assert line_height_m(a, a)[0] == pytest.approx(400e3)
-        assert line_height_m(a, -a)[0] == pytest.approx(-EARTH)
-        assert line_height_m(a, row(2 * EARTH, 0, 0))[0] == pytest.approx(400e3)  # away from it: the near end is lowest
+        assert line_altitude_m(a, a)[0] == pytest.approx(400e3)
+        assert line_altitude_m(a, -a)[0] == pytest.approx(-EARTH)
+        assert line_altitude_m(a, row(2 * EARTH, 0, 0))[0] == pytest.approx(
+            400e3
+        )  # away from it: the near end is lowest
         quarter = row(0, EARTH + 400e3, 0)
-        assert line_height_m(a, quarter)[0] == pytest.approx((EARTH + 400e3) / math.sqrt(2) - EARTH)
+        assert line_altitude_m(a, quarter)[0] == pytest.approx((EARTH + 400e3) / math.sqrt(2) - EARTH)
 
 
 class TestField:
     half = np.array([math.tan(10 * units.DEG), math.tan(5 * units.DEG)])
 
     def outside_deg(self, *direction):
-        return outside_field_rad(row(*direction), self.half)[0] / units.DEG
+        return angle_outside_field_rad(row(*direction), self.half)[0] / units.DEG
 
     def test_inside(self):
         for x, y in ((0, 0), (0.17, 0), (-0.17, 0.08), (0.17, -0.08)):
@@ -124,46 +128,46 @@ class TestField:
         x, y = np.meshgrid(np.linspace(-1, 1, 400) * self.half[0], np.linspace(-1, 1, 400) * self.half[1])
         grid = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
         cell = math.hypot(self.half[0], self.half[1]) / 399
-        for direction, got in zip(directions, outside_field_rad(directions, self.half), strict=True):
+        for direction, got in zip(directions, angle_outside_field_rad(directions, self.half), strict=True):
             nearest = angle_rad(grid, direction[None]).min()
             assert -1e-12 <= nearest - got <= cell
 
 
 def test_a_cone_has_the_same_angle_at_any_distance():
     places = np.array([[5.0, 5.0, 0.0], [300.0, 300.0, 0.0], [-1.0, 0.0, 0.0]])
-    np.testing.assert_allclose(cone_angle_rad(places, np.array([2.0, 0.0, 0.0])) / units.DEG, [45, 45, 180])
+    np.testing.assert_allclose(angle_off_axis_rad(places, np.array([2.0, 0.0, 0.0])) / units.DEG, [45, 45, 180])
 
 
 class TestSpans:
     def test_of_a_wave(self):
-        spans = spans_below(lambda t: np.cos(2 * np.pi * t / 5400), 0.0, 12_000.0)
+        spans = find_spans_below(lambda t: np.cos(2 * np.pi * t / 5400), 0.0, 12_000.0)
         np.testing.assert_allclose(spans, [(1350, 4050), (6750, 9450)], atol=1e-3)
 
     def test_that_reach_beyond_the_ends(self):
         wave = lambda t: np.cos(2 * np.pi * t / 5400)  # noqa: E731
-        assert spans_below(wave, 2000, 3000) == [(-math.inf, math.inf)]
-        (first,) = spans_below(wave, 2000, 6000)
+        assert find_spans_below(wave, 2000, 3000) == [(-math.inf, math.inf)]
+        (first,) = find_spans_below(wave, 2000, 6000)
         assert first == (-math.inf, pytest.approx(4050, abs=1e-3))
-        (last,) = spans_below(wave, 0, 2000)
+        (last,) = find_spans_below(wave, 0, 2000)
         assert last == (pytest.approx(1350, abs=1e-3), math.inf)
 
     @pytest.mark.parametrize("middle", [31.0, 59.99, 330.0, 3599.0, 3575.0, 2.0])
     def test_a_dip_of_a_second_between_instants_a_minute_apart(self, middle):
-        (span,) = spans_below(lambda t: ((t - middle) / 0.5) ** 2 - 1, 0.0, 3600.0)
+        (span,) = find_spans_below(lambda t: ((t - middle) / 0.5) ** 2 - 1, 0.0, 3600.0)
         assert span == (pytest.approx(middle - 0.5, abs=1e-3), pytest.approx(middle + 0.5, abs=1e-3))
 
     def test_a_dip_that_does_not_reach(self):
-        assert spans_below(lambda t: (t - 330.0) ** 2 + 1e-6, 0.0, 3600.0) == []
+        assert find_spans_below(lambda t: (t - 330.0) ** 2 + 1e-6, 0.0, 3600.0) == []
 
     def test_one_instant(self):
-        assert spans_below(lambda t: t - 1.0, 0.0, 0.0) == [(-math.inf, math.inf)]
-        assert spans_below(lambda t: t + 1.0, 0.0, 0.0) == []
+        assert find_spans_below(lambda t: t - 1.0, 0.0, 0.0) == [(-math.inf, math.inf)]
+        assert find_spans_below(lambda t: t + 1.0, 0.0, 0.0) == []
 
     def test_least(self):
-        when, value = least(lambda t: np.cos(2 * np.pi * t / 5400), 0.0, 5000.0)
+        when, value = find_minimum(lambda t: np.cos(2 * np.pi * t / 5400), 0.0, 5000.0)
         assert when == pytest.approx(2700, abs=1e-3)
         assert value == pytest.approx(-1.0)
-        assert least(lambda t: t, 3.0, 3.0) == (3.0, 3.0)
+        assert find_minimum(lambda t: t, 3.0, 3.0) == (3.0, 3.0)
 
 
 def circular(height_m, angle_deg=0.0):
@@ -182,16 +186,16 @@ def circular(height_m, angle_deg=0.0):
 class TestEclipses:
     def test_one_for_each_revolution_whatever_epochs_are_between(self):
         orbit = circular(500e3)
-        found = eclipses(orbit, Epochs(START, np.array([0.0, 40_000.0])))
+        found = find_eclipses(orbit, Epochs(START, np.array([0.0, 40_000.0])))
         assert len(found) == 7
-        assert found == eclipses(orbit, Epochs(START, np.linspace(0.0, 40_000.0, 77)))
+        assert found == find_eclipses(orbit, Epochs(START, np.linspace(0.0, 40_000.0, 77)))
         for one in found:
-            assert one.total
+            assert one.is_total
             assert one.penumbra_from_s < one.umbra_from_s < one.umbra_to_s < one.penumbra_to_s
 
     def test_edges_are_where_the_light_changes_to_the_millisecond(self):
         orbit = circular(500e3)
-        one = eclipses(orbit, Epochs(START, np.array([0.0, 5000.0])))[0]
+        one = find_eclipses(orbit, Epochs(START, np.array([0.0, 5000.0])))[0]
 
         def lit(time_s):
             at = Epochs(START, np.array([time_s]))
@@ -205,17 +209,17 @@ class TestEclipses:
 
     def test_that_holds_at_the_ends(self):
         orbit = circular(500e3, 180.0)
-        (one,) = eclipses(orbit, Epochs(START, np.array([-100.0, 100.0])))
+        (one,) = find_eclipses(orbit, Epochs(START, np.array([-100.0, 100.0])))
         assert one == Eclipse(-math.inf, -math.inf, math.inf, math.inf)
 
     def test_none_in_daylight(self):
-        assert eclipses(circular(500e3), Epochs(START, np.array([-600.0, 600.0]))) == []
+        assert find_eclipses(circular(500e3), Epochs(START, np.array([-600.0, 600.0]))) == []
 
     def test_a_penumbra_alone(self):
         """Beyond the umbra's tip, 1.38 million km behind the Earth, the Sun is covered in part only."""
         far = circular(1.5e9, 179.7)
-        (one,) = eclipses(far, Epochs(START, np.array([0.0, 3e5])))
-        assert not one.total
+        (one,) = find_eclipses(far, Epochs(START, np.array([0.0, 3e5])))
+        assert not one.is_total
         assert math.isnan(one.umbra_to_s)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.almanac import Sky
+from rso_lidar.orbit.sky.almanac import Almanac
 from rso_lidar.orbit.sky.moon import ecliptic_of_date, moon_direction, moon_position_m
 from rso_lidar.orbit.sky.precession import equator_axes, pole_direction
 from rso_lidar.orbit.sky.sun import sun_position_m
@@ -60,13 +60,13 @@ def test_pole_against_skyfield():
 def test_sky_interpolates_and_forgets_what_was_asked():
     times = np.array([-1e5, -1.0, 0.0, 450.0, 86399.0, 86400.0, 3e5])
     epochs = Epochs(START, times)
-    sky = Sky(START, sun=True, moon=True)
+    sky = Almanac(START, sun=True, moon=True)
     got = [np.array(column) for column in zip(*(sky(t) for t in times.tolist()), strict=True)]
     for values, right in zip(
         got, (pole_direction(epochs), sun_position_m(epochs), moon_position_m(epochs)), strict=True
     ):
         off = np.linalg.norm(values - right, axis=1) / np.linalg.norm(right, axis=1)
         assert off.max() < 1e-11
-    assert Sky(START, sun=True, moon=True)(3e5) == sky(3e5)
-    assert Sky(START, sun=False, moon=False)(0.0)[1:] == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert Almanac(START, sun=True, moon=True)(3e5) == sky(3e5)
+    assert Almanac(START, sun=False, moon=False)(0.0)[1:] == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert math.isclose(np.linalg.norm(got[0][0]), 1.0, rel_tol=1e-12)

@@ -9,7 +9,7 @@ from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.two_body.kepler import State, propagate
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.nonlinear import Nonlinear, beside, rtn_difference
 from rso_lidar.rpo.relative.rtn import rtn_axes
@@ -20,7 +20,7 @@ RHO, RATE = (300.0, -900.0, 300.0), (0.1, -0.2, 0.15)
 
 
 def orbit(e, anomaly, perigee=7e6):
-    return cartesian(Elements(perigee / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
+    return state_from_elements(OsculatingElements(perigee / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
 
 
 def chief(e, anomaly, perigee=7e6):

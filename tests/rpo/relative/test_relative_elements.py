@@ -9,10 +9,10 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import secular
+from rso_lidar.orbit.propagation.j2 import propagate_secular
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.nonlinear import Nonlinear, rtn_difference
@@ -40,7 +40,9 @@ SET = {
 
 def state(e=0.001, inclination=1.7, latitude=0.8, perigee=RADIUS):
     """Return a state in axes of the equator of date."""
-    return BodyState(*cartesian(Elements(perigee / (1 - e), e, inclination, 1.0, 0.3, latitude - 0.3)))
+    return BodyState(
+        *state_from_elements(OsculatingElements(perigee / (1 - e), e, inclination, 1.0, 0.3, latitude - 0.3))
+    )
 
 
 def in_rtn(of, elements_m):
@@ -123,7 +125,7 @@ def test_j2_moves_the_elements_as_damico_says():
     a, i, day = RADIUS, 1.7, 86400.0
     c = np.array([a, 0.5, 0.0, 0.0, i, 1.0])
     start = np.array([0.0, -1000.0, 200.0, 100.0, 150.0, -200.0])
-    got = relative_elements(secular(c, day), secular(beside_elements(c, start), day))
+    got = relative_elements(propagate_secular(c, day), propagate_secular(beside_elements(c, start), day))
     gamma = 0.5 * units.EARTH_J2 * (units.EARTH_ZONAL_RADIUS_M / a) ** 2
     swept = math.sqrt(GM / a**3) * day
     turn = 1.5 * gamma * (5 * math.cos(i) ** 2 - 1) * swept

@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State, propagate
-from rso_lidar.orbit.two_body.osculating_elements import Elements, cartesian
+from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.rpo.relative.nonlinear import beside, rtn_difference
@@ -23,7 +23,7 @@ RHO, RATE = np.array([300.0, -900.0, 300.0]), np.array([0.1, -0.2, 0.15])
 
 
 def orbit(e, anomaly):
-    return cartesian(Elements(PERIGEE / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
+    return state_from_elements(OsculatingElements(PERIGEE / (1 - e), e, 0.9, 2.0, 4.0, anomaly))
 
 
 def period(e):

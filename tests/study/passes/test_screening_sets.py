@@ -12,8 +12,8 @@ from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.screening.conjunctions import screen
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.orbit.sets.set_sequence import SeveralSets
-from rso_lidar.orbit.sets.teme import teme
+from rso_lidar.orbit.sets.set_sequence import SetSequence
+from rso_lidar.orbit.sets.teme import propagate_in_teme
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.study import encounters, scenario_text
 
@@ -73,10 +73,10 @@ def crowd(seed):
 
 def flown(sets, start_utc, time_s):
     """Return positions [m] (time, 3) of the set nearest in epoch at each instant, TEME axes, and its number."""
-    trajectory, epochs = SeveralSets(tuple(sets)), Epochs(start_utc, time_s)
+    trajectory, epochs = SetSequence(tuple(sets)), Epochs(start_utc, time_s)
     number, position = trajectory.which(epochs), np.empty((len(time_s), 3))
     for k in np.unique(number):
-        position[number == k] = teme(trajectory.sets[k], epochs.at(number == k))[0]
+        position[number == k] = propagate_in_teme(trajectory.sets[k], epochs.at(number == k))[0]
     return position, number
 
 
@@ -88,7 +88,7 @@ def held_against_the_grid(found, own, objects, start_utc, duration_s, within_m, 
     for number, sets in enumerate(objects):
         position, which = flown(sets, start_utc, time_s)
         apart = np.linalg.norm(position - lead, axis=1)
-        stays = [stay for stay in found.stays if stay.which == number]
+        stays = [stay for stay in found.approaches if stay.which == number]
         stays.sort(key=lambda stay: stay.enter_s)
         inside = np.zeros(len(time_s), dtype=bool)
         for stay in stays:
@@ -146,11 +146,11 @@ def test_one_set_for_one_of_the_two_and_many_for_the_other():
 def test_the_same_set_at_two_epochs_changes_nothing():
     """What one set says of itself half a day later, to the last digit, leaves stays as they are: nothing jumps."""
     mate = elements(10, e=0.0011, anomaly=0.02)
-    (one,) = screen(elements(1), [mate], START, DAY_S, 50e3).stays
+    (one,) = screen(elements(1), [mate], START, DAY_S, 50e3).approaches
     # an equal set under another name of the epoch, 1 us away: the switch is between equal motions
     twin = ElementSet(**{**mate.__dict__, "epoch_rest_ns": 1.0})
-    (two,) = screen(elements(1), [[mate, twin]], EPOCH - datetime.timedelta(hours=12), DAY_S, 50e3).stays
-    (whole,) = screen(elements(1), [mate], EPOCH - datetime.timedelta(hours=12), DAY_S, 50e3).stays
+    (two,) = screen(elements(1), [[mate, twin]], EPOCH - datetime.timedelta(hours=12), DAY_S, 50e3).approaches
+    (whole,) = screen(elements(1), [mate], EPOCH - datetime.timedelta(hours=12), DAY_S, 50e3).approaches
     assert len(one.minima_s) > 10
     # 7.6 km/s over 1 ns is 8 um
     assert two.minima_m == pytest.approx(whole.minima_m, abs=1e-3)
@@ -162,7 +162,7 @@ def test_a_jump_into_and_out_of_the_limit_is_an_entry_and_an_exit():
     own = elements(1, hours=0.0)
     later = elements(10, hours=8.0, anomaly=15.2 * 120.0 + 1.0 + 5.0)
     found = screen(own, [[far, near, later]], EPOCH, 8 * 3600.0, 100e3)
-    (stay,) = found.stays
+    (stay,) = found.approaches
     assert (stay.entered, stay.left) == (True, True)
     assert stay.enter_s == pytest.approx(2 * 3600.0, abs=1e-3)  # half-way between the epochs
     assert stay.leave_s == pytest.approx(6 * 3600.0, abs=1e-3)

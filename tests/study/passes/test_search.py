@@ -214,7 +214,7 @@ def asked():
 
 
 def flown(elements, start_utc, time_s):
-    return teme.states(elements, orbit.Epochs(start_utc, time_s))
+    return teme.propagate_sgp4(elements, orbit.Epochs(start_utc, time_s))
 
 
 def clear(table, row, time_s):

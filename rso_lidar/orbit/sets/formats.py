@@ -1,0 +1,158 @@
+"""Element sets of a file or a text: its format is told from its content (TLE, 3LE, or OMM in JSON, CSV, XML or KVN)."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rso_lidar.errors import CatalogError
+from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.orbit.sets.element_set import ElementSet, make_printable, quote
+from rso_lidar.orbit.sets.omm_text import Found, KvnCollector, is_csv, read_csv, read_json, read_xml
+from rso_lidar.orbit.sets.selection import select_object
+from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, read_set
+
+
+def check_path(path: Any) -> str:
+    """Check that what a user gives as a path is one, and return it as text."""
+    if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
+        raise CatalogError(f"catalogue: {quote(path)} is no path: give the path of a file of element sets")
+    return os.fspath(path)
+
+
+def read_element_sets(path: str | Path) -> list[ElementSet]:
+    """Return every element set of a catalogue, bad ones with their `problem`; a file without any is an error."""
+    return list(read_file(Path(check_path(path)))[0])
+
+
+def read_object(path: Path, where: str, name: str | None, norad_id: int | None) -> tuple[ElementSet, ...]:
+    """Return the sets of one object of a file, bad ones included; asking again costs nothing while the file stays."""
+    status = path.stat()
+    return _object(path, status.st_mtime_ns, status.st_size, where, name, norad_id)
+
+
+@functools.lru_cache(maxsize=64)
+def _object(
+    path: Path, _modified_ns: int, _size: int, where: str, name: str | None, norad_id: int | None
+) -> tuple[ElementSet, ...]:
+    return tuple(select_object(read_file(path)[0], where, name, norad_id))
+
+
+def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
+    """Read the element sets of a file, bad ones included, and a line for each thing that is no record.
+
+    The result is cached while the file stays as it is.
+    """
+    try:
+        status = path.stat()
+        if path.is_dir():
+            raise CatalogError(f"{path}: is a folder: name a file of element sets")
+        return _read(path, status.st_mtime_ns, status.st_size)
+    except FileNotFoundError:
+        raise CatalogError(f"{path}: no such file: check the path") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, CatalogError):
+            raise
+        raise CatalogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}: check it") from None
+
+
+@functools.lru_cache(maxsize=16)
+def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
+    text = decode_text(read_bytes(path, MOST_BYTES, CatalogError, "catalogue"))
+    if text is None:
+        raise CatalogError(f"{path}: is not UTF-8 text: name a file of two-line element sets")
+    sets, junk = parse_text(text, str(path))
+    return tuple(sets), tuple(junk)
+
+
+def parse_text(text: str, where: str) -> Found:
+    """Return the element sets of a text, bad ones included, and a line for each thing that is no record."""
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
+    start = text.lstrip()
+    if not start:
+        raise CatalogError(f"{where}: is empty: name a file of two-line element sets")
+    first = next((line for line in start.split("\n") if line.strip() and not line.startswith("#")), "")
+    if re.match(r"[\[{]\s*[{}\]\"]", start):
+        found = read_json(text, where)
+    elif start.startswith("<") and re.search(r"<(\w+:)?(omm|ndm)\b", start, re.IGNORECASE):
+        found = read_xml(text, where)
+    elif is_csv(first):
+        found = read_csv(text, where)
+    else:
+        found = read_lines(text.split("\n"), where)
+        if not found[0]:  # its beginning is spoilt
+            found = _parse_from_middle(text, where) or found
+    if not found[0]:
+        raise CatalogError(
+            f"{where}: holds no two-line element set and no OMM: element lines begin with '1 ' and '2 ', an OMM has the "
+            "keys of CCSDS 502.0"
+        )
+    return found
+
+
+def _parse_from_middle(text: str, where: str) -> Found | None:
+    """Return what a text holds whose first line tells no format."""
+    if re.search(r"<(\w+:)?omm\b", text, re.IGNORECASE):
+        return read_xml(text, where)
+    if any(is_csv(line) for line in text.split("\n")):
+        return read_csv(text, where)
+    return read_json(text, where) if re.search(r'\{\s*"', text) else None
+
+
+def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
+    """Return the element sets found in lines of text; `where` names their source in errors.
+
+    A set is a line "1 ...", a line "2 ..." and, before them, maybe a name (a leading "0 " is dropped). Messages of lines
+    KEY = value may stand between sets. Empty lines and lines that begin with # are skipped.
+    """
+    sets, _ = read_lines(lines, where)
+    if not sets:
+        raise CatalogError(f"{where}: holds no two-line element set: its lines should begin with '1 ' and '2 '")
+    return sets
+
+
+def read_lines(lines: Iterable[str], where: str) -> Found:
+    """Return the element sets found in lines of text, and a line for each thing that is no record."""
+    numbered = [(k, line.rstrip()) for k, line in enumerate(lines, start=1)]
+    numbered = [(k, line) for k, line in numbered if line and not line.startswith("#")]
+    sets: list[ElementSet] = []
+    junk: list[str] = []
+    message = KvnCollector(where)
+    name: tuple[int, str] | None = None
+
+    def no_name() -> None:
+        if name is not None:
+            junk.append(
+                f"{where}: line {name[0]}: '{make_printable(name[1][:40])}' is no element line, and none follows that it "
+                "could name: remove it"
+            )
+
+    at = 0
+    while at < len(numbered):
+        number, line = numbered[at]
+        if identify_element_line(line):
+            sets += message.end()
+            found, at = read_set(name[1].removeprefix("0 ").strip() if name else "", at, numbered, where)
+            sets.append(found)
+            name = None
+            continue
+        at += 1
+        ended = message.take(number, line)
+        if ended is None:
+            sets += message.end()
+            no_name()
+            name = (number, line.strip())
+            if re.fullmatch(r"\s*<[^>]*>\s*", line):  # of a web page, and no name
+                no_name()
+                name = None
+        else:
+            sets += ended
+            no_name()
+            name = None
+    sets += message.end()
+    no_name()
+    return sets, junk

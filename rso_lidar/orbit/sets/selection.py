@@ -1,0 +1,67 @@
+"""The one object, or the one element set, that is meant by a name, a catalogue number or an instant."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+
+from rso_lidar.errors import CatalogError, did_you_mean
+from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet
+
+
+def select_object(
+    sets: Sequence[ElementSet], where: str, name: str | None = None, norad_id: int | None = None
+) -> list[ElementSet]:
+    """Return the sets of the one object that is meant, by name (without regard to case) or catalogue number."""
+    meant = list(sets)
+    if not meant:
+        raise CatalogError(f"{where}: holds no good element set: see its problems")
+    if norad_id is not None:
+        meant = [entry for entry in meant if entry.norad_id == norad_id]
+        if not meant:
+            raise CatalogError(f"{where}: no object with norad_id {norad_id}: it holds {_list_labels(sets)}")
+    if name is not None:
+        found = [entry for entry in meant if entry.name.casefold() == name.strip().casefold()]
+        if not found:
+            names = {entry.name.casefold(): entry.name for entry in meant if entry.name}
+            guess = did_you_mean(name.casefold(), names)
+            for folded, written_so in names.items():
+                guess = guess.replace(f"'{folded}'", f"'{written_so}'")
+            raise CatalogError(f"{where}: no object named '{name}'{guess or ': it holds ' + _list_labels(meant)}")
+        meant = found
+    if any(entry.norad_id for entry in meant):  # lines too broken to tell whose they are stop nobody
+        meant = [entry for entry in meant if entry.norad_id]
+    if len({entry.norad_id for entry in meant}) > 1:
+        key = "norad_id" if name is not None else "name or norad_id"
+        raise CatalogError(f"{where}: holds several objects, {_list_labels(meant)}: choose one with {key}")
+    return meant
+
+
+def select_set(
+    sets: Sequence[ElementSet],
+    where: str,
+    name: str | None = None,
+    norad_id: int | None = None,
+    near_utc: datetime.datetime | None = None,
+) -> ElementSet:
+    """Return the one element set that is meant, checked: by name or catalogue number, and nearest to `near_utc`.
+
+    Without `near_utc` the newest set of the object is taken.
+    """
+
+    def rank(entry: ElementSet) -> tuple[bool, float]:
+        epoch = entry.epoch_utc
+        if epoch == NO_EPOCH:
+            return (True, 0.0)
+        return (False, abs((epoch - near_utc).total_seconds()) if near_utc else -epoch.timestamp())
+
+    chosen = min(select_object(sets, where, name, norad_id), key=rank)
+    if chosen.problem is not None:
+        raise CatalogError(chosen.problem)
+    return chosen
+
+
+def _list_labels(sets: Sequence[ElementSet], most: int = 6) -> str:
+    labels = list(dict.fromkeys(entry.label for entry in sets))
+    more = f" and {len(labels) - most} more" if len(labels) > most else ""
+    return ", ".join(labels[:most]) + more
