@@ -1,4 +1,4 @@
-"""The seed's dataset: seven craft, each at 400 ranges from 3 km down to filling the field, in all attitudes, on disk."""
+"""The dataset of Fuller et al.: seven craft at 400 ranges each, from 3 km down to filling the field, in all attitudes."""
 
 import math
 import sys
@@ -65,7 +65,7 @@ def run(*, quick: bool) -> Findings:
     )
     measured = f"{rates[fastest]:.0f} frames/s with {fastest}"
     target = Target(
-        f"the seed's dataset, {FRAMES:,} frames of {len(names)} craft, on disk",
+        f"the dataset of Fuller et al., {FRAMES:,} frames of {len(names)} craft, on disk",
         f"at least {WANTED:g} frames/s",
         measured,
         rates[fastest] >= WANTED,

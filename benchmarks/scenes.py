@@ -1,4 +1,4 @@
-"""What the benchmarks look at: the seed's instrument before spacecraft that stand still but for a slow turn."""
+"""What the benchmarks look at: the instrument of Fuller et al. before spacecraft that stand still but for a slow turn."""
 
 import datetime
 import os
@@ -12,7 +12,7 @@ FOV_DEG = 2.5
 ASLANT = (0.5, 0.5, 0.5, 0.5)  # TDRS with its long side across the field
 NASA = Path(os.environ.get("RSO_LIDAR_SHARED", ""), "meshes")
 SHIPPED = ("tdrs", "juno", "cubesat_3u", "rocket_body")
-SEEDS_CRAFT = ("dawn", "juno", "lro", "suomi_npp", "rosetta", "stardust", "tdrs")  # the seed paper's seven
+SEEDS_CRAFT = ("dawn", "juno", "lro", "suomi_npp", "rosetta", "stardust", "tdrs")  # the seven of Fuller et al.
 TEN = ("stardust", "grace", "kepler", "suomi_npp", "lro", "dawn", "juno", "hubble", "tdrs", "iss")
 
 
@@ -28,12 +28,12 @@ def has(name: str) -> bool:
 
 
 def craft() -> tuple[str, ...]:
-    """Return the names of the seed's seven craft, or of the shipped models where they are not all there."""
+    """Return the names of the seven craft of Fuller et al., or of the shipped models where they are not all there."""
     return SEEDS_CRAFT if all(mesh(name) != name for name in SEEDS_CRAFT) else SHIPPED
 
 
 def instrument(*, rays_per_pixel: int = 16, side: int = 128, **changes: object) -> rl.Lidar:
-    """Return the seed's camera: 2.5 degrees, f/2.8, 128 x 128 pixels, with the whole signal chain."""
+    """Return the camera of Fuller et al.: 2.5 degrees, f/2.8, 128 x 128 pixels, with the whole signal chain."""
     pitch_um = 100.0 * 128 / side  # the same focal plane, cut finer
     receiver = rl.Receiver(
         fov_deg=FOV_DEG,

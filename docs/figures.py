@@ -77,10 +77,10 @@ def key(axes: Any, where: str = "best", **more: Any) -> None:
 
 
 def counts() -> Any:
-    """Return photons to counts, and how they scatter (seed fig. 13)."""
+    """Return photons to counts, and how they scatter (Fuller et al., fig. 13)."""
     figure = new_figure(
         9.6, 4.4, "Photons to counts",
-        "default detector, 8 ns pulse on a facing plate; compare the seed's figure 13",
+        "default detector, 8 ns pulse on a facing plate; compare Fuller et al., fig. 13",
     )  # fmt: skip
     mean_of, noise_of = figure.subplots(1, 2)
     levels = np.geomspace(900, 1e6, 28)
@@ -112,7 +112,7 @@ def detection() -> Any:
     """Return the probability of detection over photons."""
     figure = new_figure(
         9.6, 4.4, "Probability of detection",
-        "share of 4000 pixels that report the plate, with 95 % intervals (Wilson); 1000 photons and 95 % are the seed's",
+        "share of 4000 pixels that report the plate, with 95 % intervals (Wilson); 1000 photons, 95 %: Fuller et al.",
     )  # fmt: skip
     by_preset, by_pulse = figure.subplots(1, 2, sharey=True)
     levels, n = np.arange(500, 1301, 50), 4000

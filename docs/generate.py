@@ -358,7 +358,7 @@ def _dataset_row(path: str, dataset: Any) -> tuple[str, ...]:
 
 
 def budget() -> str:
-    """Return what the seed's system of section 5 gets back by eq. 7, as printed and with the factor 4."""
+    """Return what the system of Fuller et al., sec. 5, gets back by eq. 7, as printed and with the factor 4."""
     rows = []
     for transmission in (0.5, 0.6, 0.67, 0.7, 0.8, 0.9, 1.0):
         receiver = rl.Receiver(fov_deg=2.5, f_number=2.8, transmission=transmission)

@@ -1,4 +1,4 @@
-"""A camera and a plate on a bench 3 km long: nothing moves, and the answer is known in closed form (seed section 5)."""
+"""A camera and a plate on a bench 3 km long: nothing moves, and a closed form exists (Fuller et al., sec. 5)."""
 
 import datetime
 

@@ -1,7 +1,7 @@
 """A follower with thrusters holds its place behind a rocket stage, by what its lidar reads alone.
 
-The motion is the user's own: `relative_motion` below is f of x' = f(t, x, u) (seed eq. 6), integrated beside the rest, and
-the controller's u reaches it through `Command.inputs`.
+The motion is the user's own: `relative_motion` below is f of x' = f(t, x, u) (Fuller et al., eq. 6), integrated beside the
+rest, and the controller's u reaches it through `Command.inputs`.
 """
 
 import datetime

@@ -1,4 +1,4 @@
-"""Poses named ``a_from_b``, the links between axes, and the tree that joins them (seed 3.1.1, eqs. 1-5).
+"""Poses named ``a_from_b``, the links between axes, and the tree that joins them (Fuller et al., sec. 3.1.1, eqs. 1-5).
 
 A pose ``a_from_b`` is a `scipy.spatial.transform.RigidTransform` that takes coordinates in axes b to coordinates in
 axes a, so ``a_from_c = a_from_b * b_from_c``. A `Link` adds how fast: it is what stands between a child and its parent.
@@ -201,7 +201,7 @@ class PoseTree(Mapping[str, Link]):
         return PoseTree(self._parents, {name: link[epoch] for name, link in self._links.items()})
 
     def pose(self, a: str, b: str) -> RigidTransform:
-        """Return a_from_b (seed eq. 5), batched where the tree is."""
+        """Return a_from_b (Fuller et al., eq. 5), batched where the tree is."""
         from scipy.spatial.transform import Rotation
 
         translation, matrix = self.place(a, b)

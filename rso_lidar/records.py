@@ -104,7 +104,7 @@ class Truth:
         return f"<Truth: {np.size(self.time_s)} epoch(s), axes {', '.join(self.poses)}>"
 
     def pose(self, a: str, b: str) -> RigidTransform:
-        """Return a_from_b, such as lidar_from_tdrs (seed eq. 5): coordinates in b to coordinates in a [m]."""
+        """Return a_from_b, such as lidar_from_tdrs (Fuller et al., eq. 5): coordinates in b to coordinates in a [m]."""
         return self.poses.pose(a, b)
 
     def rates(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:

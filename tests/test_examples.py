@@ -164,7 +164,7 @@ def test_bench_plate_gets_the_closed_form_of_photons(bench):
     filled = frames[0].labels.filled_fraction == 1.0
     assert filled.sum() == 4
     assert filled[63:65, 63:65].all()
-    # Seed eq. 7 with the factor 4 of a square footprint, from the numbers of its section 5; the plate's face is 1 mm
+    # Fuller et al., eq. 7 with the factor 4 of a square footprint, numbers of its sec. 5; the plate's face is 1 mm
     # nearer than its middle. Pixel centres are 0.24 mrad off the axis, 1e-7 of the photons; labels are float32, 6e-8.
     energy_j, wavelength_m, tangent = 0.050, 1064e-9, np.tan(1.25 * DEG)
     sent = energy_j * wavelength_m / (6.626_070_15e-34 * SPEED_OF_LIGHT_M_S)
@@ -172,7 +172,7 @@ def test_bench_plate_gets_the_closed_form_of_photons(bench):
     area_m2 = 0.25 * np.pi * (focal_m / 2.8) ** 2
     expected = sent / (4.0 * tangent**2) * (100e-6 / focal_m) ** 2 * 0.30 / np.pi * area_m2 * 0.67 / 2999.999**2
     np.testing.assert_allclose(frames[0].labels.photons[filled], expected, rtol=1e-6)
-    assert round(float(expected), -1) == 1000.0  # the seed's 1000 at 3.0 km, to its digits
+    assert round(float(expected), -1) == 1000.0  # the 1000 of Fuller et al. at 3.0 km, to its digits
     assert scenario.lidar.receiver.transmission == 0.67
 
 

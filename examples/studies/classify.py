@@ -1,4 +1,4 @@
-"""How far can the seed's camera classify? Its network needs some 100 pixels on the target (the paper's section 5, fig. 17).
+"""How far can the camera of Fuller et al. classify? Its network needs some 100 pixels on target (sec. 5, fig. 17).
 
 The paper's seven spacecraft, as they are shipped; given a folder of meshes of the same names, those.
 `python examples/studies/classify.py` prints the table; classify.md reads it.
@@ -28,7 +28,7 @@ def craft(folder: str | None = None) -> dict[str, str]:
 
 
 def scene_of(mesh: str, range_m: float, attitude: Any, seed: int = 1) -> rl.Scenario:
-    """Return a target at a range, turned, before the seed's camera."""
+    """Return a target at a range, turned, before the camera of Fuller et al."""
     return rl.Scenario(
         version=1,
         name="classify",

@@ -1,7 +1,7 @@
 """Which beam and which lens detect a spacecraft at 10 km, and at 50 km?
 
-The camera is the seed's 128 x 128 pixels of 100 µm with 50 mJ at 1064 nm. What may be chosen is the aperture (the lens stays
-f/2.8, so its field shrinks as it grows), the divergence, and a range gate that averages pulses.
+The camera has 128 x 128 pixels of 100 µm and 50 mJ at 1064 nm (Fuller et al.). What may be chosen is the aperture (the lens
+stays f/2.8, so its field shrinks as it grows), the divergence, and a range gate that averages pulses.
 `python examples/studies/divergence.py` prints the tables; divergence.md reads them.
 """
 
@@ -20,7 +20,7 @@ DETECTORS = {"trigger": TRIGGER, "gate, 16 pulses": QUIET}
 
 
 def camera(aperture_mm: float, detector: rl.Gsfl) -> rl.Lidar:
-    """Return the seed's camera behind another lens and detector."""
+    """Return the camera of Fuller et al. behind another lens and detector."""
     receiver = rl.Receiver(focal_length_mm=F_NUMBER * aperture_mm, f_number=F_NUMBER)
     return rl.Lidar(laser=rl.Laser(), receiver=receiver, detector=detector)
 

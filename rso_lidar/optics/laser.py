@@ -24,7 +24,7 @@ class Laser(Part):
 
     `divergence_deg` is the full angle, edge to edge of a square or circular footprint, 1/e² of a Gaussian one, the whole
     image of a ``pattern`` measured in `pattern_file` (an image, or a table of numbers). The footprint ``as_printed`` is the
-    square of the seed's eq. 7 as printed, which returns four times the energy sent.
+    square of eq. 7 of Fuller et al. as printed, which returns four times the energy sent.
 
     The pulse of `pulse_fwhm_ns` is Gaussian, super-Gaussian exp(−|t/a|^2p) with p = `pulse_order`, or ``measured`` in
     `pulse_file` (columns time_ns, power), which then sets its width. `offset_m` is where the laser stands from the lens, in
@@ -115,7 +115,7 @@ class Laser(Part):
 
     @cached_property
     def photons(self) -> float:
-        """Return how many photons one pulse holds (the seed's E_tx in photons)."""
+        """Return how many photons one pulse holds (E_tx of Fuller et al., in photons)."""
         return self.energy_mj * units.MJ / units.photon_energy_j(self.wavelength_m)
 
     @property
@@ -172,7 +172,7 @@ class Laser(Part):
         """Return photons per unit area of the tangent plane at (x, y), whose integral is `photons`.
 
         Square E/(4t²), circle E/(πt²), Gaussian 2E/(πt²)·exp(−2r²/t²), with t = tan(θ/2). ``as_printed`` is E/t²
-        (seed eq. 7).
+        (Fuller et al., eq. 7).
 
         >>> laser = Laser(divergence_deg=2.5)
         >>> float(laser.density(0.0, 0.0) * (2 * laser.half_width_tangent) ** 2 / laser.photons)

@@ -7,7 +7,7 @@ from rso_lidar.optics.receiver import Receiver
 def filled_pixel(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:
     """Return the photons of a pixel on the boresight that a facet facing the lidar fills at `range_m` [m].
 
-    The seed's eq. 7 with the factor 4 (or the area of another footprint), before the APD.
+    eq. 7 of Fuller et al. with the factor 4 (or the area of another footprint), before the APD.
 
     >>> from rso_lidar.optics import Laser, Receiver
     >>> from math import pi

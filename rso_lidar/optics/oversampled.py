@@ -1,4 +1,4 @@
-"""The scene on the grid of rays, before it is binned to pixels: the seed's figures 9 and 11."""
+"""The scene on the grid of rays, before it is binned to pixels: Fuller et al., fig. 9 and 11."""
 
 import numpy as np
 

@@ -17,7 +17,7 @@ Transmission = Annotated[Positive, Field(le=1)]
 
 
 class Receiver(Part):
-    """A lens that images the scene onto a focal plane of square pixels (seed 3.1.4).
+    """A lens that images the scene onto a focal plane of square pixels (Fuller et al., sec. 3.1.4).
 
     Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Each pixel is
     sampled by a k x k grid of rays, `rays_per_pixel` = k²; a target whose bounds would get fewer than

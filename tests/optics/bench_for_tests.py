@@ -12,7 +12,7 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scene import Lambertian, Mesh, Surface, build_surface
 
-SEED_LASER = Laser()  # the seed's section 5: 1064 nm, 50 mJ, 2.5 degrees, 8 ns
+SEED_LASER = Laser()  # sec. 5 of Fuller et al.: 1064 nm, 50 mJ, 2.5 degrees, 8 ns
 SEED_RECEIVER = Receiver(fov_deg=2.5, f_number=2.8)
 
 

@@ -19,7 +19,7 @@ def test_photons_of_a_pulse():
 @pytest.mark.parametrize("divergence_deg", [0.05, 2.5, 45.0, 120.0])
 @pytest.mark.parametrize(("footprint", "sent"), [("square", 1), ("circle", 1), ("gaussian", 1), ("as_printed", 4)])
 def test_density_integrates_to_the_energy_sent(footprint, sent, divergence_deg):
-    """Summed in rings and squares by hand: what is printed in the seed sends four times the energy."""
+    """Summed in rings and squares by hand: eq. 7 as printed sends four times the energy."""
     laser = Laser(divergence_deg=divergence_deg, footprint=footprint)
     t = math.tan(math.radians(divergence_deg) / 2)
     reach = 6 * t if footprint == "gaussian" else t  # a Gaussian has exp(-72) of itself left beyond

@@ -1,4 +1,4 @@
-"""The photon image and range image on the grid of rays (seed figs. 9 and 11)."""
+"""The photon image and range image on the grid of rays (Fuller et al., figs. 9 and 11)."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_cells_add_up_to_pixels(rays_per_pixel, distortion):
 
 
 def test_the_seed_s_figures_are_512_by_512():
-    """Seed section 3: 128 x 128 pixels, 4 x 4 rays each. The picture lies as the lidar sees it, and shows depth."""
+    """Fuller et al., sec. 3: 128 x 128 pixels, 4 x 4 rays each. The picture lies as the lidar sees it, and shows depth."""
     near = surface("near", box(8.0, 8.0, 4.0))
     far = surface("far", plate(60.0, 30.0))
     receiver = SEED_RECEIVER.replace(min_rays_per_target=0)

@@ -10,7 +10,7 @@ SEED = Receiver(fov_deg=2.5, f_number=2.8)
 
 
 def test_the_seed_lens():
-    """Seed section 5: 128 pixels of 100 um over 2.5 degrees at f/2.8, worked out by hand."""
+    """Fuller et al., sec. 5: 128 pixels of 100 um over 2.5 degrees at f/2.8, worked out by hand."""
     focal_mm = 128 * 0.1 / (2 * math.tan(math.radians(1.25)))
     assert focal_mm == pytest.approx(293.3, abs=0.05)
     assert SEED.focal_length_m == pytest.approx(focal_mm * 1e-3, rel=1e-12)

@@ -102,7 +102,7 @@ def test_no_material_sends_back_more_than_it_gets(material):
 
 
 def test_the_sum_over_the_hemisphere_is_right():
-    """A Lambertian surface returns ρ₀ (seed eq. 9), a Phong lobe k_s at normal incidence, cubes ρ F; each to 1e-3."""
+    """A Lambertian surface returns ρ₀ (Fuller et al., eq. 9), a Phong lobe k_s at normal incidence, cubes ρ F."""
     for incidence in (0.01, 45, 85):
         assert reflectance(Lambertian(reflectance=0.8), incidence) == pytest.approx(0.8, rel=1e-3)
     for n in (3.0, 300.0, 1e5):

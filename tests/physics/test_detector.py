@@ -36,7 +36,7 @@ def probability(photons, nep=127.0, qe=0.8, excess=3.52, reference=1000.0):
     ("photons", "published"), [(500, 0.03), (700, 0.32), (800, 0.60), (900, 0.83), (1000, 0.95), (1200, 0.999)]
 )
 def test_detection(validation, photons, published):
-    """Preset noise_limited: the seed's 95 % at 1000 photons, and the table made from it, which gives two digits."""
+    """Preset noise_limited: 95 % at 1000 photons, and the table made from it, which gives two digits."""
     found = np.isfinite(drawn(1500.0, photons).range_m).mean()
     exact = probability(photons)
     sigma = math.sqrt(exact * (1 - exact) / N)
@@ -50,7 +50,7 @@ def test_detection(validation, photons, published):
     )
     validation(
         case=f"detection of {photons} photons, table",
-        source="seed 3.3 for 1000 photons; table of the preset",
+        source="Fuller et al., sec. 3.3 for 1000 photons; table of the preset",
         expected=published,
         got=found,
         tolerance=0.0055 + 4 * sigma,
@@ -170,11 +170,11 @@ def test_range_noise(validation, photons, fwhm_ns):
 
 
 def test_range_noise_has_the_seed_s_plateau(validation):
-    """Seed 3.3: a nominal precision (1 sigma) of 5 cm with sufficient SNR, degrading as the SNR decreases."""
+    """Fuller et al., sec. 3.3: a nominal precision (1 sigma) of 5 cm with sufficient SNR, degrading as the SNR decreases."""
     high, low = (drawn(300.0, n).range_m.astype(float) for n in (1e5, 900.0))
     validation(
         case="range noise with sufficient SNR",
-        source="seed 3.3",
+        source="Fuller et al., sec. 3.3",
         expected=0.05,
         got=np.nanstd(high),
         tolerance=0.001,
@@ -228,7 +228,7 @@ def test_white_noise_limit_of_range(validation, snr):
 
 @pytest.mark.parametrize("photons", [3000.0, 10_000.0, 50_000.0])
 def test_intensity_is_linear_below_the_bend(validation, photons):
-    """Seed fig. 13, right: counts per photon are constant; x/(1+(x/s)^4)^(1/4) is within 0.6 % up to 2000 of s = 5000."""
+    """Fuller et al., fig. 13: counts per photon are constant; x/(1+(x/s)^4)^(1/4) is within 0.6 % up to 2000 of 5000."""
     counts = drawn(300.0, photons).intensity_counts.astype(float)
     sigma = 0.04 * math.sqrt(127.0**2 + 3.52 * photons / 0.8)
     validation(
@@ -242,7 +242,7 @@ def test_intensity_is_linear_below_the_bend(validation, photons):
 
 
 def test_intensity_noise_changes_toward_saturation(validation):
-    """Seed 3.3: mostly Gaussian, but the standard deviation changes as the detector approaches saturation.
+    """Fuller et al., sec. 3.3: mostly Gaussian, but the standard deviation changes as the detector approaches saturation.
 
     In the linear regime it is that of the photons, by 0.04; where the curve bends it shrinks with the curve's slope
     (1 + (x/s)^4)^(-5/4); where it clips there is none.

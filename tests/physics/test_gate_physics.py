@@ -32,7 +32,7 @@ GATE = Gate(delay_ns=6651.0, width_ns=47.6, false_alarm_probability=1e-3)  # 20 
 
 @pytest.mark.parametrize(("photons", "pulses"), [(30, 1), (30, 5), (30, 20), (100, 1), (100, 5)])
 def test_what_a_gate_finds(validation, photons, pulses):
-    """The seed's aspiration of 30 photons (3.3, 6): with a quiet amplifier it takes some 20 pulses to see half of them.
+    """The aspiration of 30 photons (Fuller et al., sec. 3.3): a quiet amplifier needs some 20 pulses to see half of them.
 
     By hand the best of fits at quarters of a sample, at the threshold that noise alone passes with 1e-3, Gaussian without
     dark current. The chain takes Rice's bound for that threshold, which is 2 % higher, 0.08 sigma.

@@ -23,7 +23,7 @@ from tests.physics import chain_by_hand as by_hand
 
 C = by_hand.C_M_S
 TAU_S = by_hand.pole_s(100e6)
-FOCAL_M = 128 * 100e-6 / (2 * math.tan(math.radians(1.25)))  # of the seed's lens
+FOCAL_M = 128 * 100e-6 / (2 * math.tan(math.radians(1.25)))  # of the lens of Fuller et al.
 
 
 def seen(photons, n, fwhm_s=8e-9, range_m=1000.0):
@@ -68,7 +68,7 @@ def wall(folder, range_m, lidar, frames):
 
 
 def test_the_seed_s_camera_through_the_whole_walk(tmp_path, validation):
-    """Seed 3.3 and 5: 1000 photons are detected in 95 % of flashes, which is at 3.0 km with transmission 0.67."""
+    """Fuller et al., sec. 3.3 and 5: 1000 photons are detected in 95 % of flashes, at 3.0 km with transmission 0.67."""
     hits = n = 0
     for frame in rl.simulate(wall(tmp_path, 3000.0, rl.Lidar(preset="gsfl_1064"), 6)):
         photons = frame.labels.photons
@@ -76,7 +76,7 @@ def test_the_seed_s_camera_through_the_whole_walk(tmp_path, validation):
         n += photons.size
     energy = 0.050 * 1064e-9 / (6.626_070_15e-34 * C)
     validation(
-        case="seed section 5 camera, plate at 3.0 km: photons on the axis",
+        case="camera of Fuller et al., plate at 3.0 km: photons on the axis",
         source="E/128^2 x rho0 (D/2)^2/R^2 x 0.67",
         expected=energy / 128**2 * 0.30 * (FOCAL_M / 5.6) ** 2 / 3000.0**2 * 0.67,
         got=float(photons[63:65, 63:65].mean()),
@@ -84,8 +84,8 @@ def test_the_seed_s_camera_through_the_whole_walk(tmp_path, validation):
         unit="photons",
     )
     validation(
-        case="seed section 5 camera, plate at 3.0 km: share detected",
-        source="seed 3.3: 95 % at 1000 photons",
+        case="camera of Fuller et al., plate at 3.0 km: share detected",
+        source="Fuller et al., sec. 3.3: 95 % at 1000 photons",
         expected=0.95,
         got=hits / n,
         # the preset was itself solved with 400,000 draws; cos^4 takes 0.13 % of the mean, 8e-4 of the probability
@@ -96,7 +96,7 @@ def test_the_seed_s_camera_through_the_whole_walk(tmp_path, validation):
 
 @pytest.mark.parametrize("wavelength_nm", [1064.0, 1570.0])
 def test_speckle_of_a_filled_pixel(tmp_path, validation, wavelength_nm):
-    """Contrast 1/sqrt(M), M = 1 + aperture x solid angle / wavelength^2 (Goodman 2007): 3.4 and 5.0 % with the seed's lens.
+    """Contrast 1/sqrt(M), M = 1 + aperture x solid angle / wavelength^2 (Goodman 2007): 3.4, 5.0 % (lens of Fuller et al.).
 
     Counts over expected photons, their relative variance with speckle less that without; sqrt(2/n) each is unknown of it.
     """

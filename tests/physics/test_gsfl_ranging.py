@@ -138,13 +138,13 @@ def test_precision_in_shot_noise(validation, photons):
 
 
 def test_the_plateau_of_5_cm_comes_from_the_jitter_alone(validation):
-    """Seed 3.3: 5 cm (1 sigma) with sufficient SNR. Without the pixels' jitter it would be below 3 cm."""
+    """Fuller et al., sec. 3.3: 5 cm (1 sigma) with sufficient SNR. Without the pixels' jitter it would be below 3 cm."""
     n = 16_384
     jittered, still = found(Gsfl(), 30_000.0, n), found(Gsfl(timing=STILL), 30_000.0, n)
     alone = float(still.range_error_m.std())
     validation(
         case="range noise at 30,000 photons",
-        source="seed 3.3: 5 cm with sufficient SNR",
+        source="Fuller et al., sec. 3.3: 5 cm with sufficient SNR",
         expected=5.0,
         got=100 * float(jittered.range_error_m.std()),
         tolerance=100 * (math.hypot(0.05, alone) - 0.05 + by_hand.chi_square_spread(0.05, n)) + 0.007,
@@ -262,7 +262,7 @@ def test_noise_of_counts(validation, photons):
 
 
 def test_noise_of_counts_ends_where_they_clip(validation):
-    """Seed fig. 13: the standard deviation changes as the detector approaches saturation; beyond it there is none."""
+    """Fuller et al., fig. 13: the standard deviation changes toward saturation; beyond it there is none."""
     validation(
         case="standard deviation of counts, 300,000 photons",
         source="12 bits: all the same",

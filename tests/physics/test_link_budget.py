@@ -21,7 +21,7 @@ from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
 from tests.optics.bench_for_tests import look, place, plate
 
 PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
-LENS = Receiver(focal_length_mm=293.3, f_number=2.8, n_rows=33, n_cols=33)  # the seed's, with a middle pixel
+LENS = Receiver(focal_length_mm=293.3, f_number=2.8, n_rows=33, n_cols=33)  # of Fuller et al., with a middle pixel
 MATERIALS = {
     "Lambertian 0.3": Lambertian(),
     "Phong": Phong(diffuse=0.15, specular=0.65, exponent=30.0),
@@ -235,7 +235,7 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
 
 
 def test_the_light_of_the_description_is_the_same():
-    """What `check` prints of a filled pixel, and the seed's 1000 photons at 3 km."""
+    """What `check` prints of a filled pixel, and the 1000 photons of Fuller et al. at 3 km."""
     from rso_lidar.optics.link_budget import filled_pixel
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)

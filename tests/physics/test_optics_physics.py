@@ -368,7 +368,7 @@ def background(scenario):
     ],
 )
 def test_sunlight_through_the_whole_walk(validation, wall, wavelength_nm, w_m2_um, width_nm, table):
-    """N = E dlam rho0 cos(theta_s)/pi A IFOV² eta / (hc/lambda), with the seed's lens, rho0 0.30, eta 0.7 (E490)."""
+    """N = E dlam rho0 cos(theta_s)/pi A IFOV² eta / (hc/lambda), lens of Fuller et al., rho0 0.30, eta 0.7 (E490)."""
     lens, laser = SEED_ETA.replace(filter_width_nm=width_nm), Laser(wavelength_nm=wavelength_nm)
     seen = background(sunny(wall, (-1.0, 0.0, 0.0), lens, laser=laser))
     photon_j = 6.62607015e-34 * C / (wavelength_nm * 1e-9)
@@ -376,7 +376,7 @@ def test_sunlight_through_the_whole_walk(validation, wall, wavelength_nm, w_m2_u
     assert expected == pytest.approx(table, rel=0.02)
     validation(
         case=f"sunlight on a filled pixel at {wavelength_nm:g} nm behind a filter of {width_nm:g} nm",
-        source="ASTM E490 and Lambert's law; lens of the seed, whose figures have four digits",
+        source="ASTM E490 and Lambert's law; lens of Fuller et al., whose figures have four digits",
         expected=expected,
         got=seen[64, 64],
         tolerance=5e-4 * expected,

@@ -1,4 +1,4 @@
-"""Light out and light back against closed forms: walls, plates, spheres, mirrors and the seed's system.
+"""Light out and light back against closed forms: walls, plates, spheres, mirrors and the system of Fuller et al.
 
 A wall at distance d that faces the lidar returns b rho A eta cos^4(theta) / d^2 per unit area of the tangent plane, and
 the integral of cos^4 over a rectangle is the configuration factor of a differential element and a parallel rectangle
@@ -99,7 +99,7 @@ def test_a_wall_that_fills_the_field(validation, fov_deg, footprint):
 @pytest.mark.parametrize("pixels", [1.3, 4.71, 10.37, 20.2])
 @pytest.mark.parametrize("footprint", ["square", "circle", "gaussian"])
 def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
-    """Seed section 5: divergence down to 10 x 10 or 20 x 20 pixels. The energy must not depend on where the edge falls."""
+    """Fuller et al., sec. 5: divergence down to 10 x 10 or 20 x 20 pixels. Energy does not depend on the edge's place."""
     laser = Laser(
         divergence_deg=2 * math.degrees(math.atan(pixels / 2 * SEED_RECEIVER.pixel_tangent)), footprint=footprint
     )
@@ -120,7 +120,7 @@ def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
 
 
 def test_a_narrow_beam_gains_what_the_seed_hopes_for(validation):
-    """Seed section 5: light only 20 x 20 or 10 x 10 pixels; energy per pixel grows by the ratio of areas."""
+    """Fuller et al., sec. 5: light only 20 x 20 or 10 x 10 pixels; energy per pixel grows by the ratio of areas."""
     wide = look(plate(300.0), place((0, 0, 1000.0))).by_pixel[64, 64]
     for pixels in (20, 10):
         angle = 2 * math.degrees(math.atan(pixels / 2 * SEED_RECEIVER.pixel_tangent))
@@ -191,10 +191,10 @@ def seed_pixel(range_m, receiver=SEED_RECEIVER, laser=SEED_LASER, material=None,
 
 
 def test_the_seed_s_system_has_1000_photons_at_3_km(validation):
-    """Seed section 5 with transmission 0.67: 95 % at 1000 photons and a range of about 3 km are one statement."""
+    """Fuller et al., sec. 5 with transmission 0.67: 95 % at 1000 photons and a range of about 3 km are one statement."""
     validation(
-        case="seed section 5 system, 3.0 km, filled pixel",
-        source="seed sections 3.3 and 5, transmission 0.67",
+        case="system of Fuller et al., 3.0 km, filled pixel",
+        source="Fuller et al., secs. 3.3 and 5, transmission 0.67",
         expected=1000.0,
         got=seed_pixel(3000.0),
         tolerance=2.0,
@@ -210,7 +210,7 @@ def test_an_independent_budget_by_solid_angles(validation):
     expected = share * 0.30 * (aperture_m / 2) ** 2 / 3000.0**2
     assert expected == pytest.approx(1494.7, abs=0.1)
     validation(
-        case="seed section 5 system, 3.0 km, no losses",
+        case="system of Fuller et al., 3.0 km, no losses",
         source="E/128^2 x rho0 x (D/2)^2/R^2",
         expected=expected,
         got=seed_pixel(3000.0, lens),
@@ -243,7 +243,7 @@ def test_the_table_of_losses(validation, eta, photons, range_1000_km):
 
 @pytest.mark.parametrize("fov_deg", [2.5, 45.0])
 def test_as_printed_sends_back_four_times_what_was_sent(validation, fov_deg):
-    """Seed eq. 7 lacks a 4: a square of full angle theta has area 4 tan^2(theta/2). Settled here, at two angles."""
+    """Fuller et al., eq. 7 lacks a 4: a square of full angle theta has area 4 tan^2(theta/2). Shown at two angles."""
     lens = Receiver(fov_deg=fov_deg, f_number=2.8)
     square, printed = (
         look(plate(4000.0), place((0, 0, 1000.0)), lens, Laser(divergence_deg=fov_deg, footprint=name)).by_pixel.sum()
@@ -300,7 +300,7 @@ def test_what_the_photons_grow_with(validation, what, power, low, high):
     few, many = (seed_pixel(**{"range_m": 3000.0, **settings}) for settings in (low, high))
     validation(
         case=f"photons grow with {what} to the power",
-        source="seed eq. 7",
+        source="Fuller et al., eq. 7",
         expected=power,
         got=math.log(many / few) / math.log(ratio),
         tolerance=1e-5,
@@ -314,7 +314,7 @@ def test_photons_fall_with_the_area_lit(validation, divergence_deg):
     expected = (math.tan(math.radians(1.25)) / math.tan(math.radians(divergence_deg / 2))) ** 2
     validation(
         case=f"divergence {divergence_deg:g} deg over 2.5 deg",
-        source="seed eq. 7",
+        source="Fuller et al., eq. 7",
         expected=expected,
         got=ratio,
         tolerance=1e-9 * expected,
@@ -328,7 +328,7 @@ def test_a_tilted_lambertian_wall_goes_with_the_first_power_of_cos_alpha(validat
     ratio = seed_pixel(3000.0, tilt_deg=tilt_deg) / seed_pixel(3000.0)
     validation(
         case=f"Lambertian wall tilted {tilt_deg} deg, over facing",
-        source="seed eq. 7: cos(alpha)",
+        source="Fuller et al., eq. 7: cos(alpha)",
         expected=math.cos(math.radians(tilt_deg)),
         got=ratio,
         tolerance=1e-5,
@@ -344,7 +344,7 @@ def test_a_tilted_phong_wall_follows_equation_10(validation, tilt_deg):
     ratio = seed_pixel(3000.0, tilt_deg=tilt_deg, material=Phong(diffuse=0.1, specular=0.5, exponent=20.0))
     validation(
         case=f"Phong wall tilted {tilt_deg} deg, over facing Lambertian 0.30",
-        source="seed eqs. 7 and 10",
+        source="Fuller et al., eqs. 7 and 10",
         expected=math.cos(alpha) * phong / RHO,
         got=ratio / seed_pixel(3000.0),
         tolerance=2e-4 * phong / RHO,
@@ -411,7 +411,7 @@ def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted)
     assert ratio.std() <= 0.05
     validation(
         case=f"plate of {area_pixels:g} pixel, {'tilted' if tilted else 'facing'}, 200 places: mean over closed form",
-        source="seed eq. 7",
+        source="Fuller et al., eq. 7",
         expected=1.0,
         got=ratio.mean(),
         tolerance=0.01,

@@ -125,7 +125,7 @@ def test_the_chain_of_axes_is_equation_5(models, validation):
     for axis, name in enumerate("xyz"):
         validation(
             case=f"cube through follower, PTU and mounts: {name} in lidar axes",
-            source="seed eq. 5 in 4 x 4 matrices",
+            source="Fuller et al., eq. 5 in 4 x 4 matrices",
             expected=[1.5, -2.0, 150.0][axis],
             got=seen[axis],
             tolerance=1e-10,
@@ -139,7 +139,7 @@ def test_the_chain_of_axes_is_equation_5(models, validation):
 
 
 def test_a_wall_in_a_scenario_is_what_the_link_budget_says(models, validation):
-    """From a TOML-like scenario to photons on a pixel: seed eq. 7 with the 4, on the axis, at 3 km and 2.5 degrees."""
+    """From a scenario to photons on a pixel: Fuller et al., eq. 7 with the 4, on the axis, at 3 km and 2.5 degrees."""
     lens = rl.Receiver(fov_deg=2.5, f_number=2.8)
     scenario = local(models, [("wall", "wall.stl", fixed(3000, 0, 0), turned(Rotation.identity()))], lens=lens)
     scenario = scenario.replace(lidar=scenario.lidar.replace(laser=rl.Laser()))
@@ -151,7 +151,7 @@ def test_a_wall_in_a_scenario_is_what_the_link_budget_says(models, validation):
     by_hand = energy / (4 * 3000**2 * math.tan(math.radians(1.25)) ** 2) * 0.30 / math.pi * area * ifov**2 * 0.67
     validation(
         case="wall at 3 km in a scenario, pixel on the axis",
-        source="seed eq. 7 with the 4, by hand",
+        source="Fuller et al., eq. 7 with the 4, by hand",
         expected=by_hand,
         got=photons[64, 64],
         tolerance=1e-4 * by_hand,
@@ -181,7 +181,7 @@ def test_noise_of_a_walk_is_the_detector_s(models, validation):
     off = np.concatenate(off)
     validation(
         case="1000 photons in every pixel: share found",
-        source="seed 3.3: 95 % at 1000 photons",
+        source="Fuller et al., sec. 3.3: 95 % at 1000 photons",
         # cos^4 falls by 0.12 % from axis to corner, 0.06 % on the mean: 0.0003 of the 95 %
         expected=0.95,
         got=found / n,

@@ -1,4 +1,4 @@
-"""The benchmark of silhouettes measures what it says, and the seed's craft cover NASA's meshes as well as was wanted."""
+"""The benchmark of silhouettes measures what it says, and shipped craft cover NASA's meshes as well as was wanted."""
 
 import math
 

@@ -22,7 +22,7 @@ _KEPT = 1000  # pieces between two inputs that are remembered
 
 
 class StateSpaceModel(Part):
-    """The base of what moves by a user's own x' = f(t, x, u) (seed eq. 6).
+    """The base of what moves by a user's own x' = f(t, x, u) (Fuller et al., eq. 6).
 
     `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the function or object itself, called with
     seconds since `start_utc`, the state (n,) and the inputs (m,), and giving (n,). `inputs` hold until a controller's

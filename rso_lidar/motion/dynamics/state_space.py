@@ -1,4 +1,4 @@
-"""Motions and attitudes by a user's own x' = f(t, x, u) (seed eq. 6)."""
+"""Motions and attitudes by a user's own x' = f(t, x, u) (Fuller et al., eq. 6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many photons come back: the seed's eq. 7, ray by ray, with the factor 4 that conserves energy."""
+"""How many photons come back: eq. 7 of Fuller et al., ray by ray, with the factor 4 that conserves energy."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
     N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R²: b photons per unit area of the tangent plane, w the ray's share
     of its pixel, p/f the pixel's side in the tangent plane, ρ the BRDF, α the incidence, A the aperture's area, θ the
     angle from the boresight (the aperture is seen foreshortened), η the transmission, R the slant range. On the axis
-    this is the seed's eq. 7 with the factor 4 of a square footprint.
+    this is eq. 7 of Fuller et al. with the factor 4 of a square footprint.
 
     A laser beside the lens lights a facet from its own place: with R′ and θ′ from there, R becomes R′ and cos θ becomes
     cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts sees the solid angle that its pixels have.

@@ -1,4 +1,4 @@
-"""Matt and glossy surfaces: the BRDFs of Lambert and Phong (seed eqs. 8-10)."""
+"""Matt and glossy surfaces: the BRDFs of Lambert and Phong (Fuller et al., eqs. 8-10)."""
 
 import math
 from typing import Literal, Self
@@ -13,7 +13,7 @@ _NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its
 
 
 class Lambertian(MaterialPart):
-    """A surface equally bright from everywhere: ρ = ρ₀/π (seed eq. 9).
+    """A surface equally bright from everywhere: ρ = ρ₀/π (Fuller et al., eq. 9).
 
     `reflectance` is ρ₀ at the laser's wavelength.
     """
@@ -40,7 +40,7 @@ class Lambertian(MaterialPart):
 
 
 class Phong(MaterialPart):
-    """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (seed eq. 10; Lafortune and Willems 1994).
+    """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (Fuller et al., eq. 10; Lafortune and Willems 1994).
 
     `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength; k_d + k_s may not exceed 1, or the
     surface would send back more than it gets. φ is the angle between the mirror's direction and the viewer.

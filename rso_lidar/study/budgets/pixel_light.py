@@ -78,7 +78,7 @@ def _share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarra
     if laser.footprint in ("square", "as_printed"):
         energy = (
             4.0 if laser.footprint == "as_printed" else 1.0
-        )  # the seed's eq. 7 as printed sends four times its energy
+        )  # eq. 7 of Fuller et al. as printed sends four times its energy
         share = energy * 0.25 * _overlap(x, half) * _overlap(y, half)
     elif laser.footprint == "gaussian":
         share = _bell(x, half) * _bell(y, half)

@@ -6,7 +6,7 @@ import pytest
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
 
-HALF = 64 * 340.94e-6  # tangent of the seed lens's half field: 64 pixels of 340.94 urad (2.5 degrees)
+HALF = 64 * 340.94e-6  # tangent of half the field of Fuller et al.: 64 pixels of 340.94 urad (2.5 degrees)
 PIXEL = 340.94e-6
 WIDE = BrownConrady(k1=-0.12, k2=0.03, k3=-0.004, p1=0.002, p2=-0.003)
 

@@ -17,7 +17,7 @@ from rso_lidar.optics.lens.psf import (
     reach_of,
 )
 
-SEED = {"pitch_m": 100e-6, "wavelength_m": 1064e-9, "f_number": 2.8}  # the seed's section 5 lens
+SEED = {"pitch_m": 100e-6, "wavelength_m": 1064e-9, "f_number": 2.8}  # the lens of Fuller et al., sec. 5
 BLUR_M = 1064e-9 * 2.8
 HALO = {"halo_fraction": 0.01, "halo_radius_um": 150.0}
 

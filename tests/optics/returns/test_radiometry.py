@@ -191,7 +191,7 @@ def test_a_late_pulse_shifts_no_delay():
 
 
 def test_cells_of_coherence():
-    """Aperture times solid angle over lambda squared: 884 in a filled pixel of the seed's lens (instrument.md 1.4: 885)."""
+    """Aperture times solid angle over lambda squared: 884 in a filled pixel of Fuller et al. (instrument.md: 885)."""
     seed = Receiver(fov_deg=2.5, f_number=2.8, n_rows=4, n_cols=128)
     hits = hits_at([64] * 4, 1000.0)
     cells = collect(hits, Laser(), seed).coherence_cells.sum()

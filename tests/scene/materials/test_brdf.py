@@ -16,7 +16,7 @@ CUBES = RetroReflector(diameter_mm=12.7, reflectance=0.9, fill_fraction=0.5)
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.3, 1.0])
 def test_lambertian_is_equally_bright_and_sends_back_its_reflectance(reflectance):
-    """Seed eq. 9; integrated over the hemisphere, rho cos gives the reflectance."""
+    """Fuller et al., eq. 9; integrated over the hemisphere, rho cos gives the reflectance."""
     brdf = Lambertian(reflectance=reflectance).brdf_per_sr(np.linspace(0, 1, 5))
     assert brdf.tolist() == [reflectance / math.pi] * 5
 
@@ -24,7 +24,7 @@ def test_lambertian_is_equally_bright_and_sends_back_its_reflectance(reflectance
 @pytest.mark.parametrize(
     ("kd", "ks", "n", "tilt_deg", "expected"),
     [
-        # Seed eq. 10 by hand: kd/pi + ks (n + 2)/(2 pi) cos^n(2 alpha).
+        # Fuller et al., eq. 10 by hand: kd/pi + ks (n + 2)/(2 pi) cos^n(2 alpha).
         (0.10, 0.50, 300.0, 0.0, 0.10 / math.pi + 0.50 * 302 / (2 * math.pi)),
         (0.10, 0.50, 2.0, 30.0, 0.10 / math.pi + 0.50 * 4 / (2 * math.pi) * 0.25),
         (0.30, 0.40, 1.0, 20.0, 0.30 / math.pi + 0.40 * 3 / (2 * math.pi) * math.cos(math.radians(40))),
