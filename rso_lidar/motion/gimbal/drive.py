@@ -1,28 +1,34 @@
-"""How the axes of a pan-tilt unit answer what they are asked: the responses, and the law of each from tick to tick."""
+"""Drives of a pan-tilt unit: how its axes follow their demand, from tick to tick.
+
+First- and second-order drives are linear and solved exactly for a demand that is held over a tick. Where a limit applies,
+the change of rate is clipped to the greatest acceleration, then the rate to the greatest rate, and the angle follows:
+`SecondOrder` by the mean of old and new rate, `FirstOrder` by the new rate. At an end of its travel a drive stops.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, loop
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.motion.dynamics.function import Dynamics, Function, checked, found, in_words, stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
 Pair = tuple[float, float]
-
-_FEW_TICKS = 200  # some 30 us in Python: fewer are not worth a compiled call
+State = tuple[tuple[Pair, Pair], tuple[float, ...]]  # (angle, rate) of pan and of tilt, and further entries
 
 
 class _Travel(Part):
-    """What every drive obeys: the ends of its travel."""
+    """Base of all drives: the ends of the travel of pan and tilt."""
+
+    # Longest run [s] for which a preview steps the drive: it then takes a second or two.
+    preview_limit_s: ClassVar[float] = 4000.0
 
     pan_limits_deg: Limits | None = Field(
         default=None, description="Lower and upper limit of pan [deg]. If omitted, pan is unlimited."
@@ -51,7 +57,7 @@ class _Travel(Part):
 
 
 class _Drive(_Travel):
-    """What a drive with dynamics may be limited by."""
+    """Base of linear drives: the greatest rate and acceleration."""
 
     max_rate_deg_s: Positive | None = Field(
         default=None, description="Greatest rate of each axis [deg/s]. If omitted, the rate is unlimited."
@@ -71,10 +77,15 @@ class _Drive(_Travel):
         """Return the greatest acceleration [rad/s2], infinite where there is none."""
         return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
 
+    def limits(self, dt: float) -> Pair:
+        """Return the greatest rate [rad/s], and the greatest change of it in `dt` [s]."""
+        return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
+
 
 class Ideal(_Travel):
-    """A drive that stands on its demand at every instant, within its travel."""
+    """A drive that is at its demand at every instant, within its travel."""
 
+    preview_limit_s: ClassVar[float] = 0.0
     type: Literal["ideal"] = "ideal"
 
 
@@ -83,6 +94,16 @@ class FirstOrder(_Drive):
 
     type: Literal["first_order"] = "first_order"
     time_constant_s: Positive = Field(description="Time constant τ [s].")
+
+    def advance(
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+    ) -> State:
+        """Advance both axes as `StateSpaceDrive.advance` does; there are no further entries."""
+        law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
+        limits = self.limits(dt)
+        (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
+        pan = advance_first_order(dt, law, limits, pan_ends, axes[0], asked[0])
+        return (pan, advance_first_order(dt, law, limits, tilt_ends, axes[1], asked[1])), further
 
 
 class SecondOrder(_Drive):
@@ -94,6 +115,16 @@ class SecondOrder(_Drive):
         description="Damping ratio ζ. The drive lags a steady slew by ζ / (π natural_hz) seconds."
     )
 
+    def advance(
+        self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
+    ) -> State:
+        """Advance both axes as `StateSpaceDrive.advance` does; there are no further entries."""
+        law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
+        limits = self.limits(dt)
+        (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
+        pan = advance_second_order(dt, law, limits, pan_ends, axes[0], asked[0])
+        return (pan, advance_second_order(dt, law, limits, tilt_ends, axes[1], asked[1])), further
+
 
 class StateSpaceDrive(_Travel):
     """A drive by a user's own x' = f(t, x, u) (seed eq. 6), by Runge and Kutta's fourth order from tick to tick of 1 ms.
@@ -102,6 +133,7 @@ class StateSpaceDrive(_Travel):
     u is what is asked: pan and tilt [rad]. `dynamics` is ``file.py:name``, ``package.module:name`` or a function.
     """
 
+    preview_limit_s: ClassVar[float] = 60.0
     type: Literal["state_space"] = "state_space"
     dynamics: Dynamics = Field(
         description=(
@@ -116,10 +148,23 @@ class StateSpaceDrive(_Travel):
         """Return what to call the dynamics in errors."""
         return in_words(self.dynamics)
 
-    def steps(
+    def advance(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
-    ) -> tuple[tuple[Pair, Pair], tuple[float, ...]]:
-        """Return (angle, rate) of pan and of tilt, and the further state, after each row of `held` [rad] for `dt` [s]."""
+    ) -> State:
+        """Advance both axes while each row of `held` is the demand in turn.
+
+        Parameters
+        ----------
+        begin_s : instant of the first row [s].
+        dt : how long each row is held [s].
+        axes : (angle [rad], rate [rad/s]) of pan and of tilt at `begin_s`.
+        further : further entries of the state at `begin_s`.
+        held : demanded pan and tilt (tick, 2) [rad].
+
+        Returns
+        -------
+        (angle, rate) of pan and of tilt after the last row, and the further entries of the state.
+        """
         f = _function(self, stamp(self.dynamics))
         (pan, pan_rate), (tilt, tilt_rate) = axes
         x, ends = np.array([pan, tilt, pan_rate, tilt_rate, *further]), self.travel_rad
@@ -141,39 +186,22 @@ def _function(drive: StateSpaceDrive, _stamp: tuple[int, int]) -> Function:
     return checked(found(drive.dynamics), drive.label, 4 + len(drive.further_state))
 
 
-def advance(
-    response: FirstOrder | SecondOrder, dt: float, axes: tuple[Pair, Pair], held: np.ndarray
-) -> tuple[Pair, Pair]:
-    """Return (angle, rate) of pan and of tilt after each row of `held` (tick, 2) [rad] was asked for `dt` [s].
+@kernel
+def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, asked: np.ndarray) -> Pair:
+    """Advance one axis of a first-order drive while each entry of `asked` is held in turn.
 
-    Each law is linear and solved exactly for a demand that is held. Where a limit bites, the change of rate is clipped to
-    the greatest acceleration, then the rate to the greatest rate, and the angle follows: `SecondOrder` by the mean of old
-    and new rate, `FirstOrder` by the new rate. A drive that swings past an end of its travel stops there.
-    """
-    law: tuple[float, ...]
-    if isinstance(response, FirstOrder):
-        answer: Callable[..., Pair] = first_order
-        law = response.time_constant_s, math.exp(-dt / response.time_constant_s)
-    else:
-        answer, law = second_order, _exponential(2.0 * math.pi * response.natural_hz, response.damping, dt)
-    many = len(held) > _FEW_TICKS and compiled()
-    answer = _compiled(answer) if many else answer
-    asked = np.ascontiguousarray(held.T) if many else held.T.tolist()
-    limits = response.max_rate_rad_s, response.max_acceleration_rad_s2 * dt
-    pan, tilt = (
-        answer(dt, law, limits, ends, axis, of_axis)
-        for ends, axis, of_axis in zip(response.travel_rad, axes, asked, strict=True)
-    )
-    return pan, tilt
+    Parameters
+    ----------
+    dt : how long each demand is held [s].
+    law : tau [s] and exp(-dt / tau).
+    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
+    travel : lower and upper end of the axis [rad].
+    axis : angle [rad] and rate [rad/s] at the start.
+    asked : demands (tick) f8 [rad].
 
-
-_compiled = functools.cache(loop)
-
-
-def first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, asked: Sequence[float]) -> Pair:
-    """Return (angle, rate) [rad, rad/s] of an axis after each of `asked` [rad] was held for `dt` [s].
-
-    `law` holds tau [s] and exp(-dt/tau), `limits` the greatest rate [rad/s] and change of rate in a tick, `travel` the ends.
+    Returns
+    -------
+    angle [rad] and rate [rad/s] after the last demand.
     """
     (x, v), (low, high), (most, change), (tau, decay) = axis, travel, limits, law
     step = most * dt
@@ -190,17 +218,18 @@ def first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, as
     return x, v
 
 
-def second_order(
+@kernel
+def advance_second_order(
     dt: float,
     law: tuple[float, float, float, float],
     limits: Pair,
     travel: Pair,
     axis: Pair,
-    asked: Sequence[float],
+    asked: np.ndarray,
 ) -> Pair:
-    """Return (angle, rate) [rad, rad/s] of an axis after each of `asked` [rad] was held for `dt` [s].
+    """Advance one axis of a second-order drive while each entry of `asked` is held in turn.
 
-    `law` is the matrix exponential over a tick, by rows; the rest as for `first_order`.
+    `law` is the transition matrix over `dt`, by rows; the rest as for `advance_first_order`.
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in asked:
@@ -217,8 +246,15 @@ def second_order(
     return x, v
 
 
-def _exponential(natural: float, damping: float, dt: float) -> tuple[float, float, float, float]:
-    """Return the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows; w = `natural` [rad/s]."""
+def second_order_transition(natural: float, damping: float, dt: float) -> tuple[float, float, float, float]:
+    """Return the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows.
+
+    Parameters
+    ----------
+    natural : undamped natural angular frequency w [rad/s].
+    damping : damping ratio zeta.
+    dt : time step [s].
+    """
     sigma = damping * natural
     phase = natural * natural * (1.0 - damping) * (1.0 + damping)
     if phase >= 0.0:

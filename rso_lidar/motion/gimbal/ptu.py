@@ -24,7 +24,7 @@ from pydantic import Field
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.gimbal.demand import Demand, FixedPoint, ScanPoint, TrackPoint
-from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive, advance
+from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, Pair, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import GREATEST, NotNegative, Number, Part
 from rso_lidar.pose import Link
@@ -115,7 +115,7 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
     """Return the state at t = 0: at rest on the demand, within the travel (an `Ideal` drive moves with it at once)."""
     asked = _pair(demand(np.zeros(1))[0])
     pan, tilt = (min(max(angle, low), high) for angle, (low, high) in zip(asked, ptu.response.travel_rad, strict=True))
-    further = ptu.response.further_state if isinstance(ptu.response, StateSpaceDrive) else ()
+    further = getattr(ptu.response, "further_state", ())
     state = PtuState(0.0, (pan, tilt), (0.0, 0.0), asked, 0, ((pan, 0.0), (tilt, 0.0)), further=further)
     return step(ptu, state, demand, 0.0)
 
@@ -146,23 +146,13 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     grid, further = state.grid, state.further
     for first in range(state.tick, tick, CHUNK):
         held = _held(demand, commands, first, min(first + CHUNK, tick), latency, travel)
-        grid, further = _advanced(ptu, first, TICK_S, grid, further, held)
+        grid, further = ptu.response.advance(first / TICKS_PER_S, TICK_S, grid, further, held)
     here = grid
     if rest_s:
         held = _held(demand, commands, tick, tick + 1, latency, travel)
-        here, _ = _advanced(ptu, tick, rest_s, grid, further, held)
+        here, _ = ptu.response.advance(tick / TICKS_PER_S, rest_s, grid, further, held)
     (pan, pan_rate), (tilt, tilt_rate) = here
     return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands, further)
-
-
-def _advanced(
-    ptu: Ptu, tick: int, dt: float, grid: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
-) -> tuple[tuple[Pair, Pair], tuple[float, ...]]:
-    """Return (angle, rate) of pan and of tilt, and the further state, after each row of `held` for `dt` [s] from a tick."""
-    assert not isinstance(ptu.response, Ideal)
-    if isinstance(ptu.response, StateSpaceDrive):
-        return ptu.response.steps(tick / TICKS_PER_S, dt, grid, further, held)
-    return advance(ptu.response, dt, grid, held), further
 
 
 def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:

@@ -20,7 +20,6 @@ from rso_lidar.scene import Surface
 from rso_lidar.units import SPEED_OF_LIGHT_M_S
 
 _MOST_EPOCHS = 400
-_LONGEST_S = {"first_order": 4000.0, "second_order": 4000.0, "state_space": 60.0}  # for which the drive is stepped
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +96,7 @@ def _pointed(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarray, n
     if ptu is None:
         return np.zeros((len(course.time_s), 2)), np.zeros((len(course.time_s), 2)), None
     asked = motion.asked(ptu, mission.bodies, course)
-    longest_s = 0.0 if ptu.response.type == "ideal" else _LONGEST_S.get(ptu.response.type, _LONGEST_S["second_order"])
-    if course.time_s[-1] > longest_s:
+    if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
     world: dict[str, Any] = {"local": mission.local, "sun_direction": mission.world.sun_direction}
     angles, rates = motion.driven(ptu, mission.bodies, course, mission.time.start_utc, **world)

@@ -4,11 +4,25 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive, advance
+from rso_lidar.kernels import packed
+from rso_lidar.motion.gimbal.drive import (
+    FirstOrder,
+    Ideal,
+    SecondOrder,
+    StateSpaceDrive,
+    advance_first_order,
+    advance_second_order,
+    second_order_transition,
+)
 from rso_lidar.motion.gimbal.ptu import TICK_S
 from rso_lidar.units import DEG
+from tests.reference.motion.gimbal import drive as reference
+
+
+def advance(response, dt, axes, held):
+    """Return (angle, rate) of pan and of tilt after each row of `held` (tick, 2) [rad] was asked for `dt` [s]."""
+    return response.advance(0.0, dt, axes, (), held)[0]
 
 
 def answer(response, pan_rad, ticks, start=((0.0, 0.0), (0.0, 0.0))):
@@ -144,17 +158,25 @@ def test_impossible_drives_are_refused(make):
 
 
 @pytest.mark.parametrize("response", [FirstOrder(time_constant_s=0.05), SecondOrder(natural_hz=3.0, damping=0.4)])
-def test_many_ticks_compiled_are_the_same_bits_as_in_python(response):
-    """The very same function, compiled where there are many ticks; limits and ends of travel are met on the way."""
+def test_kernels_answer_as_the_reference_does(response):
+    """Limits and ends of travel are met on the way; the kernel as plain Python gives the very same bits."""
     limited = response.replace(max_rate_deg_s=20.0, max_acceleration_deg_s2=90.0, pan_limits_deg=(-8.0, 11.0))
     held = np.random.default_rng(5).normal(0.0, 0.3, (4000, 2)).cumsum(axis=0) * 0.01
     axes = ((0.01, 0.2), (-0.02, 0.0))
-    answers = {}
-    for path in arithmetic.CHOICES:
-        with arithmetic.using(path):
-            answers[path] = advance(limited, 1e-3, axes, held)
-    assert answers["numba"] == answers["numpy"]
-    assert answers["numba"] != axes
+    made = advance(limited, 1e-3, axes, held)
+    np.testing.assert_allclose(made, reference.advance(limited, 1e-3, axes, held), rtol=1e-11, atol=1e-14)
+    assert made != axes
+
+
+def test_kernels_give_the_bits_of_plain_python():
+    held = np.random.default_rng(6).normal(0.0, 0.1, 3000).cumsum() * 0.01
+    limits, travel, axis = (20 * DEG, 90 * DEG * 1e-3), (-8 * DEG, 11 * DEG), (0.01, 0.2)
+    for kernel, law in (
+        (advance_first_order, (0.05, math.exp(-1e-3 / 0.05))),
+        (advance_second_order, second_order_transition(2 * math.pi * 3.0, 0.4, 1e-3)),
+    ):
+        python = kernel.function(1e-3, law, limits, travel, axis, held.tolist())
+        assert kernel(1e-3, law, limits, travel, axis, packed(held)) == python
 
 
 def hastening(t, x, u):
@@ -168,7 +190,7 @@ def test_a_users_drive_is_a_function_of_time_integrated_by_runge_and_kuttas_four
     begin, n, dt = 0.7, 150, 2e-3
     held = np.tile([0.3, 9.0], (n, 1))
     (pan, pan_rate), (tilt, tilt_rate) = (0.1, -0.2), (0.4, 0.05)
-    made = drive.steps(begin, dt, ((pan, pan_rate), (tilt, tilt_rate)), (0.25,), held)
+    made = drive.advance(begin, dt, ((pan, pan_rate), (tilt, tilt_rate)), (0.25,), held)
     ((pan_end, pan_rate_end), (tilt_end, tilt_rate_end)), (own,) = made
     t, since = begin + n * dt, n * dt
     assert pan_rate_end == pytest.approx(pan_rate + 2.0 * (t**3 - begin**3) + 0.6 * since, abs=1e-13)
