@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import rso_lidar as rl
-from rso_lidar.study.recorded_runs import display
+from rso_lidar.study.recorded_runs import display as module
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def bench(text, tmp_path):
 
 @pytest.fixture
 def call(rso_lidar, monkeypatch):
-    monkeypatch.setattr(display, "has_display", lambda: False)
+    monkeypatch.setattr(module, "has_display", lambda: False)
     return partial(rso_lidar, "view")
 
 

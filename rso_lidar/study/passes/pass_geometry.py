@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +23,7 @@ from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.tables.constraints import Constraints, Corridor
-    from rso_lidar.scenario.tables.lidar import Lidar
+from rso_lidar.scenario import Constraints, Corridor, Lidar
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
 SMALL_M2 = 0.01  # a side of a CubeSat of one unit

@@ -15,9 +15,11 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
 from rso_lidar.orbit.sets.fleet import Fleet
+from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import turned
 from rso_lidar.rpo.relative.rtn import rtn_axes
+from rso_lidar.scenario import Lidar
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
 from rso_lidar.study.passes.search import Encounters
 
@@ -204,8 +206,6 @@ def _motion(elements: ElementSet) -> str:
         named = f", name = {_quoted(elements.name)}" if elements.name else ""
         first, second = _quoted(elements.line1), _quoted(elements.line2)
         return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
-    from rso_lidar.orbit.sets.sgp4_motion import Omm
-
     fields = Omm.of(elements).model_dump(exclude_none=True)
     return "{ " + ", ".join(f"{key} = {_quoted(value)}" for key, value in fields.items()) + " }"
 
@@ -215,8 +215,6 @@ def _lidar(table: Encounters) -> str:
 
     tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
     if table.lidar.preset is not None:  # what the preset says itself need not stand here
-        from rso_lidar.scenario.tables.lidar import Lidar
-
         if table.lidar == Lidar(preset=table.lidar.preset):  # type: ignore[call-arg]
             tree = {"preset": table.lidar.preset}
     return tomli_w.dumps({"lidar": tree})

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from rso_lidar import units
 from rso_lidar.errors import CatalogError, RsoLidarWarning, ScenarioError, did_you_mean
@@ -21,6 +21,7 @@ from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
 from rso_lidar.orbit.sets.formats import read_element_sets
 from rso_lidar.orbit.sets.teme import STALE_DAYS
+from rso_lidar.scenario import Constraints, Lidar
 from rso_lidar.study.passes.docked import fold_docked
 from rso_lidar.study.passes.pass_geometry import (
     SMALL_M2,
@@ -30,10 +31,6 @@ from rso_lidar.study.passes.pass_geometry import (
     rtn_corridors,
     sightings,
 )
-
-if TYPE_CHECKING:
-    from rso_lidar.scenario.tables.constraints import Constraints
-    from rso_lidar.scenario.tables.lidar import Lidar
 
 Order = Literal["range", "time", "speed"]
 MAX_SLEW_DEG_S = 2.0
@@ -251,8 +248,6 @@ def encounters(
     sunlit : only where the object is in sunlight at the closest approach
     min_duration_s : only stays at least so long [s]
     """
-    from rso_lidar.scenario.tables.lidar import Lidar
-
     checked_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
         raise ScenarioError(f"sort: {quote(sort)} is no order; use one of {', '.join(_KEYS)}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.recorded_runs import display
+from rso_lidar.study.recorded_runs import display as module
 from rso_lidar.study.recorded_runs.display import true_shapes, way
 
 HINGED = (
@@ -22,10 +22,10 @@ def desk(monkeypatch):
     """Return a function that says what this machine has: a display, Rerun, something to open windows with."""
 
     def have(*, display=True, rerun=True, window=True):
-        monkeypatch.setattr(display, "has_display", lambda: display)
-        monkeypatch.setattr(display, "installed", lambda: rerun)
-        monkeypatch.setattr(display, "need_rerun", lambda what: None)
-        monkeypatch.setattr(display, "window_backend", lambda: "tkagg" if window else None)
+        monkeypatch.setattr(module, "has_display", lambda: display)
+        monkeypatch.setattr(module, "installed", lambda: rerun)
+        monkeypatch.setattr(module, "need_rerun", lambda what: None)
+        monkeypatch.setattr(module, "window_backend", lambda: "tkagg" if window else None)
 
     return have
 
@@ -93,15 +93,15 @@ def test_frames_made_in_memory_have_no_file_to_write_beside(desk, text):
 
 
 def test_display_is_what_the_environment_says(monkeypatch):
-    monkeypatch.setattr(display.sys, "platform", "linux")
+    monkeypatch.setattr(module.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    assert not display.has_display()
+    assert not module.has_display()
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
-    assert display.has_display()
+    assert module.has_display()
     monkeypatch.delenv("WAYLAND_DISPLAY")
-    monkeypatch.setattr(display.sys, "platform", "darwin")
-    assert display.has_display()
+    monkeypatch.setattr(module.sys, "platform", "darwin")
+    assert module.has_display()
 
 
 def test_hinged_parts_are_in_the_axes_of_their_hinge(text):
