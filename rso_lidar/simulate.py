@@ -213,8 +213,7 @@ def _known(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
     for name in names:
         if name not in KEPT:
             raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
-    if "waveforms" in names and scenario.lidar.detector.type != "gsfl":
-        raise ScenarioError(
-            f'keep: the detector "{scenario.lidar.detector.type}" has no waveforms; set lidar.detector.type = "gsfl"'
-        )
+    if "waveforms" in names and not scenario.lidar.detector.traits.has_waveforms:
+        kind = getattr(scenario.lidar.detector, "type", type(scenario.lidar.detector).__name__)
+        raise ScenarioError(f'keep: the detector "{kind}" has no waveforms; set lidar.detector.type = "gsfl"')
     return names

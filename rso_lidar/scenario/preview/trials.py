@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import Empirical
+from rso_lidar.detector import array_load
 from rso_lidar.detector.trial import Surroundings, Trial, trial
 from rso_lidar.records import Photons
 from rso_lidar.scenario.mission.mission import Mission
@@ -82,7 +82,7 @@ def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[
     gains, together = [], []
     for number in few.tolist():
         pixel = pixels[number]
-        load = lidar.detector.array_load(casts[number].light)
+        load = array_load(lidar.detector, casts[number].light)
         gains.append(1.0 if pixel is None else float(load.gain[pixel]))
         together.append(0.0 if pixel is None else float(load.together_fraction[pixel]))
     nearest = np.abs(np.subtract.outer(np.arange(len(casts)), few)).argmin(axis=1)
@@ -105,18 +105,14 @@ def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, t
     time_s : instant whose instrument counts.
     """
     lidar = mission.instrument.at(time_s)
-    detector = lidar.detector
-    gate = None if isinstance(detector, Empirical) else detector.gate
-    n = _TRIALS
-    if gate is not None and not isinstance(detector, Empirical):  # many pulses, and many samples, take their time
-        samples = gate.n_samples(detector.readout.sample_s)
-        n = max(min(_TRIALS // gate.pulses, _MOST_SAMPLES // samples), _FEWEST_TRIALS)
+    traits = lidar.detector.traits  # many pulses, and many samples, take their time
+    n = max(min(_TRIALS // traits.pulses, _MOST_SAMPLES // traits.samples), _FEWEST_TRIALS)
     pixels = [one.pixel_at(share) for one in casts]
     # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
     shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
     photons, true_m = copy_pixels(casts, pixels, n, shift_m)
     around = surroundings(lidar, casts, pixels, n)
-    return trial(detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
+    return trial(lidar.detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar import motion, units
-from rso_lidar.detector import Gsfl
+from rso_lidar import detector, motion, units
 from rso_lidar.motion import Slew
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.optics.tables import zemax
 from rso_lidar.orbit import Numerical
+from rso_lidar.part import name_object, python_objects
 from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, Sight, parallax_share, preview
@@ -27,7 +27,6 @@ _LIGHT_TIME_M = 0.01
 _BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
 _WHOLLY = 0.75  # of the time: less is more than the end of an approach
 _LOUDER = 1.05  # times the noise in the dark
-_FALSE_SHARE = 0.005  # of all pixels: 80 false ones in a frame begin to hide a distant target
 _SELDOM = 0.5  # probability of detection below which even the brightest pixel is missed more often than found
 _DIM = 0.01  # of the light that a laser at the lens would send to the boresight
 
@@ -40,7 +39,7 @@ def advice(mission: Mission, seen: Preview | None = None) -> list[str]:
     lines += _field(mission, seen)
     lines += _plans(mission)
     lines += _window(mission, seen)
-    lines += _detector(mission)
+    lines += detector.advise(mission.lidar.detector, mission.instrument.laser.pulse_fwhm_s)
     lines += separation_advice(mission, seen)
     lines += _lens(mission)
     lines += _sun_noise(mission)
@@ -51,9 +50,19 @@ def advice(mission: Mission, seen: Preview | None = None) -> list[str]:
     lines += environment_advice(mission, seen, mission.constraints)
     if mission.constraints is not None:
         lines += broken(mission.constraints, mission, seen)
+    lines += _python_objects(mission)
     if not mission.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
     return lines
+
+
+def _python_objects(mission: Mission) -> list[str]:
+    """List the Python objects of a mission, which a recording names but does not contain."""
+    return [
+        f"{name_object(given)} is a Python object: a recording names it and cannot rebuild it; to fly the recorded "
+        "scenario again, give the object again with replace(...)"
+        for given in python_objects(mission)
+    ]
 
 
 def _drive(mission: Mission, seen: Preview) -> list[str]:
@@ -124,11 +133,11 @@ def _field(mission: Mission, seen: Preview) -> list[str]:
 def _window(mission: Mission, seen: Preview) -> list[str]:
     lines = []
     for sight in seen.sights:
-        detectors = [mission.lidar.at(float(time_s)).detector for time_s in seen.time_s]
-        opens, closes = (np.array([getattr(d, name) for d in detectors]) for name in ("sees_from_m", "sees_to_m"))
+        traits = [mission.lidar.at(float(time_s)).detector.traits for time_s in seen.time_s]
+        opens, closes = (np.array([getattr(one, name) for one in traits]) for name in ("sees_from_m", "sees_to_m"))
         outside = (sight.range_m < opens) | (sight.range_m > closes)
         near, far = float(sight.range_m.min()), float(sight.range_m.max())
-        if isinstance(detectors[0], Gsfl) and detectors[0].gate is not None:
+        if traits[0].is_gated:
             lines += _gate(sight, opens, closes)
         elif outside.any():
             lines.append(
@@ -158,40 +167,12 @@ def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
     return []
 
 
-def _detector(mission: Mission) -> list[str]:
-    detector = mission.lidar.detector
-    if not isinstance(detector, Gsfl):
-        return []
-    lines = []
-    if detector.gate is None:
-        share = detector.false_trigger_fraction
-        if share > _FALSE_SHARE:
-            lines.append(
-                f"noise triggers {share:.1%} of the pixels in every frame before they could see a target (threshold "
-                f"{detector.threshold_over_noise:.2g} times the noise); raise lidar.detector.trigger.threshold_electrons, "
-                "or arm a shorter window"
-            )
-        stored_ns = (detector.readout.samples - detector.readout.pretrigger_samples) * detector.readout.sample_ns
-        pulse_ns = mission.instrument.laser.pulse_fwhm_s / units.NS
-        if stored_ns < 1.5 * pulse_ns:
-            lines.append(
-                f"a pulse of {pulse_ns:.3g} ns is longer than what is stored of it, {stored_ns:.3g} ns behind the latch; "
-                "store more lidar.detector.readout.samples, or shorten the pulse"
-            )
-        if detector.readout.sample_ns > pulse_ns:
-            lines.append(
-                f"samples {detector.readout.sample_ns:.3g} ns apart miss a pulse of {pulse_ns:.3g} ns; shorten "
-                "lidar.detector.readout.sample_ns"
-            )
-    return lines
-
-
 def _sun_noise(mission: Mission) -> list[str]:
     """Return what sunlight on the brightest material, facing the Sun, does to the noise."""
     lidar = mission.instrument
-    receiver, detector = lidar.receiver, lidar.detector
+    receiver = lidar.receiver
     sun = not mission.local or mission.world.sun_direction is not None
-    if receiver.filter_width_nm is None or not isinstance(detector, Gsfl) or not sun or not mission.surfaces:
+    if receiver.filter_width_nm is None or not sun or not mission.surfaces:
         return []
     brdf = max(
         float(material.mean_brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
@@ -200,7 +181,7 @@ def _sun_noise(mission: Mission) -> list[str]:
     )
     per_m2 = sun_photons_per_s_m2(lidar.laser.wavelength_m, receiver.filter_width_nm * units.NM)
     rate = per_m2 * receiver.aperture_area_m2 * receiver.transmission * brdf * receiver.pixel_tangent**2
-    louder = detector.noise_in_light(rate) / detector.noise_electrons if detector.noise_electrons > 0.0 else np.inf
+    louder = detector.noise_growth(lidar.detector, rate)
     if louder < _LOUDER:
         return []
     return [
@@ -259,13 +240,13 @@ def _brightness(mission: Mission, seen: Preview) -> list[str]:
             continue
         (returns,) = casts = cast_attitudes(mission, seen, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
-        if float(mission.lidar.detector.counts(np.array(photons))) >= mission.lidar.detector.full_scale_counts:
+        if photons >= mission.lidar.detector.traits.saturation_photons:
             lines.append(
                 f"target {sight.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
                 f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
             )
             continue
-        armed = mission.instrument.at(time_s).detector
+        armed = mission.instrument.at(time_s).detector.traits
         if not returns.pixel.size or not armed.sees_from_m < nearest_m < armed.sees_to_m:
             continue  # that is said elsewhere
         probability = try_pixels(mission, casts, 1.0, time_s).probability

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar import motion, units
-from rso_lidar.detector import Empirical
+from rso_lidar import detector, motion, units
 from rso_lidar.detector.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, format_utc
 from rso_lidar.orbit.sets.sgp4_motion import Omm
@@ -24,7 +23,6 @@ from rso_lidar.scenario.review.separations import separation_lines
 from rso_lidar.ties import first_least
 
 _FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
-_FOCAL_PLANE = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a detector, off by default
 
 
 def describe(mission: Mission) -> str:
@@ -187,40 +185,11 @@ def _more_optics(mission: Mission) -> list[str]:
 
 
 def _detector_lines(mission: Mission) -> list[str]:
-    detector = mission.lidar.detector
-    if isinstance(detector, Empirical):
-        return [
-            f"detector    empirical, 95 % at {detector.reference_photons:g} photons, "
-            f"armed {detector.armed_from_m:g} to {detector.armed_to_m:g} m"
-        ]
-    apd, amplifier, readout = detector.apd, detector.amplifier, detector.readout
-    lines = [
-        f"detector    gsfl {detector.preset}: QE {detector.quantum_efficiency:g}, gain {apd.gain:g} (F "
-        f"{apd.excess_noise_factor:.2f}), dark {apd.dark_current_na:g} nA, amplifier {amplifier.bandwidth_mhz:g} MHz and "
-        f"{amplifier.noise_electrons:.0f} electrons, {readout.samples} samples of {readout.sample_ns:g} ns, "
-        f"{detector.ranging.algorithm}"
-    ]
-    parts = [name for name in _FOCAL_PLANE if getattr(detector, name) is not None]
-    if detector.returns != "first" or detector.max_returns > 1:
-        parts.append(f"returns: {detector.returns} of up to {detector.max_returns}")
-    if parts:
-        lines.append(f"  with      {', '.join(parts)}")
-    lines += separation_lines(mission)
-    if detector.gate is not None:
-        gate = detector.gate
-        lines.append(
-            f"  gate      {gate.from_m:.1f} to {gate.to_m:.1f} m, {gate.pulses} pulse{'s' * (gate.pulses > 1)} a frame, "
-            f"false alarms {gate.false_alarm_probability:g} a pixel and frame"
-        )
-        return lines
-    n_pixels = mission.lidar.receiver.n_rows * mission.lidar.receiver.n_cols
-    false = detector.false_trigger_fraction * n_pixels
-    lines.append(
-        f"  trigger   {detector.trigger.threshold_electrons:.0f} electrons ({detector.threshold_photons:.0f} photons), "
-        f"{detector.threshold_over_noise:.1f} times the noise; "
-        f"armed {detector.armed_from_m:g} to {detector.armed_to_m:g} m, {false:.2g} false triggers a frame"
-    )
-    return lines
+    """Describe the detector, and before the last line, which says when it looks, what it lists of several returns."""
+    receiver = mission.lidar.receiver
+    lines = detector.describe(mission.lidar.detector, receiver.n_rows * receiver.n_cols)
+    first = max(len(lines) - 1, 1)
+    return [*lines[:first], *separation_lines(mission), *lines[first:]]
 
 
 def _budget_lines(mission: Mission, number: int, seen: Preview) -> list[str]:

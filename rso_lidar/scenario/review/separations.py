@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rso_lidar.detector import Gsfl
+from rso_lidar.detector import describe_storage
 from rso_lidar.detector.separation import OVER, listed_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
@@ -18,13 +18,12 @@ _MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 12, 20_000, 3  # enough for a depth i
 
 def separation_lines(mission: Mission) -> list[str]:
     """Return in words the separations at which the detector lists two returns of a pixel; empty where it lists only one."""
-    detector = mission.lidar.detector
-    if not isinstance(detector, Gsfl) or detector.max_returns == 1:
+    traits = mission.lidar.detector.traits
+    if traits.max_returns == 1:
         return []
     listed = [(over, _listed_m(mission, over)) for over in (OVER, _BRIGHT)]
     words = [
-        f"{_span(one)} with {over * detector.threshold_photons:,.0f} photons each" if one else ""
-        for over, one in listed
+        f"{_span(one)} with {over * traits.threshold_photons:,.0f} photons each" if one else "" for over, one in listed
     ]
     text = "; ".join(word for word in words if word)
     if not text:
@@ -38,24 +37,18 @@ def separation_advice(mission: Mission, seen: Preview) -> list[str]:
     A pixel that triggers itself stores little behind its latch, so it always has one where more than the first return is
     asked for. Under a gate there is one where a part is deeper than the gate lists two returns of.
     """
-    detector = mission.lidar.detector
-    if not isinstance(detector, Gsfl) or (detector.returns == "first" and detector.max_returns == 1):
+    traits = mission.lidar.detector.traits
+    if traits.returns == "first" and traits.max_returns == 1:
         return []
-    words = []
-    if detector.gate is None:
-        words.append(
-            f"a pixel that triggers itself stores {detector.window_m:.1f} m about the first crossing, "
-            f"{detector.stored_behind_m:.1f} m of them behind it: the strongest, last or further returns are chosen inside "
-            "that only; use lidar.detector.gate to see deeper, or fewer lidar.detector.readout.pretrigger_samples"
-        )
-    if detector.max_returns == 1:
+    words = describe_storage(mission.lidar.detector)
+    if traits.max_returns == 1:
         return words
     listed = _listed_m(mission, OVER)
     if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
     apart = f"two returns of a pixel are both listed {_span(listed)} apart in depth"
     found, lost = zip(*(_outside(mission, seen, number, listed) for number in range(len(mission.target))), strict=True)
-    if detector.gate is None or any(lost):
+    if not traits.is_gated or any(lost):
         words.append("; ".join([apart, *(text for text in found if text)]))
     return ["; ".join(words)] if words else []
 
@@ -106,7 +99,7 @@ def part_depths_m(mission: Mission, seen: Preview, number: int) -> Mapping[str, 
 
 def _listed_m(mission: Mission, over: float) -> tuple[float, float] | None:
     lidar = mission.instrument
-    if not isinstance(lidar.detector, Gsfl) or lidar.detector.max_returns == 1:
+    if lidar.detector.traits.max_returns == 1:
         return None
     return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(_OFTEN)
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import DescribedDetector, Gsfl
+from rso_lidar.detector import AnyDetector, Gsfl
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
@@ -43,7 +43,7 @@ class Lidar(Part):
     )
     laser: Laser = Field(default=Laser(), description="Laser.")
     receiver: Receiver = Field(description="Lens and focal plane.")
-    detector: DescribedDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
+    detector: AnyDetector = Field(default_factory=Gsfl, description="Detector: photons to range and intensity.")
     schedule: Schedule | None = Field(
         default=None, description="Planned changes of the instrument's settings. If omitted, the settings are constant."
     )
@@ -66,9 +66,20 @@ class Lidar(Part):
         return _laid_over({key: value for key, value in presets()[name].items() if key != "what"}, given)
 
     @model_validator(mode="after")
+    def _can_be_hashed(self) -> Self:
+        try:
+            hash(self.detector)
+        except TypeError:
+            kind = type(self.detector).__name__
+            raise ValueError(
+                f"detector: objects of {kind} cannot be hashed; give the class __hash__, or a dataclass frozen=True"
+            ) from None
+        return self
+
+    @model_validator(mode="after")
     def _gate_for_the_plan(self) -> Self:
-        gated = isinstance(self.detector, Gsfl) and self.detector.gate is not None
-        if self.schedule is not None and self.schedule.gate_delay_ns is not None and not gated:
+        planned = self.schedule is not None and self.schedule.gate_delay_ns is not None
+        if planned and not self.detector.traits.is_gated:
             raise ValueError("schedule.gate_delay_ns needs a gate; add [lidar.detector.gate]")
         return self
 
@@ -80,7 +91,7 @@ class Lidar(Part):
     @property
     def max_returns(self) -> int:
         """Return how many returns of a pixel are listed."""
-        return self.detector.max_returns if isinstance(self.detector, Gsfl) else 1
+        return self.detector.traits.max_returns
 
     def at(self, time_s: float, command: Command | None = None) -> Lidar:
         """Return the instrument with what is in force at an instant [s since start_utc], as planned and commanded."""
@@ -117,10 +128,7 @@ class Lidar(Part):
             "focal_length_m": self.receiver.focal_length_m,
             "aperture_m": self.receiver.aperture_m,
         }
-        if isinstance(self.detector, Gsfl) and self.detector.gate is not None:
-            settings["gate_delay_s"] = self.detector.gate.delay_ns * units.NS
-            settings["gate_width_s"] = self.detector.gate.width_ns * units.NS
-        return settings
+        return {**settings, **self.detector.traits.settings}
 
 
 def _laid_over(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -155,8 +163,8 @@ def _with_settings(lidar: Lidar, wanted: tuple[tuple[str, float], ...]) -> Lidar
     if "focal_length_mm" in values:
         changes["receiver"] = lidar.receiver.replace(fov_deg=None, focal_length_mm=values["focal_length_mm"])
     if "gate_delay_ns" in values:
-        gate = lidar.detector.gate if isinstance(lidar.detector, Gsfl) else None
-        if gate is None:
+        if not lidar.detector.traits.is_gated:
             raise ScenarioError("gate_delay_s: the detector has no gate; add [lidar.detector.gate]")
-        changes["detector"] = lidar.detector.replace(gate=gate.replace(delay_ns=values["gate_delay_ns"]))
+        gated: Any = lidar.detector
+        changes["detector"] = gated.with_gate_delay(values["gate_delay_ns"])
     return lidar.replace(**changes)

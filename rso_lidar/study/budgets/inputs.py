@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector import AnyDetector, describe_window, list_uncounted
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
@@ -66,12 +66,12 @@ def with_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
     return lidar.replace(laser=lidar.laser.replace(divergence_deg=divergence_deg))
 
 
-def ranges_m(given: Any, detector: Gsfl | Empirical) -> np.ndarray:
+def ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
     """Return rising ranges [m]: those given, or 121 in equal ratios between two."""
     if given is None:
-        gated = isinstance(detector, Gsfl) and detector.gate is not None
-        far = _GATED_TO_M if gated else min(detector.sees_to_m, _FARTHEST_M)
-        near = far / _SPAN if gated else max(far / _SPAN, detector.sees_from_m)
+        traits = detector.traits
+        far = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, _FARTHEST_M)
+        near = far / _SPAN if traits.is_gated else max(far / _SPAN, traits.sees_from_m)
         return np.geomspace(near, far, _RANGES)
     values = np.asarray(given, dtype=float).ravel()
     if (
@@ -218,21 +218,13 @@ def has_retros(scenario: Scenario | None) -> bool:
 
 def left_out(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
     """Return in words how many false alarms there are, and what of camera and target the closed form does not count."""
-    laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
-    if isinstance(detector, Gsfl) and detector.gate is not None:
-        where = f"a gate of {detector.gate.to_m - detector.gate.from_m:.3g} m about the target"
-    else:
-        where = f"armed {detector.sees_from_m:g} to {detector.sees_to_m:g} m"
+    laser, receiver = lidar.laser, lidar.receiver
     dropped = ["retro-reflectors of the target"] * retros
     dropped += [name for name in ("psf", "distortion") if getattr(receiver, name) is not None]
     if receiver.filter_width_nm is not None:
         dropped.append("sunlight")
     if laser.energy_jitter_fraction:
         dropped.append("energy jitter")
-    if isinstance(detector, Gsfl):
-        parts = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")
-        dropped += [name for name in parts if getattr(detector, name) is not None]
-        if detector.ranging.algorithm != "matched_filter":
-            dropped.append(f"{detector.ranging.algorithm} (precision is the matched filter's)")
-    lines = [f"{where}: {false_alarms:.2g} false alarms a frame in the dark"]
+    dropped += list_uncounted(lidar.detector)
+    lines = [f"{describe_window(lidar.detector)}: {false_alarms:.2g} false alarms a frame in the dark"]
     return (*lines, f"not counted: {', '.join(dropped)}") if dropped else tuple(lines)

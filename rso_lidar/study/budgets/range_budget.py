@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector import Empirical, Gsfl, LaserPulse, false_alarm_probability, predict
+from rso_lidar.detector import AnyDetector, LaserPulse, false_alarm_probability, predict
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import free, write_text
 from rso_lidar.picture.plots.budget import Line, budget_figure
@@ -274,7 +274,7 @@ def budget(
         for tilt in tilts
     ]
     n_pixels = receiver.n_rows * receiver.n_cols
-    each = float(false_alarm_probability(detector, np.array([min(detector.sees_to_m, _FARTHEST_M)]))[0])
+    each = float(false_alarm_probability(detector, np.array([min(detector.traits.sees_to_m, _FARTHEST_M)]))[0])
     return Budget(
         name,
         float(probability),
@@ -361,14 +361,15 @@ def _beam_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
     return area
 
 
-def _reach_m(detector: Gsfl | Empirical) -> tuple[float, float]:
+def _reach_m(detector: AnyDetector) -> tuple[float, float]:
     """Return from where to where [m] light may be waited for; a gate is put about the target, wherever that is."""
-    if isinstance(detector, Gsfl) and detector.gate is not None:
+    traits = detector.traits
+    if traits.is_gated:
         return 1.0, _FARTHEST_M
-    return max(detector.armed_from_m, 1e-3), min(detector.armed_to_m, _FARTHEST_M)
+    return max(traits.sees_from_m, 1e-3), min(traits.sees_to_m, _FARTHEST_M)
 
 
-def _armed(detector: Gsfl | Empirical, range_m: np.ndarray) -> np.ndarray:
+def _armed(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
     low, high = _reach_m(detector)
     armed: np.ndarray = (range_m >= low * (1.0 - 1e-9)) & (range_m <= high * (1.0 + 1e-9))
     return armed

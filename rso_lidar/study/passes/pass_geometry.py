@@ -120,7 +120,7 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
     The near end is the detector's. The far end is the detector's too, or where the light of the whole plate, in one pixel
     (filled up to where the pixel is larger than the plate, then with its share), is the threshold of detection [photons].
     """
-    detector, receiver = lidar.detector, lidar.receiver
+    detector, receiver = lidar.detector.traits, lidar.receiver
     at_1_m = filled_pixel(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
     filled = math.sqrt(at_1_m)
     alone = math.sqrt(plate_m2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate

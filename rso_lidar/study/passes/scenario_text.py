@@ -214,9 +214,9 @@ def _lidar(table: Encounters) -> str:
     import tomli_w
 
     tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
-    if table.lidar.preset is not None:  # what the preset says itself need not stand here
-        if table.lidar == Lidar(preset=table.lidar.preset):  # type: ignore[call-arg]
-            tree = {"preset": table.lidar.preset}
+    preset = table.lidar.preset
+    if preset is not None and table.lidar == Lidar(preset=preset):  # type: ignore[call-arg]
+        tree = {"preset": preset}  # the preset's own values need not be repeated
     return tomli_w.dumps({"lidar": tree})
 
 

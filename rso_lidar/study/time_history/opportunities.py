@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector import array_load, detection_probability
 from rso_lidar.detector.trial import plate, trial
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
@@ -63,23 +63,17 @@ def detection_curve(lidar: Lidar) -> DetectionCurve:
     from scipy.optimize import isotonic_regression
 
     logs = np.linspace(*_DECADES, _LEVELS)
-    detector = lidar.detector
-    if isinstance(detector, Empirical):
-        return DetectionCurve(logs, detector.detection_probability(10.0**logs))
-    n = _trials(detector)
+    detector, traits = lidar.detector, lidar.detector.traits
+    known = detection_probability(detector, 10.0**logs)
+    if known is not None:
+        return DetectionCurve(logs, known)
+    n = max(min(_TRIALS, _MOST_SAMPLES // (traits.samples * traits.pulses * _LEVELS)), _FEWEST)
     photons = np.repeat(10.0**logs, n)
-    middle_m = 0.5 * (detector.sees_from_m + min(detector.sees_to_m, 1e6))
+    middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, 1e6))
     rng = np.random.Generator(np.random.Philox(_LEVELS))
     hit = plate(photons, photons.size, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
     share = trial(detector, hit, rng).detected.reshape(_LEVELS, n).mean(axis=1)
     return DetectionCurve(logs, np.asarray(isotonic_regression(share).x))
-
-
-def _trials(detector: Gsfl) -> int:
-    if detector.gate is None:
-        return _TRIALS
-    samples = detector.gate.n_samples(detector.readout.sample_s) * detector.gate.pulses
-    return max(min(_TRIALS, _MOST_SAMPLES // (samples * _LEVELS)), _FEWEST)
 
 
 def glimpses(
@@ -111,9 +105,9 @@ def _glimpse(scenario: Scenario, truth: Truth, target: int, finest: int, curve: 
     detector = scenario.instrument.at(truth.time_s).detector
     light, range_m = seen.light, seen.hits.range_m[seen.light.hit]
     watched = seen.hits.target[light.hit] == target
-    watched &= (range_m >= detector.sees_from_m) & (range_m <= detector.sees_to_m)
+    watched &= (range_m >= detector.traits.sees_from_m) & (range_m <= detector.traits.sees_to_m)
     n_pixels = light.shape[0] * light.shape[1]
-    gain = detector.array_load(light).gain[seen.pixel]  # less of it is less signal, as of fewer photons
+    gain = array_load(detector, light).gain[seen.pixel]  # less of it is less signal, as of fewer photons
     found = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
     return Glimpse(
         target_pixels=int(seen.pixel.size),

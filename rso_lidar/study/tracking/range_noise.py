@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector import array_load, detect, isolate
 from rso_lidar.detector.trial import Surroundings, plate, point_returns, trial
 from rso_lidar.records import Frame, Photons, Reading
 from rso_lidar.scenario import Lidar
@@ -37,7 +38,7 @@ def recorded_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     photons, range_m, together, gain = [], [], [], []
     for reading in readings:
         light = _light(lidar, reading, answers)
-        load = lidar.detector.array_load(light)
+        load = array_load(lidar.detector, light)
         photons.append(light.photons)
         range_m.append(light.delay_s * units.RANGE_PER_DELAY_M_S)
         together.append(load.together_fraction[light.pixel])
@@ -71,7 +72,7 @@ def _answers(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarr
     level = np.arange(n) % len(_LEVELS)
     laser = lidar.laser
     seen = plate(_LEVELS[level], n, laser.pulse, laser.pulse_fwhm_s, max(range_m - 0.5, 0.0))
-    reading, _ = lidar.detector.alone().detect(seen, rng)
+    reading, _ = detect(seen, isolate(lidar.detector), rng)
     counts = reading.intensity_counts.ravel().astype(float)
     found = np.bincount(level, counts > 0, len(_LEVELS))
     mean = np.bincount(level, counts, len(_LEVELS)) / np.maximum(found, 1)
