@@ -1,25 +1,59 @@
-"""Orbits about the Earth: time, catalogues, propagators, ephemerides, and what surrounds a body there."""
+"""Orbits about the Earth: time scales, element sets, propagators, ephemerides, conjunctions, Sun, Moon and eclipses.
+
+Everything is in GCRS axes about the Earth's centre and in SI units, unless a name or a docstring says otherwise.
+
+**Motions** fill a scenario's `motion` table, and answer `states(epochs)` as every `Trajectory` does:
+
+- `Tle` and `Omm`: SGP4, from element sets of a file or catalogue, or from one message written inline.
+- `Kepler` and `State`: two-body motion from osculating elements, or from a position and a velocity.
+- `J2`: mean elements with the secular and short-period effects of J2.
+- `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
+- `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
+
+**Element sets.** `Catalog` reads and filters them, `ElementSet` is one of them, `SetSequence` is the trajectory of one object
+from several of them, and `Fleet` propagates thousands side by side. They hold the mean elements of SGP4, which only SGP4
+may propagate; `OsculatingElements` are those of a state, and `osculating_from_mean` is about the mean elements of `J2`.
+
+**Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, and `solve_lambert` the
+orbit between two positions. `propagate_two_body` and `propagate_sgp4` do without a scenario.
+"""
 
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
-from rso_lidar.orbit.propagation.j2 import J2
+from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean
 from rso_lidar.orbit.propagation.maneuver import Burn, Impulse
-from rso_lidar.orbit.propagation.numerical import Numerical
+from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
+from rso_lidar.orbit.screening.close_approach import CloseApproach
+from rso_lidar.orbit.screening.conjunctions import ScreeningResult, screen
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.set_sequence import SetSequence
 from rso_lidar.orbit.sets.sgp4_motion import Omm, Tle
+from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_sgp4
+from rso_lidar.orbit.sky.earth_rotation import itrs_from_gcrs
+from rso_lidar.orbit.sky.eclipse import Eclipse, find_eclipses, sunlit_fraction
+from rso_lidar.orbit.sky.geometry import beta_angle_rad, phase_angle_rad
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import Trajectory
-from rso_lidar.orbit.two_body.kepler import Kepler, State
-from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
+from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
+from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
+from rso_lidar.orbit.two_body.lambert import Transfer, solve_lambert, solve_lambert_all
+from rso_lidar.orbit.two_body.osculating_elements import (
+    OsculatingElements,
+    elements_from_state,
+    state_from_elements,
+)
 
 __all__ = [
     "J2",
     "Burn",
     "Catalog",
+    "CloseApproach",
     "Drag",
+    "Eclipse",
     "ElementSet",
     "Ephemeris",
     "Epochs",
@@ -29,14 +63,36 @@ __all__ = [
     "Kepler",
     "Numerical",
     "Omm",
+    "OsculatingElements",
     "RadiationPressure",
+    "ScreeningResult",
     "SetSequence",
     "State",
     "Tle",
     "Trajectory",
+    "Transfer",
+    "beta_angle_rad",
+    "eccentric_from_mean",
+    "elements_from_state",
+    "find_eclipses",
     "format_utc",
+    "gcrs_from_teme",
+    "integrate_orbit",
+    "itrs_from_gcrs",
+    "mean_from_osculating",
+    "mean_from_true",
+    "moon_position_m",
+    "osculating_from_mean",
+    "phase_angle_rad",
+    "propagate_sgp4",
+    "propagate_two_body",
+    "screen",
     "solve_lambert",
     "solve_lambert_all",
+    "state_from_elements",
+    "sun_position_m",
+    "sunlit_fraction",
+    "true_from_mean",
     "write_ephemeris_csv",
     "write_oem",
 ]

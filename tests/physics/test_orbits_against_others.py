@@ -15,7 +15,7 @@ from rso_lidar.orbit.sets.formats import parse_lines
 from rso_lidar.orbit.sets.sgp4_motion import Tle
 from rso_lidar.orbit.sets.teme import gcrs_from_teme, propagate_in_teme
 from rso_lidar.orbit.sky.sun import sun_direction
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate
+from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
 from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire
 from rso_lidar.rpo.relative.rtn import rtn_axes
 
@@ -203,7 +203,7 @@ def test_two_body_motion_against_an_integrator(validation, e, incoming_rad):
 
     scale = np.concatenate([np.full(3, 1e-6), np.full(3, 1e-9)])
     flown = solve_ivp(pull, (0.0, times[-1]), np.concatenate([r0, v0]), "DOP853", times, rtol=3e-14, atol=scale)
-    position, velocity = propagate(r0, v0, times)
+    position, velocity = propagate_two_body(r0, v0, times)
     # DOP853 at rtol 3e-14 keeps about 1e-11 over this span: some 1000 steps, each rounded, growing along the track
     size = np.linalg.norm(position, axis=1).max()
     validation(
@@ -247,7 +247,7 @@ def test_two_body_motion_against_an_integrator(validation, e, incoming_rad):
 def test_two_body_motion_of_the_textbooks(
     validation, book, flight, before_km, before_km_s, time_s, after_km, after_km_s, printed_m, printed_m_s
 ):
-    position, velocity = propagate(np.array(before_km) * 1e3, np.array(before_km_s) * 1e3, np.array([time_s]))
+    position, velocity = propagate_two_body(np.array(before_km) * 1e3, np.array(before_km_s) * 1e3, np.array([time_s]))
     for what, expected, got, tolerance, unit in [
         ("position", after_km, position, printed_m, "m"),
         ("velocity", after_km_s, velocity, printed_m_s, "m/s"),
@@ -269,9 +269,9 @@ def two_body_difference(chief_r, chief_v, rho, rho_dot, times):
     rotation, rate = rtn_axes(chief_r, chief_v)
     follower_r = chief_r + rotation.apply(rho)
     follower_v = chief_v + rotation.apply(rho_dot + np.cross(rate, rho))
-    chief, _ = propagate(chief_r, chief_v, times)
-    axes, _ = rtn_axes(*propagate(chief_r, chief_v, times))
-    return axes.inv().apply(propagate(follower_r, follower_v, times)[0] - chief)
+    chief, _ = propagate_two_body(chief_r, chief_v, times)
+    axes, _ = rtn_axes(*propagate_two_body(chief_r, chief_v, times))
+    return axes.inv().apply(propagate_two_body(follower_r, follower_v, times)[0] - chief)
 
 
 def test_clohessy_wiltshire_error_is_the_second_order_term(validation):

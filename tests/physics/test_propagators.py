@@ -12,7 +12,7 @@ from rso_lidar.orbit.propagation.forces import Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, secular_rates
 from rso_lidar.orbit.propagation.numerical import Numerical, integrate_orbit
 from rso_lidar.orbit.sky.moon import ecliptic_of_date
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate
+from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 
 GM = units.EARTH_GM_M3_S2
@@ -86,7 +86,7 @@ def test_two_body_day_of_another_gm(validation, orbit):
     """brahe's GM is 398600.4415; two-body motion scales: at its GM the same path takes longer by half of the ratio."""
     x = np.array(STARTS[orbit])
     stretch = math.sqrt(398600.4415e9 / GM)  # slower clock, and velocities as that clock sees them
-    position, _ = propagate(x[:3], x[3:] / stretch, DAY * stretch)
+    position, _ = propagate_two_body(x[:3], x[3:] / stretch, DAY * stretch)
     validation(
         case=f"{orbit}: two-body motion for a day, with GM 398600.4415 km3/s2",
         source="brahe 1.8.0, NumericalOrbitPropagator without forces",
@@ -98,7 +98,7 @@ def test_two_body_day_of_another_gm(validation, orbit):
 
 
 def test_vallados_kepler_problem(validation):
-    position, velocity = propagate(
+    position, velocity = propagate_two_body(
         np.array([1131.340, -2282.343, 6672.423]) * 1e3,
         np.array([-5.64305, 4.30333, 2.42879]) * 1e3,
         np.array([2400.0]),

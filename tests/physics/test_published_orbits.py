@@ -14,7 +14,7 @@ from rso_lidar.orbit.sets.teme import propagate_sgp4
 from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.two_body.anomaly import eccentric_from_mean, mean_from_true, true_from_mean
-from rso_lidar.orbit.two_body.kepler import Kepler, propagate
+from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
 from rso_lidar.orbit.two_body.lambert import solve_lambert
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
 from rso_lidar.records import BodyState
@@ -140,7 +140,7 @@ def test_time_along_an_ellipse(compare):
 def test_a_parabola_by_barkers_equation(compare):
     perigee = 0.5 * 25512e3
     start, speed = np.array([perigee, 0.0, 0.0]), np.array([0.0, math.sqrt(2.0 * GM / perigee), 0.0])
-    (x, y, _), _ = (rows[0] for rows in propagate(start, speed, np.array([53.7874 * 60.0])))
+    (x, y, _), _ = (rows[0] for rows in propagate_two_body(start, speed, np.array([53.7874 * 60.0])))
     tangent = math.tan(0.5 * math.atan2(y, x))
     compare(
         f"{VALLADO}, example 2-2",
@@ -151,7 +151,7 @@ def test_a_parabola_by_barkers_equation(compare):
 def test_flight_along_a_hyperbola(compare):
     """His times are printed to 1 s, 10 km."""
     at = np.array([4141.0, 4141.0 + 10800.0])
-    position, velocity = propagate(np.array([6678e3, 0.0, 0.0]), np.array([0.0, 15000.0, 0.0]), at)
+    position, velocity = propagate_two_body(np.array([6678e3, 0.0, 0.0]), np.array([0.0, 15000.0, 0.0]), at)
     distance, anomaly = np.linalg.norm(position, axis=1) / units.KM, np.arctan2(position[:, 1], position[:, 0]) / DEG
     compare(
         f"{CURTIS}, example 3.5",

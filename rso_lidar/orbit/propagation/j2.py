@@ -70,7 +70,7 @@ class J2(ClassicalElements):
         mean = quasi_nonsingular_from_state(position, velocity)
         if self.elements == "osculating":
             mean = mean_from_osculating(position, velocity)
-        position, velocity = osculating_from_mean(propagate_secular(mean, epochs.since(self.epoch_utc)))
+        position, velocity = osculating_from_mean(propagate_j2_secular(mean, epochs.since(self.epoch_utc)))
         return BodyState(turned(turn.T, position), turned(turn.T, velocity))
 
     def validity(self, epochs: Epochs) -> list[str]:
@@ -153,7 +153,7 @@ def secular_rates(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return motion + first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
-def propagate_secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarray:
+def propagate_j2_secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarray:
     """Return mean elements, rows (…, 6), after `dt_s` [s]; one row and many times, or as many of both."""
     anomaly, perigee, node = secular_rates(mean)
     rows, dt = np.asarray(mean, dtype=float), np.asarray(dt_s, dtype=float)

@@ -90,7 +90,7 @@ class ClassicalElements(Part):
         if self.mean_anomaly_deg is not None:  # fly there from perigee
             mean = self.mean_anomaly_deg if e > 1.0 else math.remainder(self.mean_anomaly_deg, 360.0)
             time_s = mean * units.DEG * math.sqrt(abs(self.semi_major_axis_km * units.KM) ** 3 / GM)
-            positions, velocities = propagate(position, velocity, np.array([time_s]))
+            positions, velocities = propagate_two_body(position, velocity, np.array([time_s]))
             position, velocity = positions[0], velocities[0]
         angles = np.array([self.raan_deg, self.inclination_deg, self.argument_of_perigee_deg]) * units.DEG
         inertial_from_perifocal = Rotation.from_euler("ZXZ", angles)
@@ -105,7 +105,7 @@ class Kepler(ClassicalElements):
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         start = self.at_epoch()
-        return BodyState(*propagate(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
+        return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.since(self.epoch_utc)))
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
@@ -135,7 +135,7 @@ class State(Part):
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         position, velocity = np.array(self.position_m), np.array(self.velocity_m_s)
-        return BodyState(*propagate(position, velocity, epochs.since(self.epoch_utc)))
+        return BodyState(*propagate_two_body(position, velocity, epochs.since(self.epoch_utc)))
 
     def state_rates(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of position [m/s] and velocity [m/s2] (…, 3) of its states."""
@@ -148,7 +148,9 @@ def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float
     return 1.0 / alpha if alpha else math.inf
 
 
-def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def propagate_two_body(
+    position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return positions [m] and velocities [m/s] (time, 3) after `dt_s` (time) [s] of two-body motion, either way in time.
 
     An epoch whose Kepler equation did not converge raises `PropagationError` with the mask of those.
@@ -156,7 +158,7 @@ def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
     >>> radius = 42_164e3
     >>> speed = (units.EARTH_GM_M3_S2 / radius) ** 0.5
     >>> quarter = 0.5 * math.pi * radius / speed
-    >>> there, _ = propagate(np.array([radius, 0, 0]), np.array([0, speed, 0]), np.array([quarter]))
+    >>> there, _ = propagate_two_body(np.array([radius, 0, 0]), np.array([0, speed, 0]), np.array([quarter]))
     >>> bool(np.allclose(there, [[0, radius, 0]], atol=1e-6))
     True
     """
@@ -178,12 +180,12 @@ def propagate(position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
     return positions, velocities
 
 
-def propagate_each(
+def propagate_each_two_body(
     position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return positions [m] and velocities [m/s] (n, 3) of n orbits, each after its own `dt_s` (n) [s] of two-body motion.
 
-    The bits of each are those of `propagate`.
+    The bits of each are those of `propagate_two_body`.
     """
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     dt = np.broadcast_to(np.asarray(dt_s, dtype=float), len(r))

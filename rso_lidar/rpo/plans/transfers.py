@@ -242,7 +242,7 @@ class Lambert(ProximityOperation):
 def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
     """Return the plan about a chief of this state [m, m/s] in inertial axes."""
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
-    r1, v1 = kepler.propagate(r0, v0, np.array([part.duration_s]))
+    r1, v1 = kepler.propagate_two_body(r0, v0, np.array([part.duration_s]))
     chief, there = BodyState(r0, v0), BodyState(r1[0], v1[0])
     start = beside(chief, np.array(part.from_m), np.array(part.velocity_m_s))
     end = beside(there, np.array(part.to_m), np.zeros(3))
@@ -293,14 +293,14 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
 def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
     """Return the least distance from the Earth's centre [m] during a transfer."""
     once_s = min(duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
-    low_m = kepler.propagate(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
+    low_m = kepler.propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
 def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the difference of two orbits `time_s` after these states (time, 3), in the chief's turning rtn axes."""
     there, here = (
-        BodyState(*kepler.propagate(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
+        BodyState(*kepler.propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )
     return rtn_difference(there, here)
 

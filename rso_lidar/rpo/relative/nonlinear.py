@@ -12,7 +12,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.numerical import integrate_orbit
 from rso_lidar.orbit.trajectory import Trajectory, state_rates
-from rso_lidar.orbit.two_body.kepler import propagate
+from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.pose import cross, turned
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import flattening, state_at_start
@@ -51,7 +51,7 @@ class Nonlinear(RelativeState):
 
     def _flown(self, start: BodyState, epochs: Epochs) -> BodyState:
         if self.forces is None:
-            return BodyState(*propagate(start.position_m, start.velocity_m_s, epochs.time_s))
+            return BodyState(*propagate_two_body(start.position_m, start.velocity_m_s, epochs.time_s))
         rows = integrate_orbit(start.position_m, start.velocity_m_s, epochs.start_utc, self.forces)(epochs.time_s)
         return BodyState(rows[:, :3], rows[:, 3:6])
 

@@ -26,13 +26,13 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.j2 import (
     mean_from_osculating,
     osculating_from_mean,
-    propagate_secular,
+    propagate_j2_secular,
     quasi_nonsingular_from_state,
     state_from_quasi_nonsingular,
 )
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.trajectory import Trajectory, state_rates
-from rso_lidar.orbit.two_body.kepler import propagate
+from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import turned
 from rso_lidar.records import BodyState
@@ -96,7 +96,9 @@ class RelativeElements(RelativeMotion):
             there = of.states(epochs)
             rates = there.velocity_m_s, state_rates(of, epochs, there)[1]
             return rtn_difference(there, body.states(epochs), rates)
-        there, here = (BodyState(*propagate(*state_from_quasi_nonsingular(row), epochs.time_s)) for row in rows)
+        there, here = (
+            BodyState(*propagate_two_body(*state_from_quasi_nonsingular(row), epochs.time_s)) for row in rows
+        )
         return rtn_difference(there, here)
 
     def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -141,7 +143,7 @@ class _MeanFlight:
 
     def states(self, epochs: Epochs) -> BodyState:
         """Return position [m] and velocity [m/s] (time, 3)."""
-        return BodyState(*osculating_from_mean(propagate_secular(self.row, epochs.time_s)))
+        return BodyState(*osculating_from_mean(propagate_j2_secular(self.row, epochs.time_s)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from rso_lidar.orbit.propagation.j2 import (
     J2,
     mean_from_osculating,
     osculating_from_mean,
-    propagate_secular,
+    propagate_j2_secular,
     quasi_nonsingular_from_state,
     secular_rates,
     state_from_quasi_nonsingular,
@@ -44,7 +44,7 @@ def rows(a, e, i, perigee=0.7, latitude=1.0, raan=2.0):
 
 @pytest.mark.parametrize(("a", "e", "i", "allowed"), ORBITS)
 def test_the_map_has_an_inverse(a, e, i, allowed):
-    start = propagate_secular(rows(a, e, i), np.linspace(0.0, 30_000.0, 50))
+    start = propagate_j2_secular(rows(a, e, i), np.linspace(0.0, 30_000.0, 50))
     position, velocity = osculating_from_mean(start)
     back = mean_from_osculating(position, velocity)
     bare, speed = state_from_quasi_nonsingular(start)

@@ -14,7 +14,7 @@ from rso_lidar.orbit.propagation.maneuver import Burn, Impulse, rotate_to_inerti
 from rso_lidar.orbit.propagation.numerical import IntegratedOrbit, Numerical, integrate_orbit
 from rso_lidar.orbit.sets.sgp4_motion import Tle
 from rso_lidar.orbit.sky.precession import pole_direction
-from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate
+from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate_two_body
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -76,10 +76,10 @@ def test_impulse_is_two_conics():
     times = np.array([500.0, 999.999999, 1000.0, 3000.0])
     impulse = Impulse(at_s=1000.0, delta_v_m_s=(1.0, 20.0, -3.0), axes="vnc")
     got = Numerical(initial=STATE, forces=POINT, maneuvers=(impulse,)).states(Epochs(START, times))
-    r, v = (column[0] for column in propagate(R, V, np.array([1000.0])))
+    r, v = (column[0] for column in propagate_two_body(R, V, np.array([1000.0])))
     v = v + rotate_to_inertial((1.0, 20.0, -3.0), "vnc", r.tolist(), v.tolist())
-    after = propagate(r, v, times[2:] - 1000.0)
-    before = propagate(R, V, times[:2])
+    after = propagate_two_body(r, v, times[2:] - 1000.0)
+    before = propagate_two_body(R, V, times[:2])
     np.testing.assert_allclose(got.position_m, np.concatenate([before[0], after[0]]), rtol=0, atol=1e-5)
     np.testing.assert_allclose(got.velocity_m_s, np.concatenate([before[1], after[1]]), rtol=0, atol=1e-8)
 
@@ -130,7 +130,7 @@ def test_shadow_edges_are_not_stepped_over():
 
     held = solve_ivp(derivative, (0, 8000.0), [*R, *V], method="DOP853", rtol=1e-12, atol=1e-7, max_step=5.0).y[:3, -1]
     free = integrate_orbit(R, V, START, forces)(np.array([8000.0]))[0, :3]
-    assert np.linalg.norm(free - propagate(R, V, np.array([8000.0]))[0][0]) > 0.3
+    assert np.linalg.norm(free - propagate_two_body(R, V, np.array([8000.0]))[0][0]) > 0.3
     assert np.linalg.norm(free - held) < 1e-3
 
 

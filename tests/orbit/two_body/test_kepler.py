@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 from rso_lidar import units
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import Kepler, State, propagate, propagate_each, semi_major_axis_m
+from rso_lidar.orbit.two_body.kepler import (
+    Kepler,
+    State,
+    propagate_two_body,
+    propagate_each_two_body,
+    semi_major_axis_m,
+)
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.orbit.two_body.universal_variables import inverse_semi_major_axis, propagate_universal, stumpff
 
@@ -35,7 +41,7 @@ def at_perigee(perigee_m, e):
 
 def test_vallado_example_2_4():
     # Vallado 4th ed. example 2-4: 40 minutes in low orbit; printed to 0.1 m and 1 mm/s, input to 1 m and 1 cm/s
-    position, velocity = propagate(
+    position, velocity = propagate_two_body(
         np.array([1131.340, -2282.343, 6672.423]) * 1e3,
         np.array([-5.64305, 4.30333, 2.42879]) * 1e3,
         np.array([2400.0]),
@@ -46,7 +52,7 @@ def test_vallado_example_2_4():
 
 def test_curtis_example_3_7():
     # Curtis, Orbital Mechanics for Engineering Students, example 3.7: an ellipse for one hour, printed to five digits
-    position, velocity = propagate(
+    position, velocity = propagate_two_body(
         np.array([7000.0, -12124.0, 0]) * 1e3, np.array([2.6679, 4.6210, 0]) * 1e3, np.array([3600.0])
     )
     np.testing.assert_allclose(position[0], np.array([-3297.8, 7413.4, 0]) * 1e3, rtol=0, atol=0.05e3)
@@ -75,7 +81,7 @@ def test_ellipse_against_its_parametric_form(e):
     a = perigee / (1 - e)
     n = math.sqrt(GM / a**3)
     anomaly = np.linspace(-3 * math.tau, 5 * math.tau, 1001)
-    position, velocity = propagate(*at_perigee(perigee, e), (anomaly - e * np.sin(anomaly)) / n)
+    position, velocity = propagate_two_body(*at_perigee(perigee, e), (anomaly - e * np.sin(anomaly)) / n)
     b = a * math.sqrt((1 - e) * (1 + e))
     rate = n / (1 - e * np.cos(anomaly))
     expected = np.stack([a * (np.cos(anomaly) - e), b * np.sin(anomaly), 0 * anomaly], axis=1)
@@ -98,7 +104,7 @@ def test_hyperbola_against_its_parametric_form(e):
     span = 4.0 if e > 1.01 else 1e-3  # near a parabola a small hyperbolic anomaly goes far
     anomaly = np.linspace(-span, span, 401)
     time = (e * np.sinh(anomaly) - anomaly) / n
-    position, _ = propagate(*at_perigee(perigee, e), time)
+    position, _ = propagate_two_body(*at_perigee(perigee, e), time)
     b = a * math.sqrt((e - 1) * (e + 1))
     # cosh and sinh near 0 through half angles: e - cosh H = (e - 1) - 2 sinh(H/2)^2
     expected = np.stack([a * ((e - 1) - 2 * np.sinh(anomaly / 2) ** 2), b * np.sinh(anomaly), 0 * anomaly], axis=1)
@@ -116,7 +122,7 @@ def test_parabola_obeys_barker():
     """Barker's equation: t = sqrt(2 q^3 / GM) (D + D^3 / 3), D = tan(nu / 2), r = q (1 + D^2)."""
     q = 7e6
     d = np.linspace(-5.0, 5.0, 101)
-    position, _ = propagate(*at_perigee(q, 1.0), math.sqrt(2 * q**3 / GM) * (d + d**3 / 3))
+    position, _ = propagate_two_body(*at_perigee(q, 1.0), math.sqrt(2 * q**3 / GM) * (d + d**3 / 3))
     expected = np.stack([q * (1 - d**2), 2 * q * d, 0 * d], axis=1)
     # the speed at perigee rounds to EPS, so 1 / a to a few EPS / q, which bends the path by (r / q)^2 of that
     assert np.all(np.linalg.norm(position - expected, axis=1) <= 16 * EPS * q * (1 + d**2) ** 2)
@@ -135,8 +141,8 @@ def test_there_and_back(e, perigee_m, where, log_dt, back):
     r0 = p / (1 + e * math.cos(nu)) * np.array([math.cos(nu), math.sin(nu), 0.0])
     v0 = math.sqrt(GM / p) * np.array([-math.sin(nu), e + math.cos(nu), 0.0])
     dt = np.array([-(10.0**log_dt) if back else 10.0**log_dt])
-    r1, v1 = propagate(r0, v0, dt)
-    r2, v2 = propagate(r1[0], v1[0], -dt)
+    r1, v1 = propagate_two_body(r0, v0, dt)
+    r2, v2 = propagate_two_body(r1[0], v1[0], -dt)
     # Energy rounds to EPS GM / r_min, so mean motion to 3 EPS (a / r_min), and the phase grows with the mean anomaly
     # flown; position errors are magnified at most by the ratio of extremes of radius.
     radius0, radius1 = np.linalg.norm(r0), np.linalg.norm(r1[0])
@@ -155,7 +161,7 @@ def test_many_revolutions_come_home():
     r0, v0 = at_perigee(6.778e6, 0.01)
     period = math.tau / math.sqrt(GM / semi_major_axis_m(r0, v0) ** 3)
     turns = np.array([0.0, 1.0, -1.0, 1e4, -1e4])
-    position, _ = propagate(r0, v0, turns * period)
+    position, _ = propagate_two_body(r0, v0, turns * period)
     # a and so the period round to a few EPS: times 1e4 periods at 7.7 km/s
     assert np.all(np.linalg.norm(position - r0, axis=1) <= 8 * EPS * (np.abs(turns) + 1) * period * 8e3)
 
@@ -164,9 +170,9 @@ def test_a_state_is_the_same_bits_in_any_company():
     dt = np.linspace(-1e5, 3e5, 1003)
     for e in (0.0, 0.7, 1.5):
         r0, v0 = at_perigee(7e6, e)
-        together = propagate(r0, v0, dt)
+        together = propagate_two_body(r0, v0, dt)
         for k in (0, 1, 2, 3, 501, 1001, 1002):
-            alone = propagate(r0, v0, dt[k : k + 1])
+            alone = propagate_two_body(r0, v0, dt[k : k + 1])
             np.testing.assert_array_equal(alone[0][0], together[0][k])
             np.testing.assert_array_equal(alone[1][0], together[1][k])
 
@@ -175,9 +181,9 @@ def test_many_orbits_at_once_are_each_alone():
     orbits = [at_perigee(7e6, e) for e in (0.0, 0.5, 0.99, 1 - 1e-8, 1.0, 1.5)]
     r, v = (np.array(column) for column in zip(*orbits, strict=True))
     dt = np.linspace(-9e3, 5e4, len(orbits))
-    position, velocity = propagate_each(r, v, dt)
+    position, velocity = propagate_each_two_body(r, v, dt)
     for k in range(len(orbits)):
-        alone = propagate(r[k], v[k], dt[k : k + 1])
+        alone = propagate_two_body(r[k], v[k], dt[k : k + 1])
         np.testing.assert_array_equal(alone[0][0], position[k])
         np.testing.assert_array_equal(alone[1][0], velocity[k])
 
@@ -189,9 +195,9 @@ def test_both_solvers_of_an_ellipse_agree(e, perigee_m, turns, start):
     """The one without a loop, and universal variables, which share nothing but the conic."""
     r0, v0 = at_perigee(perigee_m, e)
     period = math.tau * math.sqrt((perigee_m / (1 - e)) ** 3 / GM)
-    r0, v0 = (column[0] for column in propagate(r0, v0, np.array([start * 0.1 * period])))
+    r0, v0 = (column[0] for column in propagate_two_body(r0, v0, np.array([start * 0.1 * period])))
     dt = np.array([turns * period])
-    position, velocity = propagate(r0, v0, dt)
+    position, velocity = propagate_two_body(r0, v0, dt)
     other, speed, bad = propagate_universal(r0, v0, dt, inverse_semi_major_axis(r0, v0))
     assert not bad.any()
     # the axis rounds by EPS / (1 - e) of itself, and a point runs ahead by 3/2 of that of the way flown at perigee's speed
@@ -204,7 +210,7 @@ def test_both_solvers_of_an_ellipse_agree(e, perigee_m, turns, start):
 def test_epochs_without_an_answer_are_named():
     r0, v0 = at_perigee(7e6, 1.5)
     with pytest.raises(PropagationError, match="no state at 1 of 2 epochs") as caught:
-        propagate(r0, v0, np.array([10.0, np.nan]))
+        propagate_two_body(r0, v0, np.array([10.0, np.nan]))
     np.testing.assert_array_equal(caught.value.bad, [False, True])
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.orbit.two_body.kepler import propagate
+from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.orbit.two_body.lambert import solve_lambert, solve_lambert_all
 
 GM = units.EARTH_GM_M3_S2
@@ -22,7 +22,7 @@ def on_circle(angle_rad, tilt_rad=0.0):
 
 
 def landed(start, orbit, duration_s):
-    position, velocity = propagate(start, orbit.departure_m_s, np.array([duration_s]))
+    position, velocity = propagate_two_body(start, orbit.departure_m_s, np.array([duration_s]))
     return position[0], velocity[0]
 
 

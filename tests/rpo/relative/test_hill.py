@@ -183,18 +183,21 @@ def test_rtn_axes_of_a_known_state():
 
 
 def test_rtn_rate_is_the_turn_of_the_axes():
-    from rso_lidar.orbit.two_body.kepler import propagate
+    from rso_lidar.orbit.two_body.kepler import propagate_two_body
 
     r0, v0 = np.array([7e6, 1e6, -2e6]), np.array([-1000.0, 6000.0, 5500.0])
     times, h = np.linspace(0.0, 9000.0, 50), 0.05
-    rotation, rate = rtn_axes(*propagate(r0, v0, times))
-    ahead, behind = rtn_axes(*propagate(r0, v0, times + h))[0], rtn_axes(*propagate(r0, v0, times - h))[0]
+    rotation, rate = rtn_axes(*propagate_two_body(r0, v0, times))
+    ahead, behind = (
+        rtn_axes(*propagate_two_body(r0, v0, times + h))[0],
+        rtn_axes(*propagate_two_body(r0, v0, times - h))[0],
+    )
     turned = (behind.inv() * ahead).as_rotvec() / (2 * h)
     # rounding of a rotation vector over 2 h = 0.1 s, and h^2 / 6 times the rate's second derivative (about n^3)
     np.testing.assert_allclose(turned, rate, rtol=0, atol=1e-14 + h**2 * 0.0015**3)
     assert isinstance(rotation, Rotation)
     np.testing.assert_array_equal(
-        rotation[3].as_quat(), rtn_axes(*(a[0] for a in propagate(r0, v0, times[3:4])))[0].as_quat()
+        rotation[3].as_quat(), rtn_axes(*(a[0] for a in propagate_two_body(r0, v0, times[3:4])))[0].as_quat()
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.propagation.forces import Forces
-from rso_lidar.orbit.two_body.kepler import State, propagate
+from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.nonlinear import Nonlinear, beside, rtn_difference
@@ -35,7 +35,7 @@ def part(rho=RHO, rate=RATE, **more):
 def test_beside_and_back():
     rng = np.random.default_rng(5)
     times = rng.uniform(0.0, 1e5, 300)
-    here = BodyState(*propagate(*orbit(0.6, 1.0), times))
+    here = BodyState(*propagate_two_body(*orbit(0.6, 1.0), times))
     position, velocity = rng.uniform(-1e5, 1e5, (300, 3)), rng.uniform(-100.0, 100.0, (300, 3))
     back = rtn_difference(here, beside(here, position, velocity))
     np.testing.assert_allclose(back[0], position, rtol=0, atol=2e-8)  # some roundings of 3e7 m
@@ -60,11 +60,11 @@ def test_it_begins_where_it_is_told_to():
 def test_a_body_of_the_same_orbit_a_minute_behind():
     """It passes where the chief was, at the chief's speed: known without any equation of relative motion."""
     delay, (r, v) = 60.0, orbit(0.4, 1.0)
-    behind = BodyState(*(a[0] for a in propagate(r, v, np.array([-delay]))))
+    behind = BodyState(*(a[0] for a in propagate_two_body(r, v, np.array([-delay]))))
     rho, rate = (tuple(a.tolist()) for a in rtn_difference(BodyState(r, v), behind))
     times = np.linspace(0.0, 40000.0, 51)
     position, velocity = part(rho, rate).relative(Epochs(START, times), chief(0.4, 1.0))
-    there = BodyState(*propagate(r, v, times)), BodyState(*propagate(r, v, times - delay))
+    there = BodyState(*propagate_two_body(r, v, times)), BodyState(*propagate_two_body(r, v, times - delay))
     want = rtn_difference(*there)
     # 1e-8 m of the starting difference turns into along-track drift over the revolutions
     np.testing.assert_allclose(position, want[0], rtol=0, atol=1e-5)

@@ -9,7 +9,7 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.propagation.j2 import propagate_secular
+from rso_lidar.orbit.propagation.j2 import propagate_j2_secular
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
@@ -125,7 +125,7 @@ def test_j2_moves_the_elements_as_damico_says():
     a, i, day = RADIUS, 1.7, 86400.0
     c = np.array([a, 0.5, 0.0, 0.0, i, 1.0])
     start = np.array([0.0, -1000.0, 200.0, 100.0, 150.0, -200.0])
-    got = relative_elements(propagate_secular(c, day), propagate_secular(beside_elements(c, start), day))
+    got = relative_elements(propagate_j2_secular(c, day), propagate_j2_secular(beside_elements(c, start), day))
     gamma = 0.5 * units.EARTH_J2 * (units.EARTH_ZONAL_RADIUS_M / a) ** 2
     swept = math.sqrt(GM / a**3) * day
     turn = 1.5 * gamma * (5 * math.cos(i) ** 2 - 1) * swept

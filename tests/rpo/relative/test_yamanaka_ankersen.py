@@ -9,7 +9,7 @@ import pytest
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.two_body.kepler import State, propagate
+from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
@@ -63,12 +63,12 @@ def test_it_is_two_bodies_to_first_order(e, anomaly):
     """Half the difference of two Kepler orbits, one on either side of the chief, has no second order in it."""
     r, v = orbit(e, anomaly)
     times = np.linspace(-period(e), 2 * period(e), 61)
-    here = BodyState(*propagate(r, v, times))
+    here = BodyState(*propagate_two_body(r, v, times))
     small = 0.05
 
     def difference(scale):
         body = beside(BodyState(r, v), scale * RHO, scale * RATE)
-        return rtn_difference(here, BodyState(*propagate(body.position_m, body.velocity_m_s, times)))
+        return rtn_difference(here, BodyState(*propagate_two_body(body.position_m, body.velocity_m_s, times)))
 
     linear = [0.5 * (a - b) / small for a, b in zip(difference(small), difference(-small), strict=True)]
     got = yamanaka_ankersen(RHO, RATE, times, r, v)
