@@ -10,12 +10,12 @@ Everything is in GCRS axes about the Earth's centre and in SI units, unless a na
 - `Numerical`: numerical integration with `Forces` (`Drag`, `RadiationPressure`), `Impulse` and `Burn`.
 - `Ephemeris`: interpolation of a table of states (CCSDS OEM or CSV).
 
-**Element sets.** `Catalog` reads and filters them, `ElementSet` is one of them, `SetSequence` is the trajectory of one object
-from several of them, and `Fleet` propagates thousands side by side. They hold the mean elements of SGP4, which only SGP4
-may propagate; `OsculatingElements` are those of a state, and `osculating_from_mean` is about the mean elements of `J2`.
+**Element sets.** `Catalog` reads and filters them, and `ElementSet` is one of them. `SetSequence` is the trajectory of one
+object from several of its sets; `Fleet` propagates thousands of sets side by side. They hold the mean elements of SGP4,
+which only SGP4 may propagate. `OsculatingElements` are those of one state; `mean_from_osculating` gives those of `J2`.
 
 **Functions.** `screen` finds close approaches, `find_eclipses` passages through the Earth's shadow, and `solve_lambert` the
-orbit between two positions. `propagate_two_body` and `propagate_sgp4` do without a scenario.
+orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem

@@ -14,8 +14,8 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import (
     Kepler,
     State,
-    propagate_two_body,
     propagate_each_two_body,
+    propagate_two_body,
     semi_major_axis_m,
 )
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
