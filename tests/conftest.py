@@ -25,7 +25,7 @@ def shared() -> Path:
     """Return the folder of real data that RSO_LIDAR_SHARED names; without one the test is skipped."""
     name = os.environ.get("RSO_LIDAR_SHARED", "")
     if not name:
-        pytest.skip("RSO_LIDAR_SHARED names no folder of real data")
+        pytest.skip("RSO_LIDAR_SHARED names no folder of real data; tests/real_data.md says where its files are public")
     folder = Path(name)
     if not folder.is_dir():
         pytest.fail(f"RSO_LIDAR_SHARED names a folder that is not there: {name}", pytrace=False)

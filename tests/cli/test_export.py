@@ -189,15 +189,15 @@ def test_a_choice_of_frames_is_by_their_number_in_the_scenario(call, flyby, tmp_
 
 
 def test_mcap(call, bench, tmp_path):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     status, said, errors = call(bench, "--to", tmp_path / "out.mcap")
     assert status == 0 and said.startswith(f"written     {tmp_path / 'out.mcap'} (mcap, 10 frames, ")
     assert all(line.startswith("frame ") for line in errors)  # how far it is
 
 
 def test_a_folder_for_ros_and_one_of_zarr(call, bench, tmp_path, capsys):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
-    pytest.importorskip("zarr", reason="the extra zarr is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
+    pytest.importorskip("zarr", reason="needs the extra zarr: pip install 'rso-lidar[zarr]'")
     status, said, _ = call(bench, "--to", tmp_path / "out.rosbag2", "--frames", "2:5")
     assert status == 0 and "(rosbag2, 3 of 10 frames, " in said
     assert call(bench, "--to", tmp_path / "out.zarr")[0] == 0

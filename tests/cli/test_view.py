@@ -52,7 +52,7 @@ def test_one_file_by_its_suffix(call, bench, tmp_path):
 
 
 def test_a_scene(call, bench, tmp_path):
-    pytest.importorskip("rerun", reason="the extra view is not installed")
+    pytest.importorskip("rerun", reason="needs the extra view: pip install 'rso-lidar[view]'")
     status, said, errors = call(bench, "--with", "rerun", "--frames", "2:5")
     place = tmp_path / "bench.rrd"
     assert (status, said) == (0, f"no display: wrote {place} (3 frames); open it with: rerun {place}\n")

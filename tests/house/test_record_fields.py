@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from rso_lidar import records
 from rso_lidar.records import Record, specs
@@ -49,30 +48,42 @@ def test_the_records_of_the_walk_are_among_them():
     assert {"Truth", "Extent", "Rays", "Hits", "Photons", "Reading", "Labels", "Observation", "Frame"} <= names
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
-def test_record_has_prose_and_is_frozen(cls):
-    assert cls.__doc__
-    assert not cls.__doc__.startswith(f"{cls.__name__}("), "dataclass wrote that docstring, not we"
-    assert cls.__dataclass_params__.frozen
+def test_records_have_prose_and_are_frozen():
+    assert not [cls for cls in CLASSES if not cls.__doc__ or not cls.__dataclass_params__.frozen]
+    assert not [cls for cls in CLASSES if cls.__doc__.startswith(f"{cls.__name__}(")], "dataclass wrote it, not we"
 
 
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
-def test_array_without_a_statement_is_explained_in_the_docstring(cls):
-    for field in dataclasses.fields(cls):
-        if "array" not in field.metadata and "ndarray" in str(field.type):
-            assert f"`{field.name}`" in cls.__doc__
+def test_arrays_without_a_statement_are_explained_in_the_docstring():
+    fields = [(cls, field) for cls in CLASSES for field in dataclasses.fields(cls)]
+    bare = [(cls, field) for cls, field in fields if "array" not in field.metadata and "ndarray" in str(field.type)]
+    assert not [f"{cls.__name__}.{field.name}" for cls, field in bare if f"`{field.name}`" not in cls.__doc__]
 
 
-@pytest.mark.parametrize(("cls", "name"), ARRAYS, ids=[f"{cls.__name__}.{name}" for cls, name in ARRAYS])
-def test_array_says_what_it_is(cls, name):
-    spec = specs(cls)[name]
-    assert spec.dims
-    assert all(re.fullmatch(r"…|[a-z][a-z_]*", dim) for dim in spec.dims)
-    assert spec.dtype.kind in "fiub"
-    assert len(spec.meaning.split()) >= 2
-    assert spec.unit in UNIT_SUFFIX
+def problems(name, spec):
+    """Return what is wrong with the statement of an array."""
     suffix = next((ending for ending in SUFFIXES if name.endswith(ending)), "")
-    assert suffix == UNIT_SUFFIX[spec.unit], f"{name} is in {spec.unit!r}"
+    checks = {
+        "dims are words": spec.dims and all(re.fullmatch(r"…|[a-z][a-z_]*", dim) for dim in spec.dims),
+        "dtype is of numbers": spec.dtype.kind in "fiub",
+        "meaning is said": len(spec.meaning.split()) >= 2,
+        "unit is known": spec.unit in UNIT_SUFFIX,
+        "name ends in the unit": suffix == UNIT_SUFFIX.get(spec.unit),
+    }
+    return [check for check, kept in checks.items() if not kept]
+
+
+def test_every_array_says_what_it_is():
+    assert len(ARRAYS) > 50
+    found = {f"{cls.__name__}.{name}": problems(name, specs(cls)[name]) for cls, name in ARRAYS}
+    assert not {name: wrong for name, wrong in found.items() if wrong}
+
+
+def test_a_bad_statement_is_seen():
+    spec = specs(next(cls for cls, name in ARRAYS if name == "range_m"))["range_m"]
+    assert problems("range_m", spec) == []
+    assert problems("range_s", spec) == ["name ends in the unit"]
+    assert problems("range_m", dataclasses.replace(spec, dims=("Ray 1",))) == ["dims are words"]
+    assert problems("range_m", dataclasses.replace(spec, unit="furlong")) == ["unit is known", "name ends in the unit"]
 
 
 def test_floating_point_alone_can_say_nan():

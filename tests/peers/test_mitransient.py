@@ -4,7 +4,7 @@ The renderer gives the radiance of each pixel over optical path length, for a be
 plane. Through a lens of area A and transmission eta, a pixel of side p in the tangent plane, at theta from the boresight,
 receives b A eta p^2 cos^4(theta) times that (cos^3 is the pixel's solid angle, cos the foreshortened lens). Nothing is
 normalised: energy and delay are compared as they are. What was rendered is kept beside this file and compared at every run;
-where mitransient is installed (dependency group `peers`), it is rendered anew.
+where mitransient is installed (pip install mitransient==1.3.1, or make peers), it is rendered anew.
 """
 
 import importlib.util
@@ -127,7 +127,7 @@ def pair(request):
 def anew(tmp_path_factory):
     """Return the file that the renderer writes now, in a process of its own: with an old LLVM it aborts."""
     if importlib.util.find_spec("mitransient") is None:
-        pytest.skip("mitransient is not installed (dependency group `peers`); the kept renderings are compared")
+        pytest.skip("mitransient is not installed (pip install mitransient==1.3.1, or make peers); the kept renderings are compared")
     path = tmp_path_factory.mktemp("peers") / "mitransient.npz"
     command = [sys.executable, "-m", "tests.peers.render", str(path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)

@@ -34,8 +34,8 @@ def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
 
 def messages(path):
     """Return what rosbags reads: (topic, time, message) in order."""
-    rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed")
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
+    rosbags = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: pip install rosbags")
+    typesys = pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with rosbags.AnyReader([path], default_typestore=store) as reader:
         kinds = {connection.topic: connection.msgtype for connection in reader.connections}
@@ -45,7 +45,7 @@ def messages(path):
 
 @pytest.fixture
 def written(tmp_path):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     return write_mcap(tmp_path / "run.mcap", make_frames(COUNT))
 
 
@@ -111,7 +111,7 @@ def test_the_tree_of_axes_gives_every_pose(written):
 
 
 def test_the_camera_of_a_lens_that_changes(tmp_path):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     path = write_mcap(tmp_path / "zoom.mcap", make_frames(4, zoom=lambda k: 1.0 + k // 2))
     infos = [message for topic, _, message in messages(path) if topic == "/lidar/camera_info"]
     for k, info in enumerate(infos):
@@ -127,7 +127,7 @@ def test_the_camera_of_a_lens_that_changes(tmp_path):
 
 
 def test_the_definitions_are_those_of_ros():
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
+    typesys = pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     for kind, text in DEFINITIONS.items():
         own, *parts = text.split("=" * 80 + "\n")
@@ -137,7 +137,7 @@ def test_the_definitions_are_those_of_ros():
 
 
 def test_it_says_where_it_comes_from(written):
-    reader = pytest.importorskip("mcap.reader", reason="the extra mcap is not installed")
+    reader = pytest.importorskip("mcap.reader", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     with written.open("rb") as stream:
         (record,) = reader.make_reader(stream).iter_metadata()
     assert record.metadata["scenario"] == SOURCE.scenario and record.metadata["seed"] == "20240917"
@@ -174,7 +174,7 @@ write_mcap(sys.argv[1], frames())
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 def test_a_kill_loses_the_last_frames_only(tmp_path):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     from mcap.exceptions import McapError
     from mcap.records import Message
     from mcap.stream_reader import StreamReader
@@ -208,7 +208,7 @@ def add_stamps(records, stamps, kind):
     ],
 )
 def test_instants_that_no_stamp_holds(tmp_path, source, message):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     with pytest.raises(RecordingError, match=message):
         write_mcap(tmp_path / "run.mcap", make_frames(2, source=dataclasses.replace(SOURCE, **source)))
     assert not list(tmp_path.iterdir())
@@ -228,7 +228,7 @@ def test_outputs_that_cannot_be(written):
     "meddle", [lambda draft: os.truncate(draft, 1000), lambda draft: draft.unlink()], ids=["cut", "removed"]
 )
 def test_a_file_that_another_program_touched_is_not_published(tmp_path, meddle):
-    pytest.importorskip("mcap_ros2", reason="the extra `mcap` is not installed")
+    pytest.importorskip("mcap_ros2", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
 
     def flying():
         yield from make_frames(2)

@@ -12,7 +12,7 @@ TABLE = {"row": np.arange(3), "x_m": np.array([0.1, np.nan, -3.0]), "why": np.ar
 
 
 def test_columns_come_back(tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="the extra parquet is not installed")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet: pip install 'rso-lidar[parquet]'")
     path = write_parquet(tmp_path / "t.parquet", TABLE, {"study": "asked"})
     read = parquet.read_table(path)
     assert read.schema.metadata[b"study"] == b"asked"

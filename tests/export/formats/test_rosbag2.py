@@ -16,8 +16,8 @@ START_NS, STEP_NS = 1726574400 * 10**9, 100_000_000
 
 def messages(path):
     """Return what rosbags reads: (topic, time, bytes) in order; and the reader's counts."""
-    rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed")
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
+    rosbags = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: pip install rosbags")
+    typesys = pytest.importorskip("rosbags.typesys", reason="needs rosbags: pip install rosbags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with rosbags.AnyReader([path], default_typestore=store) as reader:
         counts = {topic: info.msgcount for topic, info in reader.topics.items()}
@@ -27,7 +27,7 @@ def messages(path):
 
 @pytest.fixture
 def written(tmp_path):
-    pytest.importorskip("mcap_ros2.writer", reason="the extra mcap is not installed")
+    pytest.importorskip("mcap_ros2.writer", reason="needs the extra mcap: pip install 'rso-lidar[mcap]'")
     return export.save(tmp_path / "run.rosbag2", make_frames(COUNT))
 
 

@@ -13,7 +13,7 @@ from rso_lidar.export.layout.datasets import values
 from rso_lidar.export.writer import zarr_store
 
 HOW = {"returns": True, "keep": KEEP}
-NEEDED = "the extra `zarr` is not installed"
+NEEDED = "needs the extra zarr: pip install 'rso-lidar[zarr]'"
 
 
 @pytest.mark.parametrize("zoom", [1.0, lambda k: 1.0 + (k % 3)], ids=["one lens", "zoom"])

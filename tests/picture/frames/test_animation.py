@@ -56,7 +56,7 @@ def test_mp4_without_the_extra_names_it(coming, tmp_path, monkeypatch):
 
 
 def test_mp4_plays_every_frame(coming, tmp_path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra rso-lidar[mp4] is not installed")
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs the extra mp4: pip install 'rso-lidar[mp4]'")
     place = animate(coming, tmp_path / "a.mp4", frame_rate_hz=6.0)
     count, seconds = ffmpeg.count_frames_and_secs(str(place))
     assert count == 12

@@ -31,7 +31,7 @@ PLATE = Shape(
 @pytest.fixture
 def rerun():
     """The library; without it what it writes cannot be tested."""
-    return pytest.importorskip("rerun", reason="the extra view is not installed")
+    return pytest.importorskip("rerun", reason="needs the extra view: pip install 'rso-lidar[view]'")
 
 
 # ------------------------------------------------------------------------------------------------- without the library

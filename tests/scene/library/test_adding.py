@@ -368,7 +368,7 @@ def test_a_gltf_with_data_beside_it_is_not_torn_apart(library, tmp_path):
 @pytest.mark.parametrize("name", ["part.step", "part.igs"])
 def test_solids_come_in_through_the_extra(name, library):
     if importlib.util.find_spec("cascadio") is None:
-        pytest.skip("the extra step is not installed")
+        pytest.skip("needs the extra step: pip install 'rso-lidar[step]'")
     entry, said = add_model(SOLIDS / name)
     assert any(line.startswith("unit       the file says its own: 3.5 m") for line in said)
     assert entry.size_m == (1.0, 2.0, 3.5) and entry.path.suffix == ".glb"

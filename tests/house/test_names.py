@@ -1,0 +1,174 @@
+"""One word for one thing: names that differ, and no question about the kind of a part outside the room that owns it."""
+
+import ast
+import re
+import subprocess
+from itertools import combinations
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import rso_lidar as rl
+from rso_lidar.part import Part
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "rso_lidar"
+TREES = {
+    file.relative_to(ROOT).as_posix(): ast.parse(file.read_text(encoding="utf-8"))
+    for file in sorted(PACKAGE.rglob("*.py"))
+}
+
+
+# What is still to be renamed; each list only ever shrinks.
+CLASSES_TO_RENAME = {
+    "Arc", "Camera", "Curve", "Flight", "Flown", "Glimpse", "Impulse", "Kernel", "Model", "Plan", "Pulses", "Rows",
+    "Sight", "Sky", "Store", "Table", "Track", "Way",
+}  # fmt: skip
+MODULES_TO_RENAME = {"record records", "aem aim", "joint point", "preview review"}
+ROOMS_TO_CLEAN = {"scenario", "study", "simulate.py"}
+
+
+def classes(trees):
+    """Return, by name without leading underscores, the modules that define a class."""
+    found = {}
+    for module, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name.lstrip("_"), []).append(module)
+    return found
+
+
+def test_a_class_name_occurs_once():
+    found = classes(TREES)
+    assert len(found) > 300
+    assert not {name: modules for name, modules in found.items() if len(modules) > 1 and name not in CLASSES_TO_RENAME}
+
+
+def alike(one, other):
+    """Return whether one letter more, less or changed turns one name into the other."""
+    if abs(len(one) - len(other)) > 1:
+        return False
+    short, long = sorted((one, other), key=len)
+    if len(short) == len(long):
+        return sum(a != b for a, b in zip(one, other, strict=True)) == 1
+    return any(long[:k] + long[k + 1 :] == short for k in range(len(long)))
+
+
+def test_no_two_modules_of_a_room_differ_by_one_letter():
+    """Nor two rooms, nor two sub-rooms of a room; a module may share the word of the sub-room that it is in."""
+    places = {}
+    for module in TREES:
+        room, *inner = Path(module).with_suffix("").parts[1:]
+        places.setdefault("rooms", set()).add(room)
+        if inner:
+            places.setdefault(room, set()).add(inner[-1])
+        if len(inner) > 1:
+            places.setdefault(f"{room}: sub-rooms", set()).add(inner[0])
+    pairs = {
+        place: [
+            pair for pair in combinations(sorted(names), 2) if alike(*pair) and " ".join(pair) not in MODULES_TO_RENAME
+        ]
+        for place, names in places.items()
+    }
+    assert not {place: found for place, found in pairs.items() if found}
+
+
+def test_names_that_differ_by_one_letter_are_seen():
+    assert alike("record", "records") and alike("plots", "plot") and alike("trace", "track")
+    assert not alike("record", "recorder") and not alike("frame", "motion")
+
+
+PAPER = re.compile(
+    r"\bseed(?:'s)?,? (?:eqs?\.|figs?\.|secs?\.|sections?\b)|\bseed \d\.\d"  # seed eq. 7, seed 3.1.4, the seed's section 5
+    r"|\bthe seed(?:'s \d|'s (?:system|camera|lens|paper|light|craft|figures?|instrument|numbers?|introduction)\b"
+    r"| (?:says|gives|states|speaks|or another)\b)|[a-z] \(seed\)",
+)
+
+
+def texts():
+    """Return the tracked texts in which a person reads of the paper."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a checkout: git knows what is tracked")
+    listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    names = [name for name in listing.split("\0") if name.endswith((".py", ".md", ".toml")) and (ROOT / name).is_file()]
+    return {name: (ROOT / name).read_text(encoding="utf-8") for name in names}
+
+
+def test_seed_is_the_seed_of_random_numbers_and_never_the_paper():
+    found = {
+        f"{name}:{text.count(chr(10), 0, place.start()) + 1}": place[0]
+        for name, text in texts().items()
+        if name not in ("tests/house/test_names.py", "docs/validation.md")
+        and not name.startswith(("rso_lidar/", "docs/"))
+        for place in PAPER.finditer(text)
+    }
+    assert not found, "cite it as 'Fuller et al., eq. 7'"
+
+
+@pytest.mark.parametrize("text", ["(seed eq. 7)", "seed 3.1.4 says", "the seed's section 5", "Sourced (seed): 1"])
+def test_the_paper_is_seen(text):
+    assert PAPER.search(text)
+
+
+@pytest.mark.parametrize("text", ["seed 7", "the scenario's seed", "the seed of the noise", "(seed, k)", "seed=5"])
+def test_a_random_seed_is_let_through(text):
+    assert not PAPER.search(text)
+
+
+def parts_of(annotation):
+    """Return the names of the parts that an annotation allows."""
+    if isinstance(annotation, type) and not get_args(annotation):
+        return {annotation.__name__} if issubclass(annotation, Part) else set()
+    return set().union(*map(parts_of, get_args(annotation)))
+
+
+KINDS = {  # what a user may bring as an object of their own, and the rooms that may ask which one it is
+    "detector": (parts_of(rl.Lidar.model_fields["detector"].annotation), {"detector"}),
+    "motion": (parts_of(rl.Body.model_fields["motion"].annotation), {"motion", "orbit", "rpo"}),
+    "attitude": (parts_of(rl.Body.model_fields["attitude"].annotation), {"motion"}),
+}
+
+
+def names_in(node):
+    return {getattr(inner, "id", getattr(inner, "attr", "")) for inner in ast.walk(node)}
+
+
+def questions(tree, kind, names):
+    """Return the lines that ask which detector, motion or attitude a part is."""
+    lines = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
+            asked = names_in(node.args[1]) & names
+        elif isinstance(node, ast.MatchClass):
+            asked = names_in(node.cls) & names
+        elif isinstance(node, ast.Compare):
+            asked = re.search(rf"\b{kind}\.type\b", ast.unparse(node))
+        else:
+            continue
+        if asked:
+            lines.add(getattr(node, "lineno", None) or node.cls.lineno)
+    return sorted(lines)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_only_the_room_that_owns_them_asks_which_one_it_is(kind):
+    names, rooms = KINDS[kind]
+    assert len(names) > 1
+    outside = {name: tree for name, tree in TREES.items() if name.split("/")[1] not in rooms | ROOMS_TO_CLEAN}
+    found = {name: questions(tree, kind, names) for name, tree in outside.items()}
+    assert not {name: lines for name, lines in found.items() if lines}
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "isinstance(lidar.detector, Gsfl)",
+        "isinstance(part, Empirical | Gsfl)",
+        "match part:\n    case detector.Gsfl(preset=p): pass",
+        "x = scenario.lidar.detector.type != 'gsfl'",
+    ],
+)
+def test_a_question_is_seen(code):
+    assert questions(ast.parse(code), "detector", {"Gsfl", "Empirical"})
+    assert not questions(ast.parse("detector.detect(photons); isinstance(x, Laser)"), "detector", {"Gsfl"})
