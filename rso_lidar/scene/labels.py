@@ -1,13 +1,46 @@
 """What was really there, pixel by pixel."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Hits, Labels, Photons
-from rso_lidar.ties import EQUAL, first_greatest_of_each
+from rso_lidar.ties import EQUAL
+from rso_lidar.units import RANGE_PER_DELAY_M_S
+
+
+class Returns(NamedTuple):
+    """Columns of `Photons` (return)."""
+
+    pixel: np.ndarray
+    photons: np.ndarray
+    delay_s: np.ndarray
+    hit: np.ndarray
+    cluster: np.ndarray
+
+
+class Struck(NamedTuple):
+    """Columns of `Hits` (hit)."""
+
+    weight: np.ndarray
+    target: np.ndarray
+    part: np.ndarray
+    facet: np.ndarray
+    cos_incidence: np.ndarray
+
+
+class Said(NamedTuple):
+    """The labels (pixel), which are written."""
+
+    photons: np.ndarray
+    range_m: np.ndarray
+    first_range_m: np.ndarray
+    cluster_count: np.ndarray
+    target: np.ndarray
+    part: np.ndarray
+    facet: np.ndarray
+    cos_incidence: np.ndarray
 
 
 def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
@@ -30,7 +63,7 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "photons": np.zeros(n_pixels, np.float32),
         "filled_fraction": np.zeros(n_pixels, np.float32),
     }
-    mean_range, bright = (_spoken_by_loops if compiled() else _spoken)(sky, hits, photons)
+    mean_range, bright = _speak(sky, hits, photons)
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
         sky["return_photons"] = np.zeros((n_pixels, max_returns), np.float32)
@@ -42,10 +75,8 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
 
 
-def _spoken_by_loops(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
-    """Do what `_spoken` does."""
-    from rso_lidar.scene.labels_loops import Returns, Said, Struck, filled, spoken
-
+def _speak(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
@@ -55,57 +86,83 @@ def _spoken_by_loops(labels: dict[str, Any], hits: Hits, photons: Photons) -> tu
     return spoken(returns, len(photons.cluster_pixel), struck, Said(*(labels[name] for name in Said._fields)))
 
 
-def _spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+@kernel
+def filled(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
+    """Write the share of each pixel that rays hit; `pixel` never falls."""
+    total = 0.0
+    for k in range(len(pixel)):
+        total += weight[k]
+        if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:
+            fraction[pixel[k]] = total
+            total = 0.0
+
+
+@kernel
+def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tuple[np.ndarray, np.ndarray]:
     """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
-    n_pixels, n_clusters = len(labels["range_m"]), len(photons.cluster_pixel)
-    labels["photons"] = np.bincount(photons.pixel, photons.photons, n_pixels)
-    labels["filled_fraction"] = (
-        np.bincount(hits.pixel, hits.weight, n_pixels)
-        if photons.filled_fraction is None
-        else photons.filled_fraction.ravel()
-    )
-    bright = np.bincount(photons.cluster, photons.photons, n_clusters)
-    if not n_clusters:
-        return bright, bright
-    # A black facet returns nothing and is there all the same: then area weighs instead of light.
-    share = np.where(bright[photons.cluster] > 0.0, photons.photons, hits.weight[photons.hit])
-    range_m = photons.delay_s * units.RANGE_PER_DELAY_M_S
-    mean_range: np.ndarray = np.bincount(photons.cluster, share * range_m, n_clusters) / np.bincount(
-        photons.cluster, share, n_clusters
-    )
-
-    first = np.flatnonzero(np.diff(photons.cluster_pixel, prepend=-1))  # nearest cluster of each pixel that has any
-    pixel = photons.cluster_pixel[first]
-    best = first_greatest_of_each(bright, first)
-    labels["first_range_m"][pixel] = mean_range[first]
-    labels["range_m"][pixel] = mean_range[best]
-    labels["cluster_count"][pixel] = np.minimum(np.diff(first, append=n_clusters), 255)
-
-    of_best = np.zeros(n_clusters, dtype=bool)
-    of_best[best] = True
-    speak = np.flatnonzero(of_best[photons.cluster])
-    speak = speak[_of_brightest_part(hits, share, photons, speak)]
-    # By pixel and hit: a lens orders returns by delay, where rounding decides between equal ones.
-    speak = speak[np.lexsort((photons.hit[speak], photons.pixel[speak]))]
-    starts = np.flatnonzero(np.diff(photons.pixel[speak], prepend=-1))
-    chosen = speak[first_greatest_of_each(share[speak], starts)]
-    for name in ("target", "part", "facet", "cos_incidence"):
-        labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
-    return mean_range, bright
-
-
-def _of_brightest_part(hits: Hits, share: np.ndarray, photons: Photons, speak: np.ndarray) -> np.ndarray:
-    """Return which of the returns `speak` belong to the part of a target that returns most light in their pixel."""
-    hit, pixel = photons.hit[speak], photons.pixel
-    target, part = hits.target[hit].astype(np.int64), hits.part[hit].astype(np.int64)
-    number = target * (int(part.max()) + 1) + part
-    kinds = np.flatnonzero(np.bincount(number))
-    if len(kinds) == 1:
-        return np.ones(len(speak), dtype=bool)
-    kind = np.searchsorted(kinds, number)
-    group = np.cumsum(np.diff(pixel[speak], prepend=-1) != 0) - 1
-    light = np.bincount(group * len(kinds) + kind, share[speak], (group[-1] + 1) * len(kinds))
-    each = light.reshape(-1, len(kinds))
-    brightest = np.argmax(each >= each.max(axis=1, keepdims=True) * (1.0 - EQUAL), axis=1)
-    mine: np.ndarray = kind == brightest[group]
-    return mine
+    pixel, photons, delay_s, hit, cluster = returns
+    weight, target, part, facet, cos_incidence = struck
+    bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
+    # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and the most in a return.
+    kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
+    kind_light, kind_most = np.empty(len(pixel)), np.empty(len(pixel))
+    start, first = 0, 0
+    while start < len(pixel):
+        at, total, last, stop = pixel[start], 0.0, first, start
+        while stop < len(pixel) and pixel[stop] == at:
+            bright[cluster[stop]] += photons[stop]
+            total += photons[stop]
+            last = max(last, cluster[stop])
+            stop += 1
+        most = 0.0
+        for c in range(first, last + 1):
+            most = max(most, bright[c])
+        best = first
+        while bright[best] < most * (1.0 - EQUAL):
+            best += 1
+        kinds = 0
+        for k in range(start, stop):
+            c, h = cluster[k], hit[k]
+            # A black facet returns nothing and is there all the same: then area weighs instead of light.
+            light = photons[k] if bright[c] > 0.0 else weight[h]
+            share[c] += light
+            mean_range_m[c] += light * (delay_s[k] * RANGE_PER_DELAY_M_S)
+            if c != best:
+                continue
+            kind = 0
+            while kind < kinds and (kind_target[kind] != target[h] or kind_part[kind] != part[h]):
+                kind += 1
+            if kind == kinds:
+                kind_target[kind], kind_part[kind], kind_light[kind], kind_most[kind] = target[h], part[h], 0.0, -1.0
+                kinds += 1
+            kind_light[kind] += light
+            kind_most[kind] = max(kind_most[kind], light)
+        for c in range(first, last + 1):
+            mean_range_m[c] /= share[c]
+        most = 0.0
+        for kind in range(kinds):
+            most = max(most, kind_light[kind])
+        speaks = -1
+        for kind in range(kinds):
+            if kind_light[kind] < most * (1.0 - EQUAL):
+                continue
+            earlier = 0 if speaks < 0 else kind_target[kind] - kind_target[speaks]
+            if speaks >= 0 and earlier == 0:
+                earlier = kind_part[kind] - kind_part[speaks]
+            if speaks < 0 or earlier < 0:
+                speaks = kind
+        enough, chosen = kind_most[speaks] * (1.0 - EQUAL), -1
+        for k in range(start, stop):
+            h = hit[k]
+            if cluster[k] != best or target[h] != kind_target[speaks] or part[h] != kind_part[speaks]:
+                continue
+            light = photons[k] if bright[best] > 0.0 else weight[h]
+            if light >= enough and (chosen < 0 or h < chosen):
+                chosen = h
+        said.photons[at] = total
+        said.range_m[at], said.first_range_m[at] = mean_range_m[best], mean_range_m[first]
+        said.cluster_count[at] = min(last + 1 - first, 255)
+        said.target[at], said.part[at] = kind_target[speaks], kind_part[speaks]
+        said.facet[at], said.cos_incidence[at] = facet[chosen], cos_incidence[chosen]
+        start, first = stop, last + 1
+    return mean_range_m, bright

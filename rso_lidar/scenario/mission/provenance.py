@@ -55,8 +55,7 @@ def source_of(mission: Mission) -> Source:
 
 def arithmetic_in_words() -> str:
     """Return how the busiest stages are worked out, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
-    found = engine()
-    return arithmetic.name() + (f" with packets of {found.width} rays" if found else "")
+    return f"{arithmetic.name()} with {engine().summary}"
 
 
 def resolve(mission: Mission) -> str:

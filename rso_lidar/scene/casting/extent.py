@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Extent, Truth
 from rso_lidar.scene.surfaces.pieces import pieces
 from rso_lidar.scene.surfaces.surface import Surface
@@ -18,10 +18,6 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
 
     A target that reaches behind the lidar's plane has no finite bounds; one that is wholly behind has none at all.
     """
-    if compiled():
-        from rso_lidar.scene.casting.extent_loops import outlined
-    else:
-        outlined = _outlined
     outlines: list[_Outlines | None] = [None] * len(surfaces)
     bounds = np.empty((len(surfaces), 4))
     for number, surface in enumerate(surfaces):
@@ -37,29 +33,80 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
     return Extent(bounds[:, :2], bounds[:, 2:], tuple(outlines))
 
 
-def _outlined(
+@kernel
+def outlined(
     points: np.ndarray, starts: np.ndarray, translation: np.ndarray, matrix: np.ndarray
 ) -> tuple[bool, bool, np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `extent_loops.outlined` does; an outline starts at any of its corners."""
-    x, y, z = (row[0] * points[:, 0] + row[1] * points[:, 1] + row[2] * points[:, 2] for row in matrix)
-    x, y, z = x + translation[0], y + translation[1], z + translation[2]
-    ahead = z > 1e-6 * (1.0 + max(float(np.abs(axis).max()) for axis in (x, y, z)))
-    if not ahead.all():
-        none = np.array([np.inf, np.inf, -np.inf, -np.inf])
-        return bool(ahead.any()), False, none, np.empty((0, 2)), np.zeros(len(starts), np.int64)
-    seen = np.stack([x / z, y / z], axis=1)
-    corners = [_outline(seen[a:b]) for a, b in pairwise(starts)]
-    ends = np.cumsum([0] + [len(outline) for outline in corners])
-    return True, True, np.concatenate([seen.min(axis=0), seen.max(axis=0)]), np.concatenate(corners), ends
+    """Return whether any, and whether all points are ahead, their bounds, and the outlines of the pieces.
+
+    Bounds are low x, y, high x, y in the tangent plane; outlines are corners (corner, right_down), those of piece p from
+    ends[p] to ends[p + 1], rising in x along the lower side and falling along the upper.
+    """
+    n = len(points)
+    x, y, z = np.empty(n), np.empty(n), np.empty(n)
+    farthest = 0.0
+    for i in range(n):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        x[i] = matrix[0, 0] * px + matrix[0, 1] * py + matrix[0, 2] * pz + translation[0]
+        y[i] = matrix[1, 0] * px + matrix[1, 1] * py + matrix[1, 2] * pz + translation[1]
+        z[i] = matrix[2, 0] * px + matrix[2, 1] * py + matrix[2, 2] * pz + translation[2]
+        farthest = max(farthest, abs(x[i]), abs(y[i]), abs(z[i]))
+    some, every = False, True
+    for i in range(n):
+        if z[i] > 1e-6 * (1.0 + farthest):
+            some = True
+        else:
+            every = False
+    bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
+    ends = np.zeros(len(starts), dtype=np.int64)
+    corners = np.empty((2 * n, 2))
+    if not every:
+        return some, every, bounds, corners[:0], ends
+    for i in range(n):
+        x[i] /= z[i]
+        y[i] /= z[i]
+        bounds[0], bounds[1] = min(bounds[0], x[i]), min(bounds[1], y[i])
+        bounds[2], bounds[3] = max(bounds[2], x[i]), max(bounds[3], y[i])
+    made = 0
+    for piece in range(len(starts) - 1):
+        first, last = starts[piece], starts[piece + 1]
+        sort(x, y, first, last)
+        made = chain(x, y, first, last, 1, corners, made)
+        made = chain(x, y, first, last, -1, corners, made)
+        ends[piece + 1] = made
+    return some, every, bounds, corners[:made], ends
 
 
-def _outline(points: np.ndarray) -> np.ndarray:
-    """Return the corners of the convex outline of points in a plane, in order; the ends where they lie on a line."""
-    from scipy.spatial import ConvexHull, QhullError
+@kernel
+def sort(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
+    """Sort the points from `first` to `last` by x, then y, in place (Shell's method)."""
+    gap = 1
+    while 3 * gap < last - first:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(first + gap, last):
+            px, py, j = x[i], y[i], i - gap
+            while j >= first and (x[j] > px or (x[j] == px and y[j] > py)):
+                x[j + gap], y[j + gap] = x[j], y[j]
+                j -= gap
+            x[j + gap], y[j + gap] = px, py
+        gap //= 3
 
-    try:
-        corners: np.ndarray = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
-        order = np.lexsort(points.T[::-1])
-        corners = points[order[[0, -1]]]
-    return corners
+
+@kernel
+def chain(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, made: int) -> int:
+    """Write one side of the outline of sorted points behind `made` corners, its last point left out; return their number.
+
+    `way` is 1 along the side of small y, -1 back along the other (Andrew's monotone chain).
+    """
+    begin = made
+    for step in range(last - first):
+        i = first + step if way > 0 else last - 1 - step
+        while made - begin >= 2:
+            ax, ay = corners[made - 1, 0] - corners[made - 2, 0], corners[made - 1, 1] - corners[made - 2, 1]
+            if ax * (y[i] - corners[made - 2, 1]) > ay * (x[i] - corners[made - 2, 0]):
+                break
+            made -= 1
+        corners[made, 0], corners[made, 1] = x[i], y[i]
+        made += 1
+    return made - 1

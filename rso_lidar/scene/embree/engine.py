@@ -16,8 +16,8 @@ from weakref import finalize
 
 import numpy as np
 
-from rso_lidar.arithmetic import VARIABLE, compiled
 from rso_lidar.errors import MeshError
+from rso_lidar.scene.embree.ray_by_ray import EmbreexScene, RayByRay
 
 _VERSION_MAJOR = 4
 _PROPERTY_VERSION = 0
@@ -46,7 +46,7 @@ _PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
 _finding = Lock()
 
 
-class Engine(NamedTuple):
+class Embree(NamedTuple):
     """Embree as found: its functions, a device, how many rays go together, and where its two questions are called."""
 
     library: Any
@@ -55,11 +55,23 @@ class Engine(NamedTuple):
     intersect: int
     occluded: int
 
+    @property
+    def summary(self) -> str:
+        """How rays are asked for, in words for a recording."""
+        return f"packets of {self.width} rays"
+
+    def build(self, triangles: np.ndarray) -> "PacketScene":
+        """Return the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        return PacketScene(self, triangles)
+
+    def check(self) -> None:
+        """Raise what went wrong while a kernel asked: nothing does."""
+
 
 class PacketScene:
     """The facets of one surface in embree, committed; `address` is good for as long as this object is held."""
 
-    def __init__(self, engine: Engine, triangles: np.ndarray) -> None:
+    def __init__(self, engine: Embree, triangles: np.ndarray) -> None:
         """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
         call, device = engine.library, engine.device
         corners = np.ascontiguousarray(triangles.reshape(-1, 3), dtype=np.float32)
@@ -85,35 +97,35 @@ class PacketScene:
             _failed(engine, code)
 
 
-def _failed(engine: Engine, code: int | None = None) -> int:
+def _failed(engine: Embree, code: int | None = None) -> int:
     """Raise what embree's error says."""
     code = engine.library.rtcGetDeviceError(engine.device) if code is None else code
     if code == _OUT_OF_MEMORY:
         raise MemoryError("embree: no memory left for the acceleration structure of a mesh")
-    raise MeshError(
-        f"embree: cannot build the acceleration structure of a mesh (error {code}); check the mesh, or set {VARIABLE}=numpy"
-    )
+    raise MeshError(f"embree: cannot build the acceleration structure of a mesh (error {code}); check the mesh")
 
 
-def engine() -> Engine | None:
-    """Return embree for packets, with a device for this process; None without it, or where NumPy is to do the work."""
-    if not compiled():
-        return None
+Engine = Embree | RayByRay
+Scene = PacketScene | EmbreexScene
+
+
+def engine() -> Engine:
+    """Return what answers for rays: embree for packets, with a device for this process; without it, embreex ray by ray."""
     with _finding:
         return _found()
 
 
 @lru_cache(maxsize=1)
-def _found() -> Engine | None:
+def _found() -> Engine:
     for path in _libraries():
         try:
             return open_engine(path)
         except (OSError, AttributeError, ValueError):
             continue
-    return None
+    return RayByRay()
 
 
-def open_engine(path: Path, isa: str = "") -> Engine:
+def open_engine(path: Path, isa: str = "") -> Embree:
     """Return embree from a library's file, on the processor's own instructions or those of `isa`, such as "avx2".
 
     Raises OSError, AttributeError or ValueError where it is not a library, not embree, or not one that will do.
@@ -131,7 +143,7 @@ def open_engine(path: Path, isa: str = "") -> Engine:
         raise ValueError(f"embree is version {version}, and records of rays differ between versions")
     for width, native in _PROPERTY_NATIVE.items():
         if library.rtcGetDeviceProperty(device, native):
-            return Engine(library, device, width, *(_address(library, f"rtc{q}{width}") for q in _QUESTIONS))
+            return Embree(library, device, width, *(_address(library, f"rtc{q}{width}") for q in _QUESTIONS))
     raise ValueError("embree takes no packets on this processor")
 
 

@@ -10,7 +10,7 @@ from threading import Lock
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.scene.surfaces.surface import Surface
 
 _KEPT = 64  # geometries
@@ -67,13 +67,9 @@ def _split(surface: Surface) -> Pieces:
 
 def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
     """Return the facets, given by their bounds (facet, xyz), split box by box, the largest first, into at most `_MOST`."""
-    if compiled():
-        from rso_lidar.scene.surfaces.pieces_loops import divided
-    else:
-        divided = _divided
     low, high = packed(low), packed(high)
     root = _Node(np.arange(len(low)))
-    heap: list[tuple[float, int, _Node]] = [(-float(_box_area(low.min(axis=0), high.max(axis=0))), 0, root)]
+    heap: list[tuple[float, int, _Node]] = [(0.0, 0, root)]
     number = 1
     while heap and number < _MOST:
         node = heapq.heappop(heap)[2]
@@ -87,32 +83,76 @@ def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
     return root
 
 
-def _divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Return what `pieces_loops.divided` does: the plane across an axis that leaves the least area of boxes."""
-    least, best, areas = np.inf, np.zeros(len(facets), bool), (np.inf, np.inf)
-    low, high = low[facets], high[facets]
+@kernel
+def divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Return which of some facets lie beyond the cut, from the bounds (facet, xyz) of all, and half the area of both boxes.
+
+    First that of the facets before the cut; where there is none, no facet lies beyond it.
+    """
+    n = len(facets)
+    beyond = np.zeros(n, dtype=np.bool_)
+    first, last = np.full(3, np.inf), np.full(3, -np.inf)
+    for i in range(n):
+        f = facets[i]
+        for axis in range(3):
+            middle = low[f, axis] + high[f, axis]
+            first[axis], last[axis] = min(first[axis], middle), max(last[axis], middle)
+    bounds = np.empty((3, _BINS, 6))
+    bounds[:, :, :3], bounds[:, :, 3:] = np.inf, -np.inf
+    for i in range(n):
+        f = facets[i]
+        for axis in range(3):
+            if last[axis] > first[axis]:
+                box = bounds[axis, bin_of(low[f, axis] + high[f, axis], first[axis], last[axis])]
+                for side in range(3):
+                    box[side] = min(box[side], low[f, side])
+                    box[3 + side] = max(box[3 + side], high[f, side])
+    least, best, cut = np.inf, -1, 0
+    area_before, area_behind = np.inf, np.inf
+    behind, before = np.empty(_BINS), np.empty(6)
     for axis in range(3):
-        middle = low[:, axis] + high[:, axis]
-        first, last = middle.min(), middle.max()
-        if not last > first:
+        if not last[axis] > first[axis]:
             continue
-        place = np.minimum(_BINS * ((middle - first) / (last - first)), _BINS - 1).astype(np.int8)
-        order = np.argsort(place, kind="stable")
-        bins, at = np.unique(place[order], return_index=True)
-        low_of, high_of = np.minimum.reduceat(low[order], at), np.maximum.reduceat(high[order], at)
-        before = _box_area(np.minimum.accumulate(low_of), np.maximum.accumulate(high_of))[:-1]
-        behind = _box_area(np.minimum.accumulate(low_of[::-1]), np.maximum.accumulate(high_of[::-1]))[-2::-1]
-        cut = int(np.argmin(before + behind))
-        if before[cut] + behind[cut] < least:
-            least, best = before[cut] + behind[cut], place > bins[cut]
-            areas = float(before[cut]), float(behind[cut])
-    return best, *areas
+        before[:3], before[3:] = np.inf, -np.inf
+        for place in range(_BINS - 1, 0, -1):
+            joined(before, bounds[axis, place])
+            behind[place] = half_area(before)
+        before[:3], before[3:] = np.inf, -np.inf
+        for place in range(_BINS - 1):
+            if bounds[axis, place, 0] > bounds[axis, place, 3]:
+                continue  # an empty bin
+            joined(before, bounds[axis, place])
+            area = half_area(before)
+            if area + behind[place + 1] < least:
+                least, best, cut = area + behind[place + 1], axis, place
+                area_before, area_behind = area, behind[place + 1]
+    if best < 0:
+        return beyond, area_before, area_behind
+    for i in range(n):
+        f = facets[i]
+        beyond[i] = bin_of(low[f, best] + high[f, best], first[best], last[best]) > cut
+    return beyond, area_before, area_behind
 
 
-def _box_area(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return half the area of boxes (…, xyz)."""
-    x, y, z = np.moveaxis(high - low, -1, 0)
-    area: np.ndarray = x * y + y * z + z * x
+@kernel
+def bin_of(middle: float, first: float, last: float) -> int:
+    """Return the bin of a middle between the first and the last."""
+    return min(int(_BINS * ((middle - first) / (last - first))), _BINS - 1)
+
+
+@kernel
+def joined(box: np.ndarray, other: np.ndarray) -> None:
+    """Grow a box, low x, y, z, high x, y, z, until it holds another."""
+    for side in range(3):
+        box[side] = min(box[side], other[side])
+        box[3 + side] = max(box[3 + side], other[3 + side])
+
+
+@kernel
+def half_area(box: np.ndarray) -> float:
+    """Return half the area of a box."""
+    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+    area: float = x * y + y * z + z * x
     return area
 
 

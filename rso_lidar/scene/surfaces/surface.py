@@ -12,14 +12,15 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
-from rso_lidar.scene.embree.engine import Engine, PacketScene
+from rso_lidar.scene.embree.engine import Engine, Scene
+from rso_lidar.scene.embree.ray_by_ray import build_embreex
 from rso_lidar.scene.materials.phong import Lambertian
 from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, body_from_mesh
 from rso_lidar.scene.surfaces.shading import corner_normals, interpolated
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
-_held: WeakValueDictionary[str, PacketScene] = WeakValueDictionary()
+_held: WeakValueDictionary[str, Scene] = WeakValueDictionary()
 _scenes_lock = Lock()
 _SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
 
@@ -128,18 +129,18 @@ class Surface:
         """Return embree's scene of this surface in body axes, built once for each geometry and committed."""
         with _scenes_lock:
             if self.content not in _scenes:
-                _scenes[self.content] = _build(self.corners)
+                _scenes[self.content] = build_embreex(self.corners)
                 while len(_scenes) > _SCENES_KEPT:
                     _scenes.popitem(last=False)
             _scenes.move_to_end(self.content)
             return _scenes[self.content]
 
-    def packets(self, engine: Engine) -> PacketScene:
-        """Return the scene for packets of rays of this surface in body axes, built once for each geometry."""
+    def scene(self, engine: Engine) -> Scene:
+        """Return the acceleration structure of this surface in body axes, built once for each geometry."""
         key = f"{self.content} {engine.width}"
         with _scenes_lock:
             scene = _held.get(key)
-            _scenes[key] = _held[key] = scene = scene or PacketScene(engine, self.corners)
+            _scenes[key] = _held[key] = scene = scene or engine.build(self.corners)
             _scenes.move_to_end(key)
             while len(_scenes) > _SCENES_KEPT:
                 _scenes.popitem(last=False)  # whoever still casts at it holds it
@@ -223,18 +224,6 @@ class Surface:
             of = facet[curved]
             normal[curved] = interpolated(self.corners[of], normals[number[of]], point[curved])
         return normal
-
-
-def _build(corners: np.ndarray) -> Any:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    scene = EmbreeScene()
-    triangles = corners.astype(np.float32)
-    TriangleMesh(scene, triangles)
-    outside = (triangles.max(axis=(0, 1)) + 1.0)[None]
-    scene.run(outside, np.array([[1.0, 0.0, 0.0]], dtype=np.float32))  # the first ray commits the scene, in one thread
-    return scene
 
 
 def build_surface(

@@ -1,6 +1,9 @@
 import ctypes
 import gc
+import os
 import platform
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from threading import Barrier
@@ -9,14 +12,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.arithmetic import using
 from rso_lidar.errors import MeshError
 from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.embree.ray_by_ray import RayByRay
 from rso_lidar.scene.surfaces import surface as surfaces
 from tests.optics.bench_for_tests import box, place, see, sphere, surface, truth_of
+from tests.reference.scene.first_hits import reference_casting
 
 ENGINE = packets.engine()
-needs_packets = pytest.mark.skipif(ENGINE is None, reason="embree, or numba, is not there to be asked for packets")
+needs_packets = pytest.mark.skipif(isinstance(ENGINE, RayByRay), reason="embree is not there to be asked for packets")
 
 
 class Spy:
@@ -51,9 +55,9 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
         "ball": place((2, 1, 1500), Rotation.random(rng=rng)),
         "box": place((-9, 3, 1400), Rotation.random(rng=rng)),
     }
-    with using("numpy"):
+    with reference_casting():
         expected = see(targets, truth_of(**poses)).hits
-    monkeypatch.setattr(packets, "engine", lambda: engine)
+    monkeypatch.setattr("rso_lidar.scene.casting.cast.engine", lambda: engine)
     got = see(targets, truth_of(**poses)).hits
     assert len(expected.ray) > 10_000
     assert len(np.setxor1d(got.ray, expected.ray)) <= 3  # at the rim, float32 may go either way
@@ -65,17 +69,10 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
 
 def test_the_embree_that_embreex_brings_is_found():
     """The tests of packets are skipped where there are none: this one fails where there ought to be."""
-    pytest.importorskip("numba", reason="numba does not run beside this NumPy")
     files = metadata.files("embreex") or []
     if platform.machine() not in ("x86_64", "AMD64") or not any("embree4" in file.name for file in files):
         pytest.skip("embreex brings no Embree 4 here")
-    with using("numba"):
-        assert packets.engine() is not None
-
-
-def test_numpy_asks_for_no_packets():
-    with using("numpy"):
-        assert packets.engine() is None
+    assert isinstance(packets.engine(), packets.Embree)
 
 
 def test_without_the_library_embreex_does_the_work(tmp_path, monkeypatch):
@@ -85,7 +82,7 @@ def test_without_the_library_embreex_does_the_work(tmp_path, monkeypatch):
         monkeypatch.setattr(packets, "_libraries", lambda found=found: found)
         packets._found.cache_clear()
         try:
-            assert packets.engine() is None
+            assert isinstance(packets.engine(), RayByRay)
             again = see(surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900))))
         finally:
             packets._found.cache_clear()
@@ -146,7 +143,7 @@ def test_a_scene_that_cannot_be_built_says_so_and_leaves_nothing(answers, error)
     spy = Spy(ENGINE.library, **answers)
     with pytest.raises(error, match=r"embree: .*mesh") as raised:
         packets.PacketScene(ENGINE._replace(library=spy), box(1, 2, 3))
-    assert error is MemoryError or "RSO_LIDAR_ARITHMETIC=numpy" in str(raised.value)
+    assert error is MemoryError or "check the mesh" in str(raised.value)
     del raised
     gc.collect()
     for kind in ("Scene", "Geometry"):
@@ -161,12 +158,12 @@ def test_frames_side_by_side_share_one_scene():
     def build(_):
         one = surface("sat", sphere(1.2345, 4))
         at_once.wait()
-        return one.packets(ENGINE)
+        return one.scene(ENGINE)
 
     with ThreadPoolExecutor(4) as pool:
         built = list(pool.map(build, range(4)))
     assert len({id(one) for one in built}) == 1
-    assert surface("other", sphere(1.2346, 4)).packets(ENGINE) is not built[0]
+    assert surface("other", sphere(1.2346, 4)).scene(ENGINE) is not built[0]
 
 
 @needs_packets
@@ -178,7 +175,7 @@ def test_more_targets_than_scenes_are_kept(monkeypatch):
     one, other = see(targets, truth).hits, see(targets, truth).hits
     assert set(one.target.tolist()) == set(range(6))
     assert one.range_m.tobytes() == other.range_m.tobytes()
-    assert targets[0].packets(ENGINE) is targets[0].packets(ENGINE)
+    assert targets[0].scene(ENGINE) is targets[0].scene(ENGINE)
 
 
 def test_a_mesh_of_one_facet_and_one_with_facets_of_no_area():
@@ -189,3 +186,37 @@ def test_a_mesh_of_one_facet_and_one_with_facets_of_no_area():
         assert len(hits.ray) > 100
         assert set(hits.facet.tolist()) == {0 if len(shape) == 1 else 3}
         assert np.all(np.isfinite(hits.range_m))
+
+
+def test_what_goes_wrong_in_embreex_is_raised(monkeypatch):
+    """The kernel that asks cannot raise it."""
+    stand_in, target = RayByRay(), surface("sat", box(3, 4, 5))
+    monkeypatch.setattr("rso_lidar.scene.casting.cast.engine", lambda: stand_in)
+    truth = truth_of(sat=place((0, 0, 900)))
+    assert len(see(target, truth).hits.ray) > 100
+
+    def fail(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(target.scene(stand_in), "run", fail)
+    with pytest.raises(KeyboardInterrupt):
+        see(target, truth)
+    monkeypatch.undo()
+    assert len(see(target, truth).hits.ray) > 100
+
+
+def test_kernels_run_as_python():
+    """For a debugger: the very same hits, the call of embree included."""
+    program = """
+from tests.optics.bench_for_tests import *
+target, truth = surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900)))
+rays = optics.pixel_rays(SEED_RECEIVER.replace(rays_per_pixel=1), SEED_LASER, scene.extent([target], truth))
+print(len(rays.pixel), scene.cast(rays, [target], truth, 1, laser_from_m=(0.1, 0, 0)).range_m.sum().hex())
+"""
+    said = [
+        subprocess.run([sys.executable, "-c", program], env=os.environ | environment, capture_output=True, text=True)
+        for environment in ({}, {"NUMBA_DISABLE_JIT": "1"})
+    ]
+    assert said[0].returncode == 0, said[0].stderr
+    assert said[0].stdout == said[1].stdout, said[1].stderr
+    assert int(said[0].stdout.split()[0]) > 100

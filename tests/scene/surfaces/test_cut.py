@@ -1,13 +1,15 @@
 """Facets are split alike by the loop and by NumPy."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 
-from rso_lidar import arithmetic
-from rso_lidar.arithmetic import packed
+from rso_lidar.kernels import packed
 from rso_lidar.scene.surfaces import pieces as module
-from rso_lidar.scene.surfaces.pieces_loops import divided
+from rso_lidar.scene.surfaces.pieces import divided
 from tests.optics.bench_for_tests import box, plate, sphere, surface
+from tests.reference.scene import pieces as reference
 
 SHAPES = {
     "sphere": sphere(2.0, 4),
@@ -27,17 +29,16 @@ def test_the_cut_is_that_of_numpy(name):
         if not len(facets):
             continue
         beyond, *areas = divided(*(packed(values) for values in (low, high, facets)))
-        expected, *expected_areas = module._divided(low, high, facets)
+        expected, *expected_areas = reference.divided(low, high, facets)
         assert np.array_equal(beyond, expected)
-        assert areas == expected_areas  # to the last bit, so that pieces do not depend on the arithmetic
+        assert areas == expected_areas  # to the last bit, so that pieces are the very same
         assert name == "same" or 0 < beyond.sum() < len(facets)
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_pieces_are_the_same_by_either(name):
-    made = []
-    for path in arithmetic.CHOICES:
-        with arithmetic.using(path):
-            made.append(module._split(surface("target", SHAPES[name])))
-    assert np.array_equal(made[0].points, made[1].points)
-    assert np.array_equal(made[0].starts, made[1].starts)
+    made = module._split(surface("target", SHAPES[name]))
+    with mock.patch.object(module, "divided", reference.divided):
+        same = module._split(surface("target", SHAPES[name]))
+    assert np.array_equal(made.points, same.points)
+    assert np.array_equal(made.starts, same.starts)

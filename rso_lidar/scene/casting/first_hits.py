@@ -1,20 +1,106 @@
-"""Rays meet facets, as loops: `cast.py` says what and why, and this does it block by block, each array read once.
+"""First hits: embree finds which facet a ray meets first, float64 says where.
 
 A block of rays that follow one another is asked of every target whose sphere it may touch, in packets of the rays that
 touch it; the nearest hit of each ray stands. Blocks begin at set places, so that threads do not change them.
 """
 
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
-from rso_lidar.scene.casting.bands import NEAREST_M
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.records import Rays, Truth
+from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M, at_once
+from rso_lidar.scene.embree.engine import Engine, Scene
 from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
+from rso_lidar.scene.surfaces.surface import Surface
 
 BLOCK_RAYS = 256
 # Words of a placed target: the turn row by row, the lidar's place, the sphere as the lidar sees it, where rays start.
 _ORIGIN, _CENTRE, _REACH, _START, _SLACK, _WORDS = 9, 12, 15, 16, 17, 18
+
+
+class FirstHits(NamedTuple):
+    """The first hits of rays, in their order: what `Hits` holds, and which surface and which of its facets (hit)."""
+
+    ray: np.ndarray
+    pixel: np.ndarray
+    weight: np.ndarray
+    target: np.ndarray
+    number: np.ndarray
+    facet: np.ndarray
+    part: np.ndarray
+    source_facet: np.ndarray
+    range_m: np.ndarray
+    cosine: np.ndarray
+    brdf_per_sr: np.ndarray
+
+
+@lru_cache(maxsize=4)
+def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scene, ...], Targets]":
+    """Return the surfaces of a scenario as the loops want them, once for all its frames, and the scenes that these name."""
+    scenes = tuple(surface.scene(engine) for surface in surfaces)
+    count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
+
+    def row(columns: list[np.ndarray], dtype: type, shape: tuple[int, ...] = (0,)) -> np.ndarray:
+        return np.concatenate([np.empty(shape), *columns]).astype(dtype)
+
+    return scenes, Targets(
+        np.array([scene.address for scene in scenes], dtype=np.int64),
+        np.array([[*surface.sphere[0], surface.sphere[1]] for surface in surfaces]).reshape(-1, 4),
+        target_numbers(surfaces),
+        np.cumsum(count)[:-1],
+        row([surface.planes.T for surface in surfaces], np.float64, (0, 4)),
+        row([surface.part for surface in surfaces], np.int16),
+        row([surface.mesh.source_facet for surface in surfaces], np.int32),
+        row([surface.lambertian_per_sr for surface in surfaces], np.float64),
+    )
+
+
+def target_numbers(surfaces: Sequence[Surface]) -> np.ndarray:
+    """Return the number of the target of each surface."""
+    of = [k if surface.target is None else surface.target for k, surface in enumerate(surfaces)]
+    return np.array(of, dtype=np.int16)
+
+
+def find_first_hits(
+    rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: Engine
+) -> FirstHits:
+    """Return the first hits on all surfaces."""
+    _held, targets = _targets(tuple(surfaces), engine)  # scenes are good while they are held
+    origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
+    for k, surface in enumerate(surfaces):
+        origin[k], turn[k] = truth.poses.place(surface.name, "lidar")
+    columns = Columns(packed(rays.direction.T), packed(rays.pixel), packed(rays.weight))
+
+    def meet(band: slice) -> tuple[np.ndarray, ...]:
+        return cast_rays(columns, band.start, band.stop, targets, origin, turn, engine.intersect, engine.width)
+
+    n_rays = len(rays.pixel)
+    bands = [slice(start, min(start + BAND_RAYS, n_rays)) for start in range(0, n_rays, BAND_RAYS)]
+    if threads == 1 or len(bands) < 2:
+        first = FirstHits(*meet(slice(0, n_rays)))
+    else:
+        pieces = at_once(threads, meet, bands)
+        first = FirstHits(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    engine.check()
+    if not all(surface.is_lambertian for surface in surfaces):
+        for k, on in split_by_surface(first.number, len(surfaces)):
+            if not surfaces[k].is_lambertian:
+                first.brdf_per_sr[on] = surfaces[k].brdf_per_sr(first.facet[on], first.cosine[on])
+    return first
+
+
+def split_by_surface(number: np.ndarray, n_surfaces: int) -> list[tuple[int, np.ndarray]]:
+    """Return each surface that is hit, and its hits in their order."""
+    if n_surfaces == 1:
+        return [(0, np.arange(len(number)))] if len(number) else []
+    order = np.argsort(number, kind="stable")
+    edges = np.searchsorted(number[order], np.arange(n_surfaces + 1))
+    return [(k, order[a:b]) for k, (a, b) in enumerate(pairwise(edges.tolist())) if a < b]
 
 
 class Columns(NamedTuple):
@@ -38,7 +124,7 @@ class Targets(NamedTuple):
     matt_per_sr: np.ndarray
 
 
-@loop
+@kernel
 def placed(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
     """Return the words of targets (target, word), from target_from_lidar and the spheres about them.
 
@@ -65,7 +151,7 @@ def placed(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarr
     return words
 
 
-@loop
+@kernel
 def about(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
     """Return the middle (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
     x0 = y0 = z0 = np.inf
@@ -78,7 +164,7 @@ def about(direction: np.ndarray, first: int, last: int) -> tuple[float, float, f
     return 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (z0 + z1), half
 
 
-@loop
+@kernel
 def touched(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
     """Return whether any ray that ends within `half` of (x, y, z) may pass the sphere about a target."""
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
@@ -86,7 +172,7 @@ def touched(x: float, y: float, z: float, half: float, target: np.ndarray) -> bo
     return bool(apart <= (1.0 + 1e-6) * reach * reach + 1e-24)
 
 
-@loop
+@kernel
 def nearest_first(targets: np.ndarray) -> np.ndarray:
     """Return the numbers of the targets in the order in which rays may meet them."""
     order = np.arange(len(targets))
@@ -99,7 +185,7 @@ def nearest_first(targets: np.ndarray) -> np.ndarray:
     return order
 
 
-@loop
+@kernel
 def passing(
     direction: np.ndarray, first: int, last: int, target: np.ndarray, near: np.ndarray, chosen: np.ndarray
 ) -> int:
@@ -118,7 +204,7 @@ def passing(
     return count
 
 
-@loop
+@kernel
 def cast_rays(
     rays: Columns,
     first: int,
@@ -129,7 +215,7 @@ def cast_rays(
     question: int,
     width: int,
 ) -> tuple[np.ndarray, ...]:
-    """Return the columns of `cast._First` for rays first to last; the BRDF is NaN where the material is not matt.
+    """Return the columns of `FirstHits` for rays first to last; the BRDF is NaN where the material is not matt.
 
     Targets stand at `origin` (target, xyz) [m] and `turn` (target, xyz, xyz), which is target_from_lidar; `question` is
     rtcIntersect.
@@ -195,7 +281,9 @@ def cast_rays(
                     )
                     exact = (plane[3] - before) / c
                     rough = start + np.float64(values[BEFORE + FAR * width + k])
-                    # Seen edge-on, a facet's plane says nothing about range: `cast._meet` tells.
+                    # Seen edge-on, a facet's plane says nothing about range: there, and only there, embree's own distance
+                    # stands. That is good to some 1e-6 of the target's size; a thousand times that apart, the ray is
+                    # within 1e-3 rad of the plane.
                     distance = exact if abs(exact - rough) <= target[_SLACK] else rough
                     j = chosen[p + k] - block
                     if not distance > NEAREST_M:

@@ -1,15 +1,14 @@
 """The labels as a loop against the NumPy that says the same: the very same labels, ties included."""
 
 import dataclasses
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from rso_lidar import arithmetic
 from rso_lidar.records import Hits, Labels, Photons, Rays
-from rso_lidar.scene import label
-
-pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")
+from rso_lidar.scene import label, labels
+from tests.reference.scene.labels import spoken
 
 SHAPE = (6, 5)
 
@@ -57,7 +56,7 @@ def flash(n, seed=1, pixels=30, shades=3, filled=False, spilt=False):
 
 def agree(hits, photons, max_returns=1):
     """Return the labels, the very same by both ways."""
-    with arithmetic.using("numpy"):
+    with mock.patch.object(labels, "_speak", spoken):
         reference = label(hits, photons, max_returns)
     ours = label(hits, photons, max_returns)
     for field in dataclasses.fields(Labels):
@@ -71,8 +70,8 @@ def agree(hits, photons, max_returns=1):
 @pytest.mark.parametrize("shades", [2, 3, 1000])
 @pytest.mark.parametrize("n", [40, 600])
 def test_the_very_same_labels(n, shades, seed):
-    labels = agree(*flash(n, seed, shades=shades, filled=seed % 2 == 0, spilt=seed % 3 == 0), max_returns=1 + seed % 4)
-    assert labels.cluster_count.max() >= 2
+    made = agree(*flash(n, seed, shades=shades, filled=seed % 2 == 0, spilt=seed % 3 == 0), max_returns=1 + seed % 4)
+    assert made.cluster_count.max() >= 2
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -100,8 +99,8 @@ def test_equal_returns_moved_by_rounding_leave_the_labels_alone(seed):
 @pytest.mark.parametrize("n", [0, 1])
 @pytest.mark.parametrize("max_returns", [1, 3])
 def test_next_to_nothing(n, max_returns):
-    labels = agree(*flash(n), max_returns)
-    assert np.sum(labels.target >= 0) == n
+    made = agree(*flash(n), max_returns)
+    assert np.sum(made.target >= 0) == n
 
 
 def test_more_clusters_than_a_byte_counts():
@@ -116,9 +115,7 @@ def test_more_clusters_than_a_byte_counts():
 
 
 def test_each_loop_is_compiled_for_one_combination_of_types():
-    from rso_lidar.scene import labels_loops as loops
-
     agree(*flash(50))
     agree(*flash(50, filled=True, spilt=True))
-    for loop in (loops.filled, loops.spoken):
-        assert len(loop.signatures) == 1
+    for loop in (labels.filled, labels.spoken):
+        assert len(loop.dispatcher.signatures) == 1

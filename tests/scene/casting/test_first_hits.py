@@ -1,4 +1,4 @@
-"""The loops against the reference in NumPy, which asks embree for one ray after another."""
+"""Casting in packets against the reference in NumPy, which asks embree for one ray after another."""
 
 import dataclasses
 
@@ -7,17 +7,29 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import scene
-from rso_lidar.arithmetic import using
 from rso_lidar.optics import Laser, Receiver, pixel_rays
 from rso_lidar.records import Rays
-from rso_lidar.scene.embree import engine as packets
+from rso_lidar.scene.casting.first_hits import cast_rays
+from rso_lidar.scene.casting.shadows import mark_shaded
+from rso_lidar.scene.embree import engine as embree
+from rso_lidar.scene.embree.ray_by_ray import RayByRay
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
+from tests.reference.scene.first_hits import reference_casting
 
-pytestmark = pytest.mark.skipif(
-    packets.engine() is None, reason="embree, or numba, is not there to be asked for packets"
-)
+
+@pytest.fixture(params=["packets", "ray by ray"], autouse=True)
+def engine(request, monkeypatch):
+    """Cast by what was found, and by what stands in for it where nothing is found."""
+    if request.param == "packets":
+        yield embree.engine()
+        return
+    stand_in = RayByRay()
+    for module in ("cast", "shadows"):
+        monkeypatch.setattr(f"rso_lidar.scene.casting.{module}.engine", lambda: stand_in)
+    yield stand_in
+
 
 LENS = Receiver(fov_deg=4, f_number=2.8, n_rows=64, n_cols=64, rays_per_pixel=16, min_rays_per_target=0)
 SHINY = Phong(diffuse=0.1, specular=0.5, exponent=30.0)
@@ -29,7 +41,7 @@ def both(targets, truth, lens=LENS, rays=None, **light):
     """Return the hits by the loops and by the reference, of the same rays."""
     rays = rays or pixel_rays(lens, Laser(divergence_deg=60), scene.extent(targets, truth))
     compiled = scene.cast(rays, targets, truth, 1, **light)
-    with using("numpy"):
+    with reference_casting():
         return compiled, scene.cast(rays, targets, truth, 1, **light)
 
 
@@ -82,7 +94,7 @@ def some(seed=4, n=1):
 
 @pytest.mark.parametrize("n", [1, 2, 5])
 @pytest.mark.parametrize("light", [{}, {"sun": True}, {"laser_from_m": (0.8, 0.3, 0.0)}, {"aperture_m": 0.05}])
-def test_the_loops_meet_what_the_reference_meets(n, light):
+def test_packets_meet_what_the_reference_meets(n, light):
     targets, truth = some(n=n)
     compiled, reference = both(targets, truth, **light)
     assert len(reference.ray) > 5_000 and len(set(reference.target.tolist())) == n
@@ -190,9 +202,6 @@ def test_many_targets_one_behind_the_other():
 
 @pytest.mark.parametrize("layout", ["C", "F", "strided"])
 def test_any_layout_of_rays_is_taken_and_compiled_once(layout):
-    from rso_lidar.scene.casting.cast_loops import cast_rays
-    from rso_lidar.scene.embree.packets import add_met
-
     targets, truth = some(n=2)
     rays = pixel_rays(LENS, Laser(divergence_deg=60), scene.extent(targets, truth))
     direction = {
@@ -206,4 +215,4 @@ def test_any_layout_of_rays_is_taken_and_compiled_once(layout):
     one, two = scene.cast(rays, targets, truth, 1, **sun), scene.cast(other, targets, truth, 2, **sun)
     for name in (*EXACT, *ROUNDED):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
-    assert len(cast_rays.signatures) == len(add_met.signatures) == 1
+    assert len(cast_rays.dispatcher.signatures) == len(mark_shaded.dispatcher.signatures) == 1

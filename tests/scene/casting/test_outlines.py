@@ -1,13 +1,15 @@
 """The compiled outlines against the same in NumPy."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rso_lidar import arithmetic, scene
+from rso_lidar import scene
+from rso_lidar.scene.casting import extent
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
-
-pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")
+from tests.reference.scene.extent import outlined
 
 
 def area(outline):
@@ -16,10 +18,9 @@ def area(outline):
 
 
 def both(surfaces, truth):
-    with arithmetic.using("numpy"):
+    with mock.patch.object(extent, "outlined", outlined):
         reference = scene.extent(surfaces, truth)
-    with arithmetic.using("numba"):
-        return scene.extent(surfaces, truth), reference
+    return scene.extent(surfaces, truth), reference
 
 
 def test_bounds_and_outlines_agree_to_rounding():
@@ -49,17 +50,17 @@ def test_behind_beside_and_edge_on():
     made, reference = both(targets, truth)
     assert np.array_equal(made.low[:2], reference.low[:2]) and np.array_equal(made.high[:2], reference.high[:2])
     assert made.outlines[:2] == reference.outlines[:2] == (None, None)
-    for extent in (made, reference):  # seen edge-on, to rounding a line of both its ends
-        (outline,) = extent.outlines[2]
+    for seen in (made, reference):  # seen edge-on, to rounding a line of both its ends
+        (outline,) = seen.outlines[2]
         assert np.ptp(outline[:, 0]) == pytest.approx(2 / 9, rel=1e-12) and np.ptp(outline[:, 1]) < 1e-15
 
 
 @pytest.mark.parametrize(("ahead_m", "bounded"), [(1e-6, False), (1e-5, True)])
 def test_what_all_but_touches_the_plane_of_the_lidar_has_no_bounds(ahead_m, bounded):
     """Nearer than 2e-6 of its size of 1 m, rounding decides where a corner is seen."""
-    for extent in both([surface("a", box(2, 2, 2))], truth_of(a=place((0, 0, 1.0 + ahead_m)))):
-        assert np.isfinite(extent.low).all() == np.isfinite(extent.high).all() == bounded
-        assert (extent.outlines[0] is not None) == bounded
+    for seen in both([surface("a", box(2, 2, 2))], truth_of(a=place((0, 0, 1.0 + ahead_m)))):
+        assert np.isfinite(seen.low).all() == np.isfinite(seen.high).all() == bounded
+        assert (seen.outlines[0] is not None) == bounded
 
 
 def test_no_targets():
@@ -68,7 +69,5 @@ def test_no_targets():
 
 
 def test_the_loops_are_compiled_once():
-    from rso_lidar.scene.casting.extent_loops import outlined
-
     both([surface("a", box(1, 1, 1))], truth_of(a=place((0, 0, 10))))
-    assert len(outlined.signatures) == 1
+    assert len(extent.outlined.dispatcher.signatures) == 1

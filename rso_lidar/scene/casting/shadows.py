@@ -1,0 +1,85 @@
+"""Shadows: from which points a surface stands between them and the light."""
+
+import numpy as np
+
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.scene.casting.local_hits import LocalHits
+from rso_lidar.scene.embree.engine import engine
+from rso_lidar.scene.embree.packets import ALONG, BEFORE, FAR, START, ask, packet
+
+OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so that no facet shades itself
+
+
+def find_shaded(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
+    """Return the hits, of those asked for, from which a ray `toward` (xyz, hit) meets a surface within its reach [m]."""
+    centre, radius = hits.surface.sphere
+    off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
+    embree = engine()
+    met = np.zeros(len(asked), dtype=bool)
+    rays = packed(asked), packed(hits.point), packed(hits.facing), off_m, packed(toward), packed(reach_m)
+    for number, other in enumerate(hits.surfaces):
+        origin, turn = np.zeros(3), np.eye(3)
+        if number != hits.number:
+            origin, turn = hits.truth.poses.place(other.name, hits.surface.name)
+        scene, sphere = other.scene(embree), np.append(*other.sphere)
+        placed = packed(origin), packed(turn), packed(sphere)
+        mark_shaded(met, *rays, *placed, embree.occluded, scene.address, embree.width)
+        embree.check()
+    return np.flatnonzero(met)
+
+
+@kernel
+def mark_shaded(
+    met: np.ndarray,
+    asked: np.ndarray,
+    point: np.ndarray,
+    facing: np.ndarray,
+    off: float,
+    toward: np.ndarray,
+    reach: np.ndarray,
+    origin: np.ndarray,
+    turn: np.ndarray,
+    sphere: np.ndarray,
+    question: int,
+    scene: int,
+    width: int,
+) -> None:
+    """Set in `met` (ray) which of the rays `asked` for meet a surface within their reach [m].
+
+    They start `off` [m] along `facing` from `point` and go `toward`, all (xyz, ray) in one surface's axes, of which
+    `origin` [m] and `turn` make the other's; `sphere` is centre and radius [m] of one that holds the other. As the lidar's
+    rays do, these start just before it, where float32 is fine.
+    """
+    words = packet(width)
+    values = words.view(np.float32)[BEFORE:]
+    rays, start, along = np.empty(width, np.int64), np.empty(3), np.empty(3)
+    wide = 1.01 * sphere[3]
+    count, n = 0, len(met)
+    for i in range(n):
+        if asked[i] and not met[i]:
+            x, y, z = (
+                point[0, i] + off * facing[0, i],
+                point[1, i] + off * facing[1, i],
+                point[2, i] + off * facing[2, i],
+            )
+            ahead = centre2 = 0.0
+            for axis in range(3):
+                row = turn[axis]
+                start[axis] = origin[axis] + (row[0] * x + row[1] * y + row[2] * z)
+                along[axis] = row[0] * toward[0, i] + row[1] * toward[1, i] + row[2] * toward[2, i]
+                to_centre = sphere[axis] - start[axis]
+                ahead += to_centre * along[axis]
+                centre2 += to_centre * to_centre
+            skipped = max(ahead - wide - 0.01, 0.0)
+            if centre2 - ahead * ahead <= wide * wide + 1e-4 and ahead > -wide and skipped < reach[i]:
+                for axis in range(3):
+                    values[(START + axis) * width + count] = start[axis] + skipped * along[axis]
+                    values[(ALONG + axis) * width + count] = along[axis]
+                values[FAR * width + count] = reach[i] - skipped
+                rays[count] = i
+                count += 1
+        if count == width or (i == n - 1 and count > 0):
+            ask(question, scene, words, width, count)
+            for k in range(count):
+                met[rays[k]] = values[FAR * width + k] < 0.0  # embree's word for "something": minus infinity
+            count = 0

@@ -1,0 +1,96 @@
+"""The questions of packets answered by embreex, one ray after another: where embree itself is not found.
+
+Kernels call embree at an address. Here the address is that of a Python function, which reads the packet, asks embreex, and
+writes the answer where embree would. It takes some three times as long.
+"""
+
+import ctypes
+import itertools
+from collections.abc import Callable
+from typing import Any
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from rso_lidar.scene.embree.packets import ALONG, FACET, FAR, GEOMETRY, ROWS, START
+
+_WIDTH = 256  # rays handed over at once: long against the way from a kernel to Python
+_Question = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+
+
+class EmbreexScene:
+    """The facets of one surface in embreex; `address` is the number by which kernels name it while this object is held."""
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        self.run = build_embreex(triangles).run
+        self.address = next(_numbers)
+        _scenes[self.address] = self
+
+
+_scenes: WeakValueDictionary[int, EmbreexScene] = WeakValueDictionary()
+_numbers = itertools.count(1)
+
+
+def build_embreex(triangles: np.ndarray) -> Any:
+    """Return embreex's scene of triangles (facet, corner, xyz) [m], committed."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    corners = triangles.astype(np.float32)
+    TriangleMesh(scene, corners)
+    outside = (corners.max(axis=(0, 1)) + 1.0)[None]
+    scene.run(outside, np.array([[1.0, 0.0, 0.0]], dtype=np.float32))  # the first ray commits the scene, in one thread
+    return scene
+
+
+class RayByRay:
+    """Stands for embree: the same questions of the same packets, answered by embreex."""
+
+    width = _WIDTH
+    summary = "one ray at a time"
+
+    def __init__(self) -> None:
+        # A C function cannot raise: what goes wrong in it is kept, and raised when the kernel has returned.
+        self._errors: list[BaseException] = []
+        self._functions = tuple(_Question(self._guard(answer)) for answer in (_find_first, _find_any))
+        self.intersect, self.occluded = (ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._functions)
+
+    def build(self, triangles: np.ndarray) -> EmbreexScene:
+        """Return the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        return EmbreexScene(triangles)
+
+    def check(self) -> None:
+        """Raise what went wrong while a kernel asked."""
+        if self._errors:
+            raise self._errors.pop()
+
+    def _guard(self, answer: Callable[[EmbreexScene, np.ndarray, int], None]) -> Callable[[int, int, int, int], None]:
+        def guarded(used: int, scene: int, packet: int, arguments: int) -> None:
+            try:
+                count = int(np.count_nonzero((ctypes.c_uint32 * _WIDTH).from_address(used)))
+                words = np.ctypeslib.as_array((ctypes.c_float * (ROWS * _WIDTH)).from_address(packet))
+                answer(_scenes[scene], words.reshape(ROWS, _WIDTH)[:, :count], count)
+            except BaseException as error:
+                self._errors.append(error)
+
+        return guarded
+
+
+def _rays(packet: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where rays start (ray, xyz), along what (ray, xyz), and how far they reach (ray), as embreex takes them."""
+    start, along = (np.ascontiguousarray(packet[row : row + 3].T) for row in (START, ALONG))
+    return start, along, np.ascontiguousarray(packet[FAR])
+
+
+def _find_first(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
+    found = scene.run(*_rays(packet), query="INTERSECT", output=1)
+    met = found["primID"] >= 0
+    packet[FACET, met] = found["primID"][met].astype(np.uint32).view(np.float32)
+    packet[GEOMETRY, met] = 0.0
+    packet[FAR, met] = found["tfar"][met]
+
+
+def _find_any(scene: EmbreexScene, packet: np.ndarray, count: int) -> None:
+    packet[FAR, scene.run(*_rays(packet), query="OCCLUDED") >= 0] = -np.inf
