@@ -127,7 +127,9 @@ def pair(request):
 def anew(tmp_path_factory):
     """Return the file that the renderer writes now, in a process of its own: with an old LLVM it aborts."""
     if importlib.util.find_spec("mitransient") is None:
-        pytest.skip("mitransient is not installed (pip install mitransient==1.3.1, or make peers); the kept renderings are compared")
+        pytest.skip(
+            "mitransient is not installed (pip install mitransient==1.3.1, or make peers); the kept renderings are compared"
+        )
     path = tmp_path_factory.mktemp("peers") / "mitransient.npz"
     command = [sys.executable, "-m", "tests.peers.render", str(path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)

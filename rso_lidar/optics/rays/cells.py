@@ -1,12 +1,12 @@
 """Cells of the focal plane, k x k to a pixel: where targets lie on them, and which directions go through them."""
 
-import math
-from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Extent
 
@@ -14,18 +14,17 @@ _BEND = 16  # points along an edge that a lens bends
 _BLOCK = 8  # rows of pixels of a lens that bends whose directions are found at once
 
 
-@dataclass(frozen=True)
-class Outlines:
+class Outlines(NamedTuple):
     """Outlines of all targets: corners (corner, row_col), those of outline p from `starts[p]` to `starts[p + 1]`.
 
-    `off` (outline) [cells] is how far an outline may be from its corners' chords. `of[t]` are the first outline of target t
-    and the one past its last; None where only bounds are known.
+    `off` (outline) [cells] is how far an outline may be from its corners' chords. `of` (target, 2) are the first outline of
+    each target and the one past its last; -1 where only bounds are known.
     """
 
     corners: np.ndarray
     starts: np.ndarray
     off: np.ndarray
-    of: list[tuple[int, int] | None]
+    of: np.ndarray
 
 
 def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarray:
@@ -34,10 +33,14 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
     Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
     target does; it is empty where low > high.
     """
+    if receiver.distortion is None:
+        k, (n_rows, n_cols) = receiver.rays_per_side, receiver.shape
+        scale = k / receiver.pixel_tangent
+        return packed(
+            straight_boxes(packed(extent.low), packed(extent.high), reach, scale, 0.5 * k * n_rows, 0.5 * k * n_cols)
+        )
     low, high = np.maximum(extent.low, -reach), np.minimum(extent.high, reach)
     ends = np.stack([low, high], axis=1)
-    if receiver.distortion is None:
-        return _in_cells(ends, receiver)
     boxes = np.empty_like(ends)
     empty = (low > high).any(axis=1)
     boxes[empty] = [[1.0, 1.0], [0.0, 0.0]]
@@ -47,37 +50,48 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
     cells = cells.reshape(-1, 4 * _BEND, 2)
     beyond = (ends[~empty] - within)[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
     boxes[~empty] = np.stack([cells.min(axis=1) - off[:, None], cells.max(axis=1) + off[:, None]], axis=1) + beyond
+    return packed(boxes)
+
+
+@kernel
+def straight_boxes(
+    low: np.ndarray, high: np.ndarray, reach: float, scale: float, half_rows: float, half_cols: float
+) -> np.ndarray:
+    """Return bounds (target, low_high, row_col) in cells behind a lens that bends nothing.
+
+    Parameters
+    ----------
+    low, high : (target, right_down) bounds in the tangent plane.
+    reach : what lies farther from the boresight, in the tangent plane, does not count.
+    scale : cells per unit of the tangent plane.
+    half_rows, half_cols : row and column of the boresight [cells].
+    """
+    boxes = np.empty((len(low), 2, 2))
+    for t in range(len(low)):
+        boxes[t, 0, 0] = max(low[t, 1], -reach) * scale + half_rows
+        boxes[t, 0, 1] = max(low[t, 0], -reach) * scale + half_cols
+        boxes[t, 1, 0] = min(high[t, 1], reach) * scale + half_rows
+        boxes[t, 1, 1] = min(high[t, 0], reach) * scale + half_cols
     return boxes
 
 
 def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
     """Return the outlines of all targets in cells."""
-    of: list[tuple[int, int] | None] = []
+    of = np.full((len(extent.low), 2), -1, np.int64)
     every: list[np.ndarray] = []
-    for outlines in extent.outlines or [None] * len(extent.low):
-        of.append(None if outlines is None else (len(every), len(every) + len(outlines)))
-        every.extend(outlines or ())
+    for t, outlines in enumerate(extent.outlines or ()):
+        if outlines is not None:
+            of[t] = len(every), len(every) + len(outlines)
+            every.extend(outlines)
     bent = receiver.distortion is not None
     if bent:
         every = [_within(outline, receiver.field_edge) for outline in every]
-    starts = np.cumsum([0] + [len(outline) for outline in every])
+    starts = np.array(list(accumulate(map(len, every), initial=0)), np.int64)
     corners = np.concatenate(every) if every else np.empty((0, 2))
-    if not bent:
-        return Outlines(_in_cells(corners, receiver), starts, np.zeros(len(every)), of)
-    cells, off = _bent(corners, starts, receiver)
-    return Outlines(cells, _BEND * starts, off, of)
-
-
-def touched(box: list[list[float]], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return the first row, one past the last, the first col and one past the last of the cells that a box touches."""
-    most = float(max(shape) + 1)
-    (r0, c0), (r1, c1) = ([min(max(at, -1.0), most) for at in end] for end in box)
-    return (
-        max(0, math.floor(r0)),
-        max(0, min(shape[0], math.floor(r1) + 1)),
-        max(0, math.floor(c0)),
-        max(0, min(shape[1], math.floor(c1) + 1)),
-    )
+    if bent:
+        cells, off = _bent(corners, starts, receiver)
+        return Outlines(packed(cells), packed(_BEND * starts), packed(off), packed(of))
+    return Outlines(packed(_in_cells(corners, receiver)), packed(starts), packed(np.zeros(len(every))), packed(of))
 
 
 def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -92,8 +106,7 @@ def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.nda
 def _straight(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     middles = _middles(receiver, 0, receiver.n_rows)
     x, y = receiver.tangents_at(*middles)
-    x.flags.writeable = y.flags.writeable = False
-    return x, y
+    return packed(x), packed(y)
 
 
 def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
@@ -145,11 +158,11 @@ def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
     Outside the field a distortion means nothing: there the cells go on as even ones.
     """
     k = receiver.rays_per_side
-    cells = np.empty_like(points)
     if receiver.distortion is None:
-        for axis, size in ((0, receiver.n_rows), (1, receiver.n_cols)):
-            cells[..., axis] = points[..., 1 - axis] * (k / receiver.pixel_tangent) + 0.5 * k * size
-        return cells
+        straight: np.ndarray = points[..., ::-1] * (k / receiver.pixel_tangent)
+        straight += (0.5 * k * receiver.n_rows, 0.5 * k * receiver.n_cols)
+        return straight
+    cells = np.empty_like(points)
     within = np.clip(points, -receiver.field_edge, receiver.field_edge)
     image = receiver.image_of(within[..., 0], within[..., 1])
     for axis in (0, 1):

@@ -1,43 +1,62 @@
-"""How many photons come back: eq. 7 of Fuller et al., ray by ray, with the factor 4 that conserves energy."""
+"""How many photons come back from each hit: Fuller et al., eq. 7, with the factor 4 that conserves energy."""
+
+import math
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
+from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
-from rso_lidar.optics.returns.blur import Light, blurred
+from rso_lidar.optics.returns.blur import blur_light
+from rso_lidar.optics.returns.clusters import find_clusters
+from rso_lidar.optics.returns.light import Light
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.records import Hits, Photons
 
-SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints that a loop knows
+SQUARE, CIRCLE, GAUSSIAN = range(3)  # footprints with a formula
 FOOTPRINTS = {"square": SQUARE, "as_printed": SQUARE, "circle": CIRCLE, "gaussian": GAUSSIAN}
+_LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay finite
 
 
 def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
-    """Return the photons that each lit hit sends back to its pixel, of a pulse that left `late_s` [s] late.
+    """Collect the photons that each lit hit sends back to its pixel.
 
     N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R²: b photons per unit area of the tangent plane, w the ray's share
     of its pixel, p/f the pixel's side in the tangent plane, ρ the BRDF, α the incidence, A the aperture's area, θ the
-    angle from the boresight (the aperture is seen foreshortened), η the transmission, R the slant range. On the axis
-    this is eq. 7 of Fuller et al. with the factor 4 of a square footprint.
+    angle from the boresight (the aperture is foreshortened), η the transmission, R the slant range. On the axis this is
+    Fuller et al., eq. 7, with the factor 4 of a square footprint.
 
-    A laser beside the lens lights a facet from its own place: with R′ and θ′ from there, R becomes R′ and cos θ becomes
-    cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts sees the solid angle that its pixels have.
+    A laser beside the lens lights a facet from its own position. With R′ and θ′ from there, R becomes R′, cos θ becomes
+    cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts changes the solid angles of its pixels.
+
+    Parameters
+    ----------
+    hits : first facets that rays meet.
+    laser : the laser of this pulse.
+    receiver : the lens and the focal plane.
+    late_s : how late the pulse left, against the receiver's clock [s].
+
+    Returns
+    -------
+    Expected photons, one return for each lit hit, or more behind a lens with a point spread function.
     """
-    light, lit = (_looped if _plain(laser) else _returned)(hits, laser, receiver)
-    filled, background = None, _background(hits, light, laser, receiver)
+    has_formula = laser.offset is None and laser.footprint in FOOTPRINTS
+    light, is_lit = (_light_of_beam if has_formula else _light_of_any_laser)(hits, laser, receiver)
+    filled, background = None, _sunlight(hits, light, laser, receiver)
     if laser.offset is not None or receiver.filter_width_nm is not None:  # then some rays meet what is not lit
-        light = light if lit.all() else light.only(np.flatnonzero(lit))
+        light = light if is_lit.all() else light.only(np.flatnonzero(is_lit))
         n_pixels = receiver.n_rows * receiver.n_cols
         filled = np.bincount(light.pixel, hits.weight[light.hit], n_pixels).reshape(receiver.shape)
+    pulse_fwhm_s, (step_s, power) = laser.pulse_fwhm_s, laser.pulse
     if receiver.psf is not None:
-        light = blurred(hits, light, receiver, laser.wavelength_m, laser.pulse_fwhm_s)
-    cluster, cluster_pixel = _clusters(light.pixel, light.delay_s, light.depth_spread_s, laser.pulse_fwhm_s)
-    step_s, power = laser.pulse
+        light = blur_light(hits, light, receiver, laser.wavelength_m, pulse_fwhm_s)
+    cluster, cluster_pixel = find_clusters(
+        packed(light.pixel), packed(light.delay_s), packed(light.depth_spread_s), pulse_fwhm_s
+    )
     return Photons(
         shape=hits.rays.shape,
-        pulse_fwhm_s=laser.pulse_fwhm_s,
+        pulse_fwhm_s=pulse_fwhm_s,
         pulse_step_s=step_s,
         late_s=late_s,
         pulse_power_per_s=power,
@@ -54,91 +73,157 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
     )
 
 
-def _plain(laser: Laser) -> bool:
-    """Return whether a loop works out the light of this laser: it stands in the lens, and its beam has a formula."""
-    return compiled() and laser.offset is None and laser.footprint in FOOTPRINTS
-
-
-def _looped(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit, as `_returned` does."""
-    from rso_lidar.optics.returns.radiometry_loops import returned
-
-    seen = hits.weight
+def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
+    """Return the light of each hit, and which hits are lit, for a laser at the lens whose beam has a formula."""
+    area = hits.weight
     if receiver.distortion is not None:
         toward = hits.rays.direction[hits.ray]
-        seen = seen * receiver.distortion.area_seen(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
-    x, y, z = hits.rays.direction.T
-    delay_s, photons, spread_s, cells, lit = returned(
+        area = area * receiver.distortion.area_seen(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
+    delay_s, photons, spread_s, cells, hit, is_lit = return_light(
         packed(hits.ray),
-        packed(x),
-        packed(y),
-        packed(z),
+        packed(hits.rays.direction.T),
         packed(hits.weight),
-        packed(seen),
+        packed(area),
         packed(hits.range_m),
         packed(hits.cos_incidence),
         packed(hits.brdf_per_sr),
         FOOTPRINTS[laser.footprint],
         laser.half_width_tangent,
         laser.density_on_axis,
-        _gathered(receiver),
+        _gathering_area_m2(receiver),
         receiver.ifov_rad,
-        _cells_per_share(laser, receiver),
+        _cells_per_pixel(laser, receiver),
     )
-    return Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32)), lit
+    return Light(hits.pixel, delay_s, photons, spread_s, cells, hit), is_lit
 
 
-def _returned(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit."""
+@kernel
+def return_light(
+    ray: np.ndarray,
+    direction: np.ndarray,
+    weight: np.ndarray,
+    area: np.ndarray,
+    range_m: np.ndarray,
+    cos_incidence: np.ndarray,
+    brdf_per_sr: np.ndarray,
+    footprint: int,
+    half_width: float,
+    density: float,
+    gathering_m2: float,
+    ifov_rad: float,
+    cells_per_pixel: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return what each hit sends back: a laser at the lens, whose beam has a formula.
+
+    Parameters
+    ----------
+    ray, weight, range_m, cos_incidence, brdf_per_sr : (hit) fields of `Hits`.
+    direction : (xyz, ray) unit vectors of all rays.
+    area : (hit) area that each ray covers in the tangent plane, in pixels.
+    footprint : SQUARE, CIRCLE or GAUSSIAN.
+    half_width : tangent of half the beam's full angle.
+    density : photons per unit area of the tangent plane, on the axis.
+    gathering_m2 : what of the light before the lens a pixel on the axis gathers.
+    ifov_rad : instantaneous field of view of a pixel.
+    cells_per_pixel : cells of coherence of a pixel on the axis.
+
+    Returns
+    -------
+    Delay [s], photons, depth spread [s], cells of coherence, number of the hit and whether it is lit (hit).
+    """
+    n = len(ray)
+    delay_s, photons, spread_s, coherence_cells = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    hit, is_lit, cosines = np.empty(n, np.int32), np.empty(n, np.bool_), np.empty(n)
+    for k in range(n):
+        across, down, cos_axis = direction[0, ray[k]], direction[1, ray[k]], direction[2, ray[k]]
+        edge = half_width * cos_axis
+        if footprint == SQUARE:
+            b = density if abs(across) <= edge and abs(down) <= edge else 0.0
+        elif footprint == CIRCLE:
+            b = density if across * across + down * down <= edge * edge else 0.0
+        else:
+            b = density * math.exp(-2.0 * (across * across + down * down) / (edge * edge))
+        photons[k], cosines[k] = b, cos_axis
+    for k in range(n):  # apart from the lookups above, so that it is vectorised
+        b, cos_axis, distance, cosine = photons[k], cosines[k], range_m[k], cos_incidence[k]
+        delay_s[k] = 2.0 * distance / units.SPEED_OF_LIGHT_M_S
+        photons[k] = b * area[k] * brdf_per_sr[k] * cosine * cos_axis / (distance * distance) * gathering_m2
+        steep = max(cosine, _LEAST_COSINE)
+        tangent_share = math.sqrt(weight[k] * max(1.0 - steep * steep, 0.0)) / steep
+        spread_s[k] = distance * (ifov_rad / units.RANGE_PER_DELAY_M_S) * tangent_share if cosine > 0.0 else 0.0
+        coherence_cells[k] = area[k] * (cells_per_pixel * cos_axis * cos_axis * cos_axis)
+        hit[k], is_lit[k] = k, b > 0.0 and cosine > 0.0
+    return delay_s, photons, spread_s, coherence_cells, hit, is_lit
+
+
+def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
+    """Return the light of each hit, and which hits are lit, for a measured pattern or a laser beside the lens."""
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
-    seen = hits.weight
+    area = hits.weight
     if receiver.distortion is not None:
-        seen = seen * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
+        area = area * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
     if laser.offset is None:
         density = laser.density(x / cos_axis, y / cos_axis)
         toward = cos_axis / hits.range_m**2
         path_m = 2.0 * hits.range_m
     else:
-        density, laser_range_m = _from_aside(hits, laser, x, y, cos_axis)
+        density, laser_range_m = _density_beside_lens(hits, laser, x, y, cos_axis)
         toward = cos_axis**4 / laser_range_m**2
         path_m = hits.range_m + laser_range_m
-    photons = density * seen * hits.brdf_per_sr * hits.cos_incidence * toward * _gathered(receiver)
+    photons = density * area * hits.brdf_per_sr * hits.cos_incidence * toward * _gathering_area_m2(receiver)
     delay_s = path_m / units.SPEED_OF_LIGHT_M_S
     spread_s = _depth_spread_s(hits, 0.5 * path_m, receiver)
-    cells = seen * (_cells_per_share(laser, receiver) * cos_axis * cos_axis * cos_axis)
+    cells = area * (_cells_per_pixel(laser, receiver) * cos_axis * cos_axis * cos_axis)
     light = Light(hits.pixel, delay_s, photons, spread_s, cells, np.arange(len(hits.ray), dtype=np.int32))
     return light, (density > 0.0) & (hits.cos_incidence > 0.0)
 
 
-def _gathered(receiver: Receiver) -> float:
+def _gathering_area_m2(receiver: Receiver) -> float:
     """Return (p/f)² A η: what of the light in front of the lens a whole pixel on the axis gathers [m²]."""
     return receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission
 
 
-def _cells_per_share(laser: Laser, receiver: Receiver) -> float:
+def _cells_per_pixel(laser: Laser, receiver: Receiver) -> float:
     """Return the cells of coherence of a whole pixel on the axis: its solid angle times the aperture over λ²."""
     return receiver.pixel_tangent**2 * receiver.aperture_area_m2 / laser.wavelength_m**2
 
 
-def _from_aside(
+def _density_beside_lens(
     hits: Hits, laser: Laser, x: np.ndarray, y: np.ndarray, cos_axis: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return density / cos³ θ′ of the laser's light at each hit, and the hit's distance [m] from the laser."""
+    """Return the density of a laser's light beside the lens at each hit.
+
+    Parameters
+    ----------
+    hits : the hits.
+    laser : a laser with an offset.
+    x, y, cos_axis : (hit) direction of each hit's ray.
+
+    Returns
+    -------
+    (hit) density / cos³ θ′, and the hit's distance from the laser [m].
+    """
     from_laser = np.stack([x, y, cos_axis]) * hits.range_m - np.array(laser.offset_m)[:, None]
     laser_range_m = np.sqrt(np.sum(from_laser**2, axis=0))
-    before = from_laser[2] > 0.0
-    cosine = np.where(before, from_laser[2] / laser_range_m, 1.0)
-    depth = np.where(before, from_laser[2], 1.0)
-    density = np.where(before, laser.density(from_laser[0] / depth, from_laser[1] / depth), 0.0)
+    is_ahead = from_laser[2] > 0.0
+    cosine = np.where(is_ahead, from_laser[2] / laser_range_m, 1.0)
+    depth = np.where(is_ahead, from_laser[2], 1.0)
+    density = np.where(is_ahead, laser.density(from_laser[0] / depth, from_laser[1] / depth), 0.0)
     return density / cosine**3, laser_range_m
 
 
-def _background(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.ndarray | None:
-    """Return the sunlight [photons/s] on each pixel (row, col) that passes the filter; None without one.
+def _sunlight(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> np.ndarray | None:
+    """Return the sunlight on each pixel (row, col) that passes the filter [photons/s]; None without a filter.
 
-    `light` is that of each hit, whose cells of coherence are the solid angle times A / λ². Sunlight is spread by no PSF,
-    and weakened by the whole `transmission`, though it passes the lens only once: what the laser's own optics cost is not
-    told apart. Both are assumed.
+    The cells of coherence of each hit are its solid angle times A / λ². Sunlight is not spread by the PSF, and is
+    weakened by the whole `transmission` although it passes the lens once: the losses of the laser's own optics are not
+    stated apart. Both are assumed.
+
+    Parameters
+    ----------
+    hits : the hits, with the sunlight on each.
+    light : light of each hit, before any is left out.
+    laser, receiver : give the wavelength and the filter's width.
     """
     if receiver.filter_width_nm is None or hits.sunlight_per_sr is None:
         return None
@@ -150,43 +235,15 @@ def _background(hits: Hits, light: Light, laser: Laser, receiver: Receiver) -> n
 
 
 def _depth_spread_s(hits: Hits, range_m: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return how long light returns from one ray's footprint [s]: 2 R δ tan α / c, δ the side of the footprint."""
-    cosine = np.maximum(hits.cos_incidence, 1e-3)  # nearer to edge-on the product only has to stay finite
+    """Return how long light returns from one ray's footprint [s]: 2 R δ tan α / c.
+
+    Parameters
+    ----------
+    hits : the hits, with cos α and the rays' shares of their pixels.
+    range_m : (hit) half the light's path.
+    receiver : gives δ, the angle that a ray's footprint spans.
+    """
+    cosine = np.maximum(hits.cos_incidence, _LEAST_COSINE)
     tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / cosine
     spread = range_m / units.RANGE_PER_DELAY_M_S * np.sqrt(hits.weight) * receiver.ifov_rad * tangent
     return np.where(hits.cos_incidence > 0.0, spread, 0.0)
-
-
-def _clusters(
-    pixel: np.ndarray, delay_s: np.ndarray, depth_spread_s: np.ndarray, gap_s: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cluster of each return and the pixel of each cluster.
-
-    Returns of a pixel, in order of delay, part where two neighbours are more than `gap_s` apart, beyond what the less
-    steep of the two surfaces bridges by its own depth spread: a tilted surface is one cluster, however far apart its rays
-    land, and a rim before a wall is not. Clusters are numbered by pixel, then from near to far. `pixel` never falls.
-    """
-    if compiled():
-        from rso_lidar.optics.returns.radiometry_loops import clusters
-
-        return clusters(packed(pixel), packed(delay_s), packed(depth_spread_s), gap_s)
-    if not len(pixel):
-        return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
-    first = np.flatnonzero(np.diff(pixel, prepend=-1))  # first return of each pixel that has any
-    group_sizes = np.diff(first, append=len(pixel))
-    group = np.repeat(np.arange(len(first)), group_sizes)
-    wide = np.maximum.reduceat(delay_s, first) - np.minimum.reduceat(delay_s, first) > gap_s
-    within = np.zeros(len(pixel), dtype=np.int32)  # cluster of a return within its pixel
-    count = np.ones(len(first), dtype=np.int32)
-    if wide.any():
-        some = np.flatnonzero(wide[group])
-        some = some[np.lexsort((delay_s[some], group[some]))]
-        new_pixel = np.diff(group[some], prepend=-1) != 0
-        steep_s = depth_spread_s[some]
-        bridged_s = np.minimum(steep_s, np.roll(steep_s, 1))
-        parts = (np.diff(delay_s[some], prepend=0.0) - bridged_s > gap_s) & ~new_pixel
-        running = np.cumsum(parts)
-        within[some] = running - np.repeat(running[new_pixel], group_sizes[wide])
-        count[wide] += np.add.reduceat(parts, np.flatnonzero(new_pixel)).astype(np.int32)
-    offset = np.cumsum(count) - count
-    return (offset[group] + within).astype(np.int32), np.repeat(pixel[first], count)

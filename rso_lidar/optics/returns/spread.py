@@ -1,65 +1,43 @@
-"""What `lens` does to the light of each pixel, as loops."""
+"""Light spread over pixels: where each group of returns sends its light, and what each pixel gets."""
 
 import math
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
+from rso_lidar.kernels import kernel
+from rso_lidar.optics.returns.sorting import sort_by
 from rso_lidar.ties import EQUAL
 
-RUN = 16  # so many are sorted by insertion
 
-
-@loop
-def sort_by(value: np.ndarray, order: np.ndarray, spare: tuple[np.ndarray, np.ndarray], start: int, stop: int) -> None:
-    """Sort value[start:stop] and order[start:stop] with it; equal ones keep their order: runs by insertion, then merged."""
-    for low in range(start, stop, RUN):
-        for k in range(low + 1, min(low + RUN, stop)):
-            this, number, at = value[k], order[k], k
-            while at > low and value[at - 1] > this:
-                value[at], order[at] = value[at - 1], order[at - 1]
-                at -= 1
-            value[at], order[at] = this, number
-    run = RUN
-    while run < stop - start:
-        for low in range(start, stop, 2 * run):
-            middle, high = min(low + run, stop), min(low + 2 * run, stop)
-            for k in range(low, high):
-                spare[0][k], spare[1][k] = order[k], value[k]
-            left, right = low, middle
-            for at in range(low, high):
-                if right < high and (left == middle or spare[1][right] < spare[1][left]):
-                    order[at], value[at] = spare[0][right], spare[1][right]
-                    right += 1
-                else:
-                    order[at], value[at] = spare[0][left], spare[1][left]
-                    left += 1
-        run *= 2
-
-
-@loop
-def places(
-    ray: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    z: np.ndarray,
-    pixel_tangent: float,
-    n_rows: int,
-    n_cols: int,
-    sub: int,
+@kernel
+def find_subcells(
+    ray: np.ndarray, direction: np.ndarray, pixel_tangent: float, n_rows: int, n_cols: int, side: int
 ) -> np.ndarray:
-    """Return the sub-cell of its pixel (hit) that each ray goes through, row * sub + col, in a lens that bends nothing."""
+    """Find the sub-cell of its pixel that each hit's ray goes through, behind a lens without distortion.
+
+    Parameters
+    ----------
+    ray : (hit) index of the ray.
+    direction : (xyz, ray) unit vectors of all rays.
+    pixel_tangent : side of a pixel in the tangent plane.
+    n_rows, n_cols : pixels of the focal plane.
+    side : sub-cells along each side of a pixel.
+
+    Returns
+    -------
+    (hit) i8, row * side + col.
+    """
     cell = np.empty(len(ray), np.int64)
     for k in range(len(ray)):
-        r = ray[k]
-        col, row = x[r] / z[r] / pixel_tangent + 0.5 * n_cols, y[r] / z[r] / pixel_tangent + 0.5 * n_rows
-        down, across = int((row - math.floor(row)) * sub), int((col - math.floor(col)) * sub)
-        cell[k] = min(down, sub - 1) * sub + min(across, sub - 1)
+        x, y, z = direction[0, ray[k]], direction[1, ray[k]], direction[2, ray[k]]
+        col, row = x / z / pixel_tangent + 0.5 * n_cols, y / z / pixel_tangent + 0.5 * n_rows
+        down, across = int((row - math.floor(row)) * side), int((col - math.floor(col)) * side)
+        cell[k] = min(down, side - 1) * side + min(across, side - 1)
     return cell
 
 
-@loop
-def grouped(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
+@kernel
+def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Return returns in order of pixel and bin of delay, and where groups of one pixel and bin begin; their number last."""
     n = len(pixel)
     order, number, starts = np.empty(n, np.int64), np.empty(n), np.empty(n + 1, np.int64)
@@ -84,8 +62,8 @@ def grouped(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tuple[np.nd
     return order, starts[: found + 1].copy()
 
 
-@loop
-def spread(
+@kernel
+def spread_groups(
     pixel: np.ndarray,
     delay_s: np.ndarray,
     photons: np.ndarray,
@@ -160,8 +138,8 @@ def spread(
     return at, brightest, width_s, away, near
 
 
-@loop
-def by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
+@kernel
+def order_by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     """Return entries in order of their pixel, those of one in their own order, and where each pixel's begin."""
     begins, order = np.zeros(n_pixels + 1, np.int64), np.empty(len(pixel), np.int64)
     for k in range(len(pixel)):
@@ -175,8 +153,8 @@ def by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     return order, begins
 
 
-@loop
-def gathered(
+@kernel
+def gather_returns(
     at: np.ndarray,
     brightest: np.ndarray,
     width_s: np.ndarray,
@@ -185,9 +163,17 @@ def gathered(
     n_rows: int,
     n_cols: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return light ordered by pixel and delay: in each pixel what stays there, what comes from near, and what from far.
+    """Gather the light of each pixel: what stays there, what comes from near and what from far, ordered by delay.
 
-    Groups of light are as `spread` returns them; `far` is pixel, delay, photons, depth spread, cells of coherence and hit.
+    Parameters
+    ----------
+    at, brightest, width_s, near : groups of light, as `spread_groups` returns them.
+    far : pixel, delay, photons, depth spread, cells of coherence and hit of light from far away.
+    n_rows, n_cols : pixels of the focal plane.
+
+    Returns
+    -------
+    Pixel, delay, photons, depth spread, cells of coherence and hit of each return.
     """
     sent, sent_s, sent_cells = near
     n_groups, n_offsets = sent.shape
@@ -198,8 +184,8 @@ def gathered(
     slots_log2, from_far = 0, n_offsets
     while 1 << slots_log2 <= from_far:
         slots_log2 += 1
-    begins = by_pixel(at, n_rows * n_cols)[1]
-    far_order, far_begins = by_pixel(far[0], n_rows * n_cols)
+    begins = order_by_pixel(at, n_rows * n_cols)[1]
+    far_order, far_begins = order_by_pixel(far[0], n_rows * n_cols)
     n = n_groups + len(far_order)
     left, right = n_cols, 0
     for g in range(n_groups):

@@ -1,4 +1,4 @@
-"""The blur as loops against the NumPy that says the same."""
+"""Blurred light against its oracle in NumPy."""
 
 from functools import cache
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rso_lidar import arithmetic
 from rso_lidar.optics import AiryPsf, BrownConrady, FieldDependentPsf, FieldPsf, GaussianPsf, Receiver, collect
+from rso_lidar.optics.returns import spread
+from rso_lidar.optics.returns.sorting import sort_by
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import SEED_LASER, box, place, plate, see, sphere, surface, truth_of
-
-pytestmark = pytest.mark.skipif(not arithmetic.compiled(), reason="numba does not run here")
+from tests.reference.optics import radiometry as oracle
 
 LENS = Receiver(focal_length_mm=300, f_number=2.8, n_rows=40, n_cols=48)
 FIELD = FieldDependentPsf(
@@ -55,8 +55,7 @@ def agree(hits, lens):
     Far light comes by a Fourier transform, whose rounding is 1e-16 of the brightest pixel; the depth spread is a difference
     of squares of delays that are known to their last digit, 4e-22 s.
     """
-    with arithmetic.using("numpy"):
-        reference = collect(hits, SEED_LASER, lens)
+    reference = oracle.collect(hits, SEED_LASER, lens)
     ours = collect(hits, SEED_LASER, lens)
     for name in ("pixel", "hit", "cluster", "cluster_pixel"):
         assert np.array_equal(getattr(ours, name), getattr(reference, name)), name
@@ -103,8 +102,6 @@ def test_no_hit_and_one_hit():
 
 @pytest.mark.parametrize(("n", "kinds"), [(0, 1), (1, 1), (16, 3), (17, 3), (33, 2), (1000, 7), (1000, 10**6)])
 def test_sorting_keeps_equal_ones_in_order(n, kinds):
-    from rso_lidar.optics.returns.blur_loops import sort_by
-
     value = np.random.default_rng(n).integers(0, kinds, n + 5).astype(float)
     ours, order = value.copy(), np.arange(n + 5)
     sort_by(ours, order, (np.empty(n + 5, np.int64), np.empty(n + 5)), 3, n + 3)
@@ -112,11 +109,9 @@ def test_sorting_keeps_equal_ones_in_order(n, kinds):
     assert np.array_equal(order, expected) and np.array_equal(ours, value[expected])
 
 
-def test_each_loop_is_compiled_for_one_combination_of_types():
-    from rso_lidar.optics.returns import blur_loops as loops
-
+def test_each_kernel_is_compiled_for_one_combination_of_types():
     for changes in ({}, {"psf": FIELD}, {"distortion": BrownConrady(k1=20.0)}, {"filter_width_nm": 1.0}):
         lens = LENS.replace(**{"psf": KERNELS["gaussian"], **changes})
         agree(hits_of(LENS), lens)
-    for loop in (loops.places, loops.grouped, loops.spread, loops.gathered):
-        assert len(loop.signatures) == 1
+    kernels = spread.find_subcells, spread.group_by_delay, spread.spread_groups, spread.gather_returns
+    assert [len(kernel.dispatcher.signatures) for kernel in kernels] == [1] * 4

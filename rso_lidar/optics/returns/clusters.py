@@ -1,0 +1,41 @@
+"""Clusters: the returns of a pixel that the depth of one surface joins."""
+
+import numpy as np
+
+from rso_lidar.kernels import kernel
+from rso_lidar.optics.returns.sorting import sort_by
+
+
+@kernel
+def find_clusters(
+    pixel: np.ndarray, delay_s: np.ndarray, depth_spread_s: np.ndarray, gap_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cluster of each return and the pixel of each cluster: only pixels wider than the gap are sorted."""
+    n = len(pixel)
+    cluster, cluster_pixel = np.empty(n, np.int32), np.empty(n, np.int32)
+    order, sorted_s = np.empty(n, np.int64), np.empty(n)
+    spare = np.empty(n, np.int64), np.empty(n)
+    found, start = 0, 0
+    while start < n:
+        stop, near, far = start, delay_s[start], delay_s[start]
+        while stop < n and pixel[stop] == pixel[start]:
+            near, far = min(near, delay_s[stop]), max(far, delay_s[stop])
+            stop += 1
+        cluster_pixel[found] = pixel[start]
+        if far - near <= gap_s:
+            cluster[start:stop] = found
+        else:
+            for k in range(start, stop):
+                order[k], sorted_s[k] = k, delay_s[k]
+            sort_by(sorted_s, order, spare, start, stop)
+            cluster[order[start]] = found
+            for k in range(start + 1, stop):
+                before, this = order[k - 1], order[k]
+                bridged = min(depth_spread_s[before], depth_spread_s[this])
+                if (delay_s[this] - delay_s[before]) - bridged > gap_s:
+                    found += 1
+                    cluster_pixel[found] = pixel[start]
+                cluster[this] = found
+        found += 1
+        start = stop
+    return cluster, cluster_pixel[:found].copy()
