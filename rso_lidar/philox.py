@@ -43,7 +43,7 @@ def draw_block(key: np.ndarray, step: int, row: int, pixel: int, stage: int) -> 
 def fill_row(key: np.ndarray, row: int, pixel: int, stage: int, words: np.ndarray) -> None:
     """Write one random word for each step of a row.
 
-    With n steps in a row, the word of step s is word ``s // (n / 4)`` of the block at ``step = s % (n / 4)``. Neighbours come
+    With n steps in a row, step s takes word ``s // (n / 4)`` of the block at ``step = s % (n / 4)``. Neighbours come
     from different blocks, which the compiler makes side by side in vector instructions.
 
     Parameters

@@ -10,7 +10,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.part import Part
-from rso_lidar.record import Record
+from rso_lidar.records import Record
 
 # What a TOML file or --set can hold: numbers that no machine's integer or float holds, and shapes that fit nothing.
 WRITTEN = [

@@ -21,7 +21,7 @@ from rso_lidar.export.formats.truth_batches import Course, courses, source_of
 from rso_lidar.files import beside, check_stream, free
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
-from rso_lidar.sight import truth_columns
+from rso_lidar.viewing_geometry import tabulate_truth
 
 _NS = 1_000_000_000
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
@@ -92,7 +92,7 @@ def write_csv(
         head: list[str] = []
         for truth, angles in courses:
             texts = utc(truth.time_s) if utc else _utc(source.start_utc, truth.time_s)
-            table = truth_columns(truth, targets, texts, angles)
+            table = tabulate_truth(truth, targets, texts, angles)
             if not head:
                 head = list(table)
                 writer.writerow(head)

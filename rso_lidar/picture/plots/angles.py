@@ -12,8 +12,13 @@ from rso_lidar.picture.selection.sequence import pick, started
 from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.records import Frame, PtuAngles, Truth
-from rso_lidar.sight import Sight, dark_spans_s, sight, sights
 from rso_lidar.units import DEG
+from rso_lidar.viewing_geometry import (
+    ViewingGeometry,
+    compute_viewing_geometry,
+    find_shadow_spans_s,
+    join_viewing_geometry,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,17 +159,17 @@ def ptu_figure(
     return figure
 
 
-def _seen(source: Truth | Iterable[Frame], target: str | None) -> tuple[Sight, str, str]:
+def _seen(source: Truth | Iterable[Frame], target: str | None) -> tuple[ViewingGeometry, str, str]:
     """Return the line of sight, a title and a note."""
     if isinstance(source, Truth):
         name = _chosen(target, [body for body in source.states if body != "follower"], list(source.poses))
-        return sight(source, name), "", f"from the lidar to {name}"
+        return compute_viewing_geometry(source, name), "", f"from the lidar to {name}"
     picked, _ = pick(source, DRAWN, lambda frame: (frame.truth, frame.source.title, started(frame), frame))
     first = picked[0][3]
     entries = [entry.name for entry in first.source.targets]
     name = _chosen(target, entries, [*entries, *first.truth.poses])
     note = f"from the lidar to {name}   ·   time since {picked[0][2]}"
-    return sights([truth for truth, *_ in picked], name), picked[0][1], note
+    return join_viewing_geometry([truth for truth, *_ in picked], name), picked[0][1], note
 
 
 def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
@@ -196,10 +201,10 @@ def _ptu(
     return np.asarray(times_s, dtype=float), angles, heading, note
 
 
-def _shadow(seen: Sight, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
+def _shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
     """Return the spans [s] in shadow, cut to the instants drawn; without any given, as the instants tell."""
     if given_s is None:
-        return dark_spans_s(seen.time_s, seen.sunlit)
+        return find_shadow_spans_s(seen.time_s, seen.sunlit)
     first_s, last_s = float(seen.time_s[0]), float(seen.time_s[-1])
     return [(max(low, first_s), min(high, last_s)) for low, high in given_s if low <= last_s and high >= first_s]
 

@@ -13,8 +13,8 @@ from rso_lidar.picture.selection.sequence import evenly
 from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hexed
 from rso_lidar.records import BodyState, Truth
-from rso_lidar.sight import dark_spans_s
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
+from rso_lidar.viewing_geometry import find_shadow_spans_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,7 +162,7 @@ def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> 
     position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
     if spans_s is None:
         lit = np.broadcast_to(np.asarray(truth.sunlit.get(name, 1.0), dtype=float), time_s.shape)
-        spans_s = dark_spans_s(time_s, lit)
+        spans_s = find_shadow_spans_s(time_s, lit)
     spans_s = list(spans_s)
     chosen = evenly(time_s.size, DRAWN)
     time_s, position_m, velocity_m_s = time_s[chosen], position_m[chosen], velocity_m_s[chosen]

@@ -9,8 +9,8 @@ import numpy as np
 
 from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hexed
-from rso_lidar.sight import dark_spans_s
 from rso_lidar.units import DEG
+from rso_lidar.viewing_geometry import find_shadow_spans_s
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,11 +60,11 @@ def timeline_figure(
         lambda axes: _detection(axes, table),
     ]
     if shadow_s is None and "sunlit_fraction" in table:
-        shadow_s = dark_spans_s(time_s, table["sunlit_fraction"])
+        shadow_s = find_shadow_spans_s(time_s, table["sunlit_fraction"])
     first_s, last_s = float(time_s[0]), float(time_s[-1])
     dark_s = [(max(a, first_s), min(b, last_s)) for a, b in shadow_s or () if a <= last_s and b >= first_s]
     part_s, outside_s = (
-        dark_spans_s(time_s, (table["in_field_fraction"] >= share).astype(float)) for share in (_WHOLE, _SOME)
+        find_shadow_spans_s(time_s, (table["in_field_fraction"] >= share).astype(float)) for share in (_WHOLE, _SOME)
     )
     note = f"from the lidar to {target}   ·   from {_instant(table)}   ·   {time_s.size:,} frames"
     shades = [f"grey: {target} in the Earth's shadow"] if dark_s else []

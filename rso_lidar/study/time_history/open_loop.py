@@ -11,8 +11,8 @@ from rso_lidar import motion, orbit, rpo, units
 from rso_lidar.orbit.sky.eclipse import find_eclipses
 from rso_lidar.records import BodyState, PtuAngles, Truth
 from rso_lidar.scenario import Scenario
-from rso_lidar.sight import truth_columns
 from rso_lidar.simulate import POINTING, frame_numbers
+from rso_lidar.viewing_geometry import tabulate_truth
 
 
 def course(
@@ -51,8 +51,8 @@ def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked
 
 
 def columns(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
-    """Return the truth as columns (time) by name, as `truth_columns` names them."""
-    return truth_columns(truth, [target.name for target in scenario.target], utc(scenario, truth.time_s), angles)
+    """Return the truth as columns (time) by name, as `tabulate_truth` names them."""
+    return tabulate_truth(truth, [target.name for target in scenario.target], utc(scenario, truth.time_s), angles)
 
 
 def utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:

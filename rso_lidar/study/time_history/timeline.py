@@ -23,9 +23,9 @@ from rso_lidar.pose import ROOT, cross, dot, turned
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.scenario import Scenario, need_scenario
 from rso_lidar.scene import Surface
-from rso_lidar.sight import sight
 from rso_lidar.study.time_history.open_loop import course, umbras, utc
 from rso_lidar.study.time_history.opportunities import Glimpse, glimpses
+from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 CASTS = 300  # frames at most of which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi
@@ -136,7 +136,7 @@ def _number(scenario: Scenario, target: str | None) -> int:
 
 def _geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
     """Return how the target is seen: range, directions, their rates, and the Sun."""
-    seen = sight(truth, name)
+    seen = compute_viewing_geometry(truth, name)
     table = {"range_m": seen.range_m, "range_rate_m_s": seen.range_rate_m_s}
     shape = (seen.time_s.size, 3)
     line_m, velocity_m_s = (

@@ -14,11 +14,11 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
-from rso_lidar.sight import sight
 from rso_lidar.simulate import simulate
 from rso_lidar.study.time_history.open_loop import course
 from rso_lidar.study.time_history.timeline import in_field_fraction
 from rso_lidar.study.tracking.evaluation import tracking
+from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 _LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # of the counts of errors: in steps of 1 %, from 0.1 mm to 6.6 km
 _ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal law within one standard deviation
@@ -140,7 +140,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _off_boresight_deg(run: Run) -> float:
-    return _rms(sight(run.truth, run.target).off_boresight_rad) / units.DEG
+    return _rms(compute_viewing_geometry(run.truth, run.target).off_boresight_rad) / units.DEG
 
 
 def _time_in_field_s(run: Run) -> float:

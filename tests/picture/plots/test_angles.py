@@ -7,8 +7,8 @@ from rso_lidar.picture import save_figure
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import BodyState, PtuAngles, Truth
-from rso_lidar.sight import dark_spans_s, sight, sights
 from rso_lidar.units import DEG
+from rso_lidar.viewing_geometry import compute_viewing_geometry, find_shadow_spans_s, join_viewing_geometry
 
 # The lidar's axes for one that looks along the follower's +x: x right, y down, z ahead (conventions: REP-103 optical).
 LIDAR = Rotation.from_matrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -42,7 +42,7 @@ def swinging(count=50):
 
 
 def test_the_line_of_sight_by_hand():
-    seen = sight(passing(pan_deg=30.0), "target")
+    seen = compute_viewing_geometry(passing(pan_deg=30.0), "target")
     t = seen.time_s
     y = 10.0 * t
     range_m = np.sqrt(100.0**2 + y**2 + 20.0**2)
@@ -61,7 +61,7 @@ def test_range_rate_is_the_derivative_of_range_with_a_turning_lidar():
     truth = passing(601)
     spinning = Link(pose(rotation=LIDAR), np.zeros(3), np.array([0.3, -0.2, 0.5]))  # rad/s
     truth = Truth(truth.time_s, truth.poses.with_node("lidar", "follower", spinning), truth.states, truth.sun_direction)
-    seen = sight(truth, "target")
+    seen = compute_viewing_geometry(truth, "target")
     slope = np.gradient(seen.range_m, seen.time_s)[1:-1]
     # central differences over h = 0.1 s: h^2 / 6 * |range'''|, at most 0.859 v^3 / d^2 = 0.083 m/s^3
     np.testing.assert_allclose(seen.range_rate_m_s[1:-1], slope, atol=1.4e-4)
@@ -69,7 +69,10 @@ def test_range_rate_is_the_derivative_of_range_with_a_turning_lidar():
 
 def test_a_batch_and_its_epochs_one_by_one_agree():
     truth = passing()
-    whole, single = sight(truth, "target"), sights([truth.at(k) for k in range(61)], "target")
+    whole, single = (
+        compute_viewing_geometry(truth, "target"),
+        join_viewing_geometry([truth.at(k) for k in range(61)], "target"),
+    )
     for name in type(whole).__dataclass_fields__:
         np.testing.assert_array_equal(getattr(whole, name), getattr(single, name))
 
@@ -89,10 +92,12 @@ def test_the_figure_shades_the_shadow_and_marks_the_field(tmp_path):
 
 def test_shadow_runs_from_middle_to_middle_between_two_instants():
     time_s = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0])
-    assert dark_spans_s(time_s, np.array([1.0, 1.0, 0.0, 0.2, 0.9, 0.0])) == [(1.5, 6.0), (12.0, 16.0)]
-    assert dark_spans_s(time_s, np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0])) == [(0.0, 0.5)]  # one frame, and the first
-    assert dark_spans_s(time_s, np.zeros(6)) == [(0.0, 16.0)]
-    assert dark_spans_s(time_s, np.full(6, np.nan)) == []
+    assert find_shadow_spans_s(time_s, np.array([1.0, 1.0, 0.0, 0.2, 0.9, 0.0])) == [(1.5, 6.0), (12.0, 16.0)]
+    assert find_shadow_spans_s(time_s, np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0])) == [
+        (0.0, 0.5)
+    ]  # one frame, and the first
+    assert find_shadow_spans_s(time_s, np.zeros(6)) == [(0.0, 16.0)]
+    assert find_shadow_spans_s(time_s, np.full(6, np.nan)) == []
 
 
 def test_spans_of_shadow_may_be_given():

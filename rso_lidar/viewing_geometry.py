@@ -1,4 +1,4 @@
-"""How a target is seen from the lidar over time: range, directions, angles of the Sun; and the truth as a table."""
+"""Viewing geometry over time: range, directions and Sun angles of a target seen from the lidar; and the truth as a table."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rso_lidar.pose import ROOT, quaternion_xyzw, turned
 from rso_lidar.records import PtuAngles, Truth, specs
 
 XYZ = ("x", "y", "z")
-DARK = 0.5  # below this share of the Sun's disc a body counts as in shadow
+DARK = 0.5  # visible share of the Sun's disc below which a body is in shadow
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """The line of sight from the lidar's origin to a target's, over time (time) [SI]; the Sun's angles are NaN without one.
+class ViewingGeometry:
+    """The line of sight from the lidar's origin to a target's origin; arrays (time), SI.
 
-    Azimuth (left positive) and elevation (up positive) are in the follower's body axes, NaN where there is none.
-    `off_boresight_rad` is the angle from the boresight to the target, `sun_off_boresight_rad` to the Sun; `phase_rad` the
-    angle Sun-target-lidar, 0 with the Sun behind the lidar. `sunlit` is the share of the Sun's disc that the target sees,
-    NaN where unknown.
+    Azimuth (left positive) and elevation (up positive) are in the follower's body axes, NaN without a follower.
+    `off_boresight_rad` is the angle from the boresight to the target, and `sun_off_boresight_rad` to the Sun.
+    `phase_rad` is the angle Sun-target-lidar, 0 with the Sun behind the lidar. The Sun's angles are NaN without a Sun.
+    `sunlit` is the share of the Sun's disc that the target sees, NaN where unknown.
     """
 
     time_s: np.ndarray
@@ -35,10 +35,10 @@ class Sight:
     sunlit: np.ndarray
 
 
-def sight(truth: Truth, target: str) -> Sight:
-    """Return how `target` is seen at one epoch (arrays of length 1), or at a batch of them.
+def compute_viewing_geometry(truth: Truth, target: str) -> ViewingGeometry:
+    """Compute the viewing geometry of `target` at one epoch (arrays of length 1), or at a batch of epochs.
 
-    The lidar's own turning is in the relative velocity; it is across the line of sight and changes no range rate.
+    The relative velocity includes the lidar's rotation. That part is across the line of sight and changes no range rate.
     """
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     shape = (time_s.size, 3)
@@ -53,7 +53,7 @@ def sight(truth: Truth, target: str) -> Sight:
     sun = turned(truth.pose("lidar", ROOT).rotation, truth.sun_direction)
     sun = np.broadcast_to(sun, shape)
     lit = truth.sunlit.get(target, np.nan)
-    return Sight(
+    return ViewingGeometry(
         time_s=time_s,
         range_m=range_m,
         range_rate_m_s=np.sum(toward * velocity_m_s, axis=-1),
@@ -66,26 +66,33 @@ def sight(truth: Truth, target: str) -> Sight:
     )
 
 
-def sights(truths: Iterable[Truth], target: str) -> Sight:
-    """Return how `target` is seen at each of several single epochs, joined."""
-    seen = [sight(truth, target) for truth in truths]
-    return Sight(**{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(Sight)})
+def join_viewing_geometry(truths: Iterable[Truth], target: str) -> ViewingGeometry:
+    """Compute the viewing geometry of `target` at each of several single epochs, and join them in order."""
+    seen = [compute_viewing_geometry(truth, target) for truth in truths]
+    return ViewingGeometry(
+        **{field.name: np.concatenate([getattr(one, field.name) for one in seen]) for field in fields(ViewingGeometry)}
+    )
 
 
-def truth_columns(
+def tabulate_truth(
     truth: Truth, targets: Sequence[str], utc: np.ndarray, angles: Sequence[PtuAngles] = ()
 ) -> dict[str, np.ndarray]:
-    """Return a batch of truth as columns (time) by name, units in the names: one table of where everything is.
+    """Tabulate a batch of truth: columns (time) by name, with units in the names.
 
-    ``utc`` is text, all else numbers. Positions and velocities of bodies are inertial (GCRS, or the root of a local world);
-    ``lidar_from_<target>`` is the target's position in lidar axes and the quaternion that turns target into lidar
-    coordinates; `Sight` defines the angles. Without a Sun, or a PTU, their columns are missing.
+    Positions and velocities of bodies are inertial (GCRS, or the root of a local world). ``lidar_from_<target>`` is the
+    target's position in lidar axes, with the quaternion that takes target coordinates to lidar coordinates.
+    `ViewingGeometry` defines the angles. Without a Sun, or a PTU, their columns are missing.
 
     Parameters
     ----------
-    targets : names of the targets to look at.
+    truth : where everything is, a batch of epochs.
+    targets : names of the targets to tabulate.
     utc : the instants as text (time).
-    angles : of the PTU, at each instant.
+    angles : PTU angles at each instant.
+
+    Returns
+    -------
+    The columns; ``utc`` is text, and all others are numbers.
     """
     n = truth.time_s.size
     table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc}
@@ -99,7 +106,7 @@ def truth_columns(
         vectors(f"{name}_velocity", state.velocity_m_s, "_m_s")
     for name in targets:
         lidar_from_target = truth.pose("lidar", name)
-        seen = sight(truth, name)
+        seen = compute_viewing_geometry(truth, name)
         vectors(f"lidar_from_{name}", lidar_from_target.translation, "_m")
         quaternion = np.broadcast_to(quaternion_xyzw(lidar_from_target.rotation), (n, 4))
         for axis, column in zip((*XYZ, "w"), quaternion.T, strict=True):
@@ -122,11 +129,11 @@ def truth_columns(
     return table
 
 
-def dark_spans_s(time_s: np.ndarray, sunlit: np.ndarray) -> list[tuple[float, float]]:
-    """Return the spans [s] in shadow that a share of the Sun's disc (time) tells, good to half the step between instants.
+def find_shadow_spans_s(time_s: np.ndarray, sunlit: np.ndarray) -> list[tuple[float, float]]:
+    """Find the spans [s] in shadow from the visible share of the Sun's disc (time), to half a step between instants.
 
-    They begin and end in the middle between two instants, or at the first or last; shadow that falls between two is not
-    seen.
+    A span begins and ends midway between two instants, or at the first or last instant. Shadow that falls between two
+    instants is missed.
     """
     dark = np.concatenate([[False], np.asarray(sunlit) < DARK, [False]])
     turns = np.flatnonzero(dark[1:] != dark[:-1])

@@ -1,4 +1,4 @@
-"""Record: the frozen base of what the stages of the walk hand on, and the statement of what each array in it is."""
+"""The base class of records, and the statement of what each of their arrays is."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def locked(values: Any, dtype: np.dtype[Any]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
-    """The base of records: checks its arrays against their statements, and locks them."""
+    """Base of records: checks its arrays against their statements, and makes them read-only."""
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {"xyz": 3, "quaternion": 4}
@@ -74,7 +74,7 @@ class Record:
             object.__setattr__(self, name, values)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what another process sent: arrays arrive writable, and are locked again."""
+        """Restore what another process sent: arrays arrive writable, and become read-only again."""
         self.__dict__.update(state)
         for name in specs(type(self)):
             if (value := getattr(self, name)) is not None:

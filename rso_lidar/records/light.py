@@ -1,0 +1,108 @@
+"""Light from the lens to the scene and back: extents, rays, hits and photons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.records.schema import Record, array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Extent(Record):
+    """Where each target can be seen, as bounds in the tangent plane z = 1 of the lidar; empty where low > high.
+
+    `outlines` are, for each target, the corners (corner, right_down) of convex outlines there, in order around them, that
+    together cover all that can be seen of it; None where the target reaches behind the lidar, or is not seen at all.
+    Without outlines the bounds stand alone.
+    """
+
+    low: np.ndarray = array("target right_down", "f8", "1", "least x/z and y/z of the target in lidar axes")
+    high: np.ndarray = array("target right_down", "f8", "1", "greatest x/z and y/z of the target in lidar axes")
+    outlines: tuple[tuple[np.ndarray, ...] | None, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rays(Record):
+    """Rays that leave the lens, ordered by pixel. `shape` is (n_rows, n_cols)."""
+
+    shape: tuple[int, int]
+    direction: np.ndarray = array("ray xyz", "f8", "1", "unit vector in lidar axes")
+    pixel: np.ndarray = array("ray", "i4", "1", "row * n_cols + col, never falling")
+    weight: np.ndarray = array("ray", "f8", "1", "share of the pixel's area; made rays of a pixel sum to at most 1")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hits(Record):
+    """First facets that rays meet, ordered as the rays are; a ray that meets nothing has no row."""
+
+    rays: Rays
+    ray: np.ndarray = array("hit", "i4", "1", "index of the ray")
+    pixel: np.ndarray = array("hit", "i4", "1", "row * n_cols + col")
+    weight: np.ndarray = array("hit", "f8", "1", "share of the pixel's area")
+    target: np.ndarray = array("hit", "i2", "1", "index of the target")
+    facet: np.ndarray = array("hit", "i4", "1", "facet index in the target's source file, before repairs")
+    part: np.ndarray = array("hit", "i2", "1", "index of the target's part")
+    range_m: np.ndarray = array("hit", "f8", "m", "slant range along the ray from the lidar's origin")
+    cos_incidence: np.ndarray = array("hit", "f8", "1", "cosine of the laser's incidence, two-sided; 0 in its shadow")
+    brdf_per_sr: np.ndarray = array("hit", "f8", "sr-1", "BRDF toward the lidar, without the cosine")
+    sunlight_per_sr: np.ndarray | None = array(
+        "hit",
+        "f8",
+        "sr-1",
+        "BRDF from the Sun to the lidar times the cosine of the Sun's incidence and the share of its disc that is seen; "
+        "None where no background was asked for",
+        optional=True,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Photons(Record):
+    """Light that comes back to the focal plane, ordered by pixel: one return for each hit, more behind a lens that blurs.
+
+    Returns of a pixel whose ranges leave a gap wider than c * FWHM / 2, beyond what a tilted surface itself spans from ray
+    to ray, belong to different clusters; their numbers run through the frame by pixel and, in a pixel, from near to far.
+    `pulse_step_s` [s] is the time from tap to tap of the pulse, `late_s` [s] by how much it left later than the receiver's
+    clock believes.
+    """
+
+    shape: tuple[int, int]
+    pulse_fwhm_s: float
+    pulse_step_s: float
+    late_s: float
+    pulse_power_per_s: np.ndarray = array(
+        "tap", "f8", "s-1", "power of the pulse over its energy, in time; the middle tap is its time zero"
+    )
+    pixel: np.ndarray = array("return", "i4", "1", "row * n_cols + col")
+    delay_s: np.ndarray = array("return", "f8", "s", "two-way delay since emission")
+    photons: np.ndarray = array("return", "f8", "1", "expected photons on the pixel, after the optics, before the APD")
+    depth_spread_s: np.ndarray = array(
+        "return", "f8", "s", "two-way delay from near to far edge of the sub-ray's footprint"
+    )
+    coherence_cells: np.ndarray = array(
+        "return", "f8", "1", "area of the aperture times solid angle of the return over the squared wavelength"
+    )
+    hit: np.ndarray = array(
+        "return", "i4", "1", "index of the hit that sends it, or most of it behind a lens that blurs"
+    )
+    cluster: np.ndarray = array("return", "i4", "1", "cluster of the return, counted through the frame")
+    cluster_pixel: np.ndarray = array("cluster", "i4", "1", "pixel of each cluster, never falling")
+    filled_fraction: np.ndarray | None = array(
+        "row col",
+        "f8",
+        "1",
+        "share of each pixel's area that is on a target and lit; None: all that was hit",
+        optional=True,
+    )
+    background_photons_per_s: np.ndarray | None = array(
+        "row col", "f8", "s-1", "sunlight on each pixel, after the optics; None without background", optional=True
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Oversampled(Record):
+    """The scene on the grid of rays, finer than the pixels (Fuller et al., figs. 9 and 11): range image and photon image."""
+
+    range_m: np.ndarray = array("fine_row fine_col", "f4", "m", "range where the ray of the cell hit, NaN for sky")
+    photons: np.ndarray = array("fine_row fine_col", "f4", "1", "expected photons that the cell sends to its pixel")

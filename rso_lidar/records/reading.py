@@ -1,0 +1,89 @@
+"""What the sensor stored and said of one flash, and what was really there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rso_lidar.records.schema import Record, array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Waveforms(Record):
+    """Digitised pulses: one trace for each pixel that latched, or for all pixels under a range gate.
+
+    Sample k of a trace was taken `start_s` + k `sample_s` [s] after emission.
+    """
+
+    shape: tuple[int, int]
+    sample_s: float
+    baseline_counts: float
+    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
+    start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first sample since emission")
+    latch_s: np.ndarray = array(
+        "trace", "f8", "s", "when the signal passed the comparator's threshold, since emission; NaN under a range gate"
+    )
+    samples_counts: np.ndarray = array("trace sample", "f4", "count", "output of the converter, baseline included")
+    clipped: np.ndarray | None = array(
+        "trace sample", "?", "1", "where the converter clipped, in any of the pulses averaged", optional=True
+    )
+    base_per_s: np.ndarray | None = array(
+        "trace",
+        "f8",
+        "s-1",
+        "photoelectrons of dark current and background, from the pixel's mean current",
+        optional=True,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reading(Record):
+    """What the sensor said."""
+
+    range_m: np.ndarray = array("row col", "f4", "m", "measured slant range, NaN where nothing was reported")
+    intensity_counts: np.ndarray = array(
+        "row col", "u2", "count", "fitted pulse amplitude above baseline, 0 where none"
+    )
+    saturated: np.ndarray = array("row col", "u1", "1", "1 where the amplitude clipped")
+    return_range_m: np.ndarray | None = array(
+        "row col return", "f4", "m", "measured ranges of all returns, near to far, NaN beyond the last", optional=True
+    )
+    return_intensity_counts: np.ndarray | None = array(
+        "row col return", "u2", "count", "fitted amplitudes of all returns, 0 beyond the last", optional=True
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Labels(Record):
+    """What was really there, pixel by pixel, as far as it is lit.
+
+    A pixel with several clusters is labelled by its brightest cluster. Within it, part and target are those that return
+    most light, and the facet is that of their brightest return.
+    """
+
+    range_m: np.ndarray = array(
+        "row col", "f8", "m", "photon-weighted mean range of the brightest cluster, NaN for sky"
+    )
+    first_range_m: np.ndarray = array(
+        "row col", "f8", "m", "photon-weighted mean range of the nearest cluster, NaN for sky"
+    )
+    cluster_count: np.ndarray = array("row col", "u1", "1", "clusters of returns in the pixel")
+    target: np.ndarray = array("row col", "i2", "1", "target index of the brightest part, -1 for sky")
+    part: np.ndarray = array("row col", "i2", "1", "index of the part that returns most light, -1 for sky")
+    facet: np.ndarray = array(
+        "row col", "i4", "1", "facet index in the source file of that part's brightest return, -1 for sky"
+    )
+    cos_incidence: np.ndarray = array("row col", "f4", "1", "cosine of incidence of that return, NaN for sky")
+    photons: np.ndarray = array("row col", "f4", "1", "expected photons of the whole pixel")
+    filled_fraction: np.ndarray = array("row col", "f4", "1", "share of the pixel's area that is on a target and lit")
+    return_range_m: np.ndarray | None = array(
+        "row col return",
+        "f8",
+        "m",
+        "photon-weighted mean range of each cluster, near to far, NaN beyond",
+        optional=True,
+    )
+    return_photons: np.ndarray | None = array(
+        "row col return", "f4", "1", "expected photons of each cluster, 0 beyond the last", optional=True
+    )

@@ -1,0 +1,83 @@
+"""Where everything is: states of bodies, the tree of axes and the PTU's angles."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rso_lidar.pose import Link, PoseTree
+from rso_lidar.records.schema import Record, array, locked
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyState(Record):
+    """The state of a body's origin in inertial axes (GCRS, or the root of a local world); single or batched."""
+
+    position_m: np.ndarray = array("… xyz", "f8", "m", "position in inertial axes")
+    velocity_m_s: np.ndarray = array("… xyz", "f8", "m s-1", "velocity in inertial axes")
+
+    def __getitem__(self, epoch: int | slice) -> BodyState:
+        """Return the state at one epoch of a batch, or at a slice of them."""
+        return BodyState(self.position_m[epoch], self.velocity_m_s[epoch])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PtuAngles(Record):
+    """PTU angles at one flash: demanded, true, and as the encoders report them. Pan left, tilt up positive."""
+
+    demand_rad: np.ndarray = array("pan_tilt", "f8", "rad", "demanded pan and tilt")
+    actual_rad: np.ndarray = array("pan_tilt", "f8", "rad", "true pan and tilt, jitter and misalignment included")
+    measured_rad: np.ndarray = array("pan_tilt", "f8", "rad", "pan and tilt as the encoders report them")
+    rate_rad_s: np.ndarray = array("pan_tilt", "f8", "rad s-1", "true pan and tilt rates")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Truth:
+    """Where everything is: one epoch, or a batch of epochs that `at` cuts into single ones.
+
+    `time_s` is a float, or an array (time) [s since start_utc]; `poses` the tree of axes; `states` the inertial states of
+    bodies; `sun_direction` (…, 3) the unit vector to the Sun in inertial axes, NaN in a local world without a Sun;
+    `pointing` the PTU's angles (None without a PTU); `sunlit` by body the share (…) of the Sun's disc that the Earth
+    does not hide.
+    """
+
+    time_s: Any
+    poses: PoseTree
+    states: Mapping[str, BodyState]
+    sun_direction: np.ndarray
+    pointing: PtuAngles | None = None
+    sunlit: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sun_direction", locked(self.sun_direction, np.dtype(float)))
+
+    def __repr__(self) -> str:
+        """Return the instants and the names of the axes."""
+        return f"<Truth: {np.size(self.time_s)} epoch(s), axes {', '.join(self.poses)}>"
+
+    def pose(self, a: str, b: str) -> RigidTransform:
+        """Return a_from_b, such as lidar_from_tdrs (Fuller et al., eq. 5): coordinates in b to coordinates in a [m]."""
+        return self.poses.pose(a, b)
+
+    def rates(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocity [m/s] of b's origin as a sees it (a's axes), and angular velocity [rad/s] of b in a (b's axes)."""
+        link: Link = self.poses.link(a, b)
+        return link.velocity_m_s, link.angular_velocity_rad_s
+
+    def at(self, epoch: int) -> Truth:
+        """Return the truth at one epoch of a batch."""
+        return Truth(
+            float(self.time_s[epoch]),
+            self.poses.at(epoch),
+            {name: state[epoch] for name, state in self.states.items()},
+            self.sun_direction[epoch],
+            self.pointing,
+            {name: float(share[epoch]) for name, share in self.sunlit.items()},
+        )
