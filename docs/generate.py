@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import importlib
 import re
 import types
 from collections.abc import Sequence
@@ -273,10 +274,10 @@ def merits() -> str:
 def record_tables() -> str:
     """Return a section for each record, with a table of its arrays as they are stated, in the order of the walk."""
     lines = []
-    left_out = (records.Record, records.ArraySpec)
-    for cls in [cls for cls in vars(records).values() if isinstance(cls, type) and cls not in left_out]:
-        if not dataclasses.is_dataclass(cls) or cls.__module__ != records.__name__:
-            continue
+    rooms = ("truth", "light", "reading", "frame")
+    modules = [importlib.import_module(f"{records.__name__}.{room}") for room in rooms]
+    own = [value for module in modules for value in vars(module).values() if _is_own_dataclass(value, module)]
+    for cls in own:
         lines += [f"### {cls.__name__}", "", _prose(cls), ""]
         arrays = records.specs(cls)
         if arrays:
@@ -290,6 +291,11 @@ def record_tables() -> str:
             lines += [("Also " if arrays else "Fields: ") + "; ".join(others) + ".", ""]
         lines += _derived(cls)
     return "\n".join(lines)
+
+
+def _is_own_dataclass(value: object, module: types.ModuleType) -> bool:
+    """Return whether a value is a dataclass that a module defines itself."""
+    return isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
 
 
 def _derived(cls: type) -> list[str]:
