@@ -1,7 +1,11 @@
-"""Instants of a run, and the only place that knows UTC, TAI and TT (skyfield's built-in tables; never a download).
+"""Instants and time scales: the only module that knows UTC, TAI, TT, GPS time and leap seconds.
 
-A run is counted in TAI seconds from `start_utc`, so a leap second in the middle of it is an ordinary second. Julian dates
-are kept as a whole part and a fraction: in one float64 a date is 40 us coarse, which is 0.3 m along a low orbit.
+Leap seconds and UT1 come from skyfield's built-in tables; nothing is ever downloaded. A run is counted in TAI seconds from
+`start_utc`, so a leap second in the middle of it is an ordinary second. Julian dates are kept as a whole part and a
+fraction: in one float64 a date is 40 us coarse, which is 0.3 m along a low orbit.
+
+Epochs of a text are whole picoseconds of TAI since the start of 2000 (UTC), so that no date is rounded. In one float64 a
+date of 2026 would be 0.1 us coarse, which is a millimetre along a low orbit.
 """
 
 from __future__ import annotations
@@ -23,15 +27,17 @@ TT_MINUS_TAI_S = 32.184
 
 PS_PER_S = 10**12
 TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
+# The two date formats of CCSDS 301.0-B.
+# The two date formats of CCSDS 301.0-B.
 _LABELS = {"CALENDAR": r"(\d{4})-(\d{2})-(\d{2})", "DAY OF YEAR": r"(\d{4})-(\d{3})"}
 _CLOCK = r"[T ](\d{2}):(\d{2}):(\d{2})(?:\.(\d*))?(Z?)"
 _CALENDAR = re.compile(_LABELS["CALENDAR"] + _CLOCK, re.ASCII)
 _DAY_OF_YEAR = re.compile(_LABELS["DAY OF YEAR"] + _CLOCK, re.ASCII)
 _START = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
-_FIRST_YEAR, _LAST_YEAR = 1972, 2200  # before 1972 UTC had other seconds
-_TAI_MINUS_GPS_S = 19  # fixed by GPS's start on 1980-01-06 (IS-GPS-200, 3.3.4)
+_FIRST_YEAR, _LAST_YEAR = 1972, 2200  # before 1972 the second of UTC had another length
+_TAI_MINUS_GPS_S = 19  # fixed when GPS time began on 1980-01-06 (IS-GPS-200, 3.3.4)
 _MICROSECONDS = 1_000_000
-_UTC_ORIGIN = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)  # Julian day 2451545, as UTC counts days
+_UTC_ORIGIN = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)  # Julian day 2451545 of UTC
 
 
 @functools.cache
@@ -43,7 +49,7 @@ def _timescale() -> Any:
 
 @functools.cache
 def _leap_table() -> tuple[np.ndarray, np.ndarray]:
-    """Return TAI seconds since JD 0 from which each TAI - UTC holds, and those offsets (one more) [s]."""
+    """Return when TAI - UTC changes [TAI s since JD 0], and the offsets before, between and after those instants [s]."""
     scale = _timescale()
     after = np.asarray(scale.leap_offsets, dtype=float)
     begins = np.asarray(scale.leap_dates, dtype=float) * units.DAY_S + after
@@ -51,7 +57,7 @@ def _leap_table() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _leap_seconds(tai_s: np.ndarray | float) -> np.ndarray:
-    """Return TAI - UTC [s] at whole TAI seconds since JD 0; a leap second still counts with the day it ends."""
+    """Return TAI - UTC [s] at whole TAI seconds since JD 0; a leap second belongs to the day that it ends."""
     begins, offsets = _leap_table()
     offset: np.ndarray = offsets[np.searchsorted(begins, tai_s, side="right")]
     return offset
@@ -59,17 +65,28 @@ def _leap_seconds(tai_s: np.ndarray | float) -> np.ndarray:
 
 @functools.lru_cache(maxsize=4096)
 def _tai_us(instant: datetime.datetime) -> int:
-    """Return TAI microseconds since JD 0 of an aware datetime, exactly."""
+    """Convert an aware datetime to TAI microseconds since JD 0, exactly."""
     since = instant - _UTC_ORIGIN
     utc_us = (since.days * 86_400 + since.seconds + 2_451_545 * 86_400) * _MICROSECONDS + since.microseconds
-    # a datetime cannot name a leap second, so UTC alone tells which offset holds
+    # a datetime cannot name a leap second, so UTC alone decides which offset applies
     begins, offsets = _leap_table()
     offset = offsets[np.searchsorted(begins - offsets[1:], utc_us // _MICROSECONDS, side="right")]
     return utc_us + int(offset) * _MICROSECONDS
 
 
 def check_instant(instant: Any, place: str) -> None:
-    """Raise `ScenarioError` for what is no datetime with an offset."""
+    """Check that a value is a datetime with a UTC offset.
+
+    Parameters
+    ----------
+    instant : the value
+    place : name of the field or parameter, for the message
+
+    Raises
+    ------
+    ScenarioError
+        if the value is no datetime, or has no UTC offset
+    """
     if not isinstance(instant, datetime.datetime):
         raise ScenarioError(
             f"{place}: needs a datetime with an offset, such as datetime(2024, 9, 17, 12, tzinfo=UTC), "
@@ -81,8 +98,20 @@ def check_instant(instant: Any, place: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Epochs:
-    """Return the instants `time_s` (time) [TAI s] after `start_utc`, an aware datetime.
+    """Instants of a run: seconds of TAI after a start.
 
+    Parameters
+    ----------
+    start_utc : start of the run, an aware datetime
+    time_s : (time,) seconds of TAI after the start [s]
+
+    Raises
+    ------
+    ScenarioError
+        if the start has no UTC offset, or the seconds are not one row of finite numbers
+
+    Examples
+    --------
     >>> start = datetime.datetime(2016, 12, 31, 23, 59, 55, tzinfo=datetime.UTC)
     >>> [format_utc(start, seconds) for seconds in (4, 5, 6)]
     ['2016-12-31T23:59:59.000Z', '2016-12-31T23:59:60.000Z', '2017-01-01T00:00:00.000Z']
@@ -108,24 +137,40 @@ class Epochs:
         return len(self.time_s)
 
     def at(self, which: int | slice | np.ndarray) -> Epochs:
-        """Return some of the epochs: one (still a row, of length 1), a slice, or those an index or mask array picks."""
+        """Select some of the epochs.
+
+        Parameters
+        ----------
+        which : an index (the result still is a row, of length 1), a slice, an array of indices, or a mask
+
+        Returns
+        -------
+        Epochs
+            the selected epochs after the same start
+        """
         return Epochs(self.start_utc, self.time_s[which])
 
     def shift(self, seconds: float | np.ndarray) -> Epochs:
-        """Return the epochs moved later by `seconds` [s]."""
+        """Shift all epochs later by some seconds [s] (negative: earlier)."""
         return Epochs(self.start_utc, self.time_s + seconds)
 
     def since(self, instant: datetime.datetime) -> np.ndarray:
-        """Return elapsed TAI seconds (time) from an aware datetime to each epoch."""
+        """Return the TAI seconds (time,) [s] from an aware datetime to each epoch."""
         check_instant(instant, "since")
         offset: np.ndarray = self.time_s + (_tai_us(self.start_utc) - _tai_us(instant)) / _MICROSECONDS
         return offset
 
     def utc_julian(self, leap_seconds_at: datetime.datetime | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return UTC Julian dates as whole and fraction (time) [day], split as skyfield feeds them to sgp4.
+        """Return UTC Julian dates as whole part and fraction (time,) [day], split as skyfield hands them to sgp4.
 
-        `leap_seconds_at` counts on with the leap seconds of that instant: SGP4 subtracts dates, so an element set older
-        than a leap second would otherwise come out one second, some 7 km, off.
+        Parameters
+        ----------
+        leap_seconds_at : instant whose leap seconds are used throughout. SGP4 subtracts dates, so an element set from
+            before a leap second would otherwise be propagated one second too far, some 7 km.
+
+        Returns
+        -------
+        whole, fraction : (time,) [day]
         """
         seconds, fraction_s = self._tai()
         whole, in_day = np.divmod(seconds, units.DAY_S)
@@ -137,25 +182,25 @@ class Epochs:
         return whole, (in_day + fraction_s) / units.DAY_S - leap / units.DAY_S
 
     def tt_julian(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return TT Julian dates as whole and fraction (time) [day]."""
+        """Return TT Julian dates as whole part and fraction (time,) [day]."""
         seconds, fraction_s = self._tai()
         whole, in_day = np.divmod(seconds, units.DAY_S)
         return whole, (in_day + fraction_s) / units.DAY_S + TT_MINUS_TAI_S / units.DAY_S
 
     def tt_centuries(self) -> np.ndarray:
-        """Return Julian centuries (time) of TT since J2000.0."""
+        """Return Julian centuries (time,) of TT since J2000.0."""
         whole, fraction = self.tt_julian()
         centuries: np.ndarray = ((whole - J2000_TT_JD) + fraction) / CENTURY_DAYS
         return centuries
 
     def skyfield_time(self) -> Any:
-        """Return the epochs as a skyfield Time (time) with its full split precision."""
+        """Return the epochs as a skyfield Time (time,) in its full split precision."""
         seconds, fraction_s = self._tai()
         whole, in_day = np.divmod(seconds, units.DAY_S)
         return _timescale().tai_jd(whole, (in_day + fraction_s) / units.DAY_S)
 
     def _tai(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return whole TAI seconds since JD 0 and the fraction of a second in [0, 1) (time)."""
+        """Return whole TAI seconds since JD 0, and the fraction of a second in [0, 1) (time,)."""
         start_s, start_us = divmod(_tai_us(self.start_utc), _MICROSECONDS)
         whole = np.floor(self.time_s)
         carry, fraction = np.divmod((self.time_s - whole) + start_us / _MICROSECONDS, 1.0)
@@ -163,13 +208,25 @@ class Epochs:
 
 
 def skyfield_tt(whole: np.ndarray | float, fraction: np.ndarray) -> Any:
-    """Return a skyfield Time from TT Julian dates split into whole and fraction [day]."""
+    """Return a skyfield Time of TT Julian dates split into whole part and fraction [day]."""
     return _timescale().tt_jd(whole, fraction)
 
 
 def format_utc(start_utc: datetime.datetime, time_s: float) -> str:
-    """Return the instant `time_s` [TAI s] after `start_utc` as ISO UTC text, to the millisecond.
+    """Format an instant as ISO 8601 text in UTC, to the millisecond.
 
+    Parameters
+    ----------
+    start_utc : start of the run, an aware datetime
+    time_s : seconds of TAI after the start [s]
+
+    Returns
+    -------
+    str
+        such as 2024-09-17T12:01:30.250Z; a leap second reads 23:59:60
+
+    Examples
+    --------
     >>> format_utc(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), 90.25)
     '2024-09-17T12:01:30.250Z'
     """
@@ -178,8 +235,26 @@ def format_utc(start_utc: datetime.datetime, time_s: float) -> str:
 
 
 def parse_epoch_ps(text: str, system: str, where: str) -> int:
-    """Return the instant of an epoch [ps of TAI since the start of 2000 UTC]: calendar or day of year, UTC, TAI, TT or GPS.
+    """Parse an epoch of a CCSDS message: calendar date or day of year, in UTC, TAI, TT or GPS time.
 
+    Parameters
+    ----------
+    text : the epoch, such as 2024-09-17T12:00:00.000 or 2024-261T12:00:00.000
+    system : one of `TIME_SYSTEMS`
+    where : place in the file, for messages
+
+    Returns
+    -------
+    int
+        picoseconds of TAI since the start of 2000 (UTC)
+
+    Raises
+    ------
+    ScenarioError
+        if the text is no epoch, or names a day or time of day that does not exist
+
+    Examples
+    --------
     >>> parse_epoch_ps("2017-01-01T00:00:00", "UTC", "-") - parse_epoch_ps("2016-12-31T23:59:60", "UTC", "-")
     1000000000000
     """
@@ -230,7 +305,10 @@ def _lead_ps(system: str) -> int:
 
 
 def floor_to_utc_second(ps: int) -> tuple[datetime.datetime, int]:
-    """Return a UTC instant within a second at or before one [ps], to count epochs from, and its own [ps]."""
+    """Return the last whole second of UTC at or before an instant, as a datetime and in picoseconds.
+
+    A datetime cannot name a leap second, so within one the second before it is returned.
+    """
     day = _START.date() + datetime.timedelta(days=ps // (86_400 * PS_PER_S))
     while _midnight_s(day) * PS_PER_S > ps:
         day -= datetime.timedelta(days=1)
@@ -240,14 +318,14 @@ def floor_to_utc_second(ps: int) -> tuple[datetime.datetime, int]:
 
 
 def tai_ps_from_utc(instant: datetime.datetime) -> int:
-    """Return an aware datetime as picoseconds of TAI since the start of 2000 (UTC)."""
+    """Convert an aware datetime to picoseconds of TAI since the start of 2000 (UTC)."""
     utc = instant.astimezone(datetime.UTC)
     in_day = utc.hour * 3600 + utc.minute * 60 + utc.second
     return (_midnight_s(utc.date()) + in_day) * PS_PER_S + utc.microsecond * 1_000_000
 
 
 def format_epochs(epochs: Epochs) -> list[str]:
-    """Return the instants as ISO calendar text in UTC, leap seconds as 23:59:60, to the picosecond, at least to the ms."""
+    """Format instants as ISO calendar text in UTC, to the picosecond where needed and to the millisecond at least."""
     start_ps = tai_ps_from_utc(epochs.start_utc)
     texts = []
     for time_s in epochs.time_s.tolist():
@@ -257,7 +335,7 @@ def format_epochs(epochs: Epochs) -> list[str]:
 
 
 def format_epoch_ps(ps: int) -> str:
-    """Return an instant [ps of TAI since the start of 2000 UTC] as ISO calendar text in UTC, without a Z."""
+    """Format an instant [ps of TAI since the start of 2000 UTC] as ISO calendar text in UTC, without a Z."""
     start, start_ps = floor_to_utc_second(ps)
     seconds, rest = divmod(ps - start_ps, PS_PER_S)
     digits = f"{rest:012d}".rstrip("0")

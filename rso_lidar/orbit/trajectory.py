@@ -1,8 +1,8 @@
-"""What moves about the Earth: anything that answers `states`, and the derivatives of its position and velocity.
+"""What a trajectory is, and the derivatives of its position and velocity.
 
-From the derivatives follows the angular velocity of orbit-fixed axes. A propagator's velocity need not be the derivative of
-its position: SGP4's differs by up to 2 m/s, that of `j2` by some mm/s. Two-body motion has exact derivatives (`Kepler`,
-`State`); all others are differenced.
+The angular velocity of orbit-fixed axes follows from these derivatives. The velocity of a propagator need not be the
+derivative of its position: SGP4's differs by up to 2 m/s, that of `j2` by some mm/s. Two-body motion (`Kepler`, `State`)
+has exact derivatives; those of all others are central differences.
 """
 
 from __future__ import annotations
@@ -17,32 +17,52 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import dot
 from rso_lidar.records import BodyState
 
-# At 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. SGP4's rounding of time (1e-9 s
-# after a month) adds some 2 um/s.
+# With 2 s the truncation error in low orbit is below 1e-9 m/s and 3e-6 of the acceleration. The rounding of time in SGP4
+# (1e-9 s after a month) adds some 2 um/s.
 STEP_S = 2.0
 
 
 @runtime_checkable
 class Trajectory(Protocol):
-    """Anything whose inertial state is known at any epoch: a motion, a plan, a user's own object."""
+    """Anything whose inertial state is known at any epoch: a motion, a plan, or a user's own object."""
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; what has no answer raises `PropagationError`."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
+
+        Parameters
+        ----------
+        epochs : instants
+
+        Returns
+        -------
+        BodyState
+            states in the order of the epochs
+
+        Raises
+        ------
+        PropagationError
+            if there is no state at an epoch; its `bad` masks those epochs
+        """
         ...
 
 
 def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of position (time, 3) [m/s] and of velocity (time, 3) [m/s2] in GCRS axes.
+    """Return the derivatives of position (time, 3) [m/s] and velocity (time, 3) [m/s2] in GCRS axes.
 
-    They are central differences over `STEP_S`. No difference reaches across one of the trajectory's `breaks_s(epochs)`: the
-    instants [s since the start] at which its state jumps or has a corner, and beyond which it may have no state. At a
-    break they are the derivatives after it. Where there is no state beside an epoch, the two-body derivatives are used.
+    They are central differences over `STEP_S`. The trajectory's `breaks_s(epochs)` are instants [s since the start] at
+    which its state jumps or has a corner, and beyond which it may have no state. No difference reaches across a break,
+    and at a break the derivatives are those after it. Where there is no state beside an epoch, the two-body derivatives
+    are used.
 
     Parameters
     ----------
-    trajectory : answers `states`; a method ``state_rates(state)`` of its own is asked instead
+    trajectory : answers `states`; if it has a method ``state_rates(state)``, that is called instead
     epochs : instants
     state : its states at `epochs`
+
+    Returns
+    -------
+    velocity, acceleration : (time, 3) [m/s], [m/s2]
     """
     known = getattr(trajectory, "state_rates", None)
     if known is not None:
@@ -68,23 +88,25 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
 
 
 def two_body_rates(state: BodyState) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocity [m/s] and point-mass gravity of the Earth [m/s2] (…, 3): the derivatives of a two-body state."""
+    """Return the derivatives of a two-body state: its velocity [m/s] and the Earth's point-mass gravity [m/s2] (…, 3)."""
     r = state.position_m
     distance = np.sqrt(dot(r, r))[..., None]
     return np.array(state.velocity_m_s), -units.EARTH_GM_M3_S2 * r / distance**3
 
 
 def differentiate(rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray | None = None) -> np.ndarray:
-    """Return the derivatives (time, n) of rows by central differences between breaks, as `state_rates` takes them.
-
-    They are NaN where there is no row beside an instant.
+    """Differentiate rows by central differences between breaks, as `state_rates` does.
 
     Parameters
     ----------
     rows : ``rows(time_s (time,)) -> (time, n)``
     time_s : (time,) instants [s]
-    here : (time, n) what `rows` gives there
-    breaks_s : instants at which rows jump or have a corner [s]
+    here : (time, n) what `rows` returns there
+    breaks_s : instants at which the rows jump or have a corner [s]
+
+    Returns
+    -------
+    (time, n) derivatives [1/s]; NaN where there is no row beside an instant
     """
     _, first, second, since_s, bad = _differences(rows, time_s, here, np.empty(0) if breaks_s is None else breaks_s)
     change: np.ndarray = first + since_s * second
@@ -93,7 +115,7 @@ def differentiate(rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.
 
 
 def _step_s(time_s: np.ndarray, breaks_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middle (time) of each difference and half its width (time, 1) [s], within the piece that holds it."""
+    """Return the centre (time,) and half the width (time, 1) [s] of each difference, within the piece between two breaks."""
     edges = np.concatenate([[-np.inf], np.unique(breaks_s), [np.inf]])
     piece = np.searchsorted(edges, time_s, side="right")
     low, high = edges[piece - 1], edges[piece]
@@ -105,7 +127,19 @@ def _step_s(time_s: np.ndarray, breaks_s: np.ndarray) -> tuple[np.ndarray, np.nd
 def _differences(
     rows: Any, time_s: np.ndarray, here: np.ndarray, breaks_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows at the centres, first and second difference quotients, the time since the centres, and a mask of none."""
+    """Compute first and second difference quotients of rows between breaks.
+
+    Parameters
+    ----------
+    rows : ``rows(time_s (time,)) -> (time, n)``
+    time_s : (time,) instants [s]
+    here : (time, n) the rows at these instants
+    breaks_s : instants of breaks [s]
+
+    Returns
+    -------
+    rows at the centres, first and second difference quotients, time since the centres [s], and the mask of missing rows
+    """
     center_s, step_s = _step_s(time_s, breaks_s)
     moved = center_s != time_s
     count = len(time_s)

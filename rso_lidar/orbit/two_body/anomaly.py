@@ -1,7 +1,8 @@
 """Mean, eccentric and true anomaly of ellipses and hyperbolas, vectorised over both anomaly and eccentricity.
 
-On a hyperbola the eccentric anomaly is H and the mean e sinh H - H; a parabola has neither: NaN. The small difference
-between an anomaly and its sine is a series where it would cancel, so near a parabola all stays good to rounding.
+On a hyperbola the eccentric anomaly is H, and the mean anomaly is e sinh H - H. A parabola has neither: NaN. The small
+difference between an anomaly and its sine is computed by a series where it would cancel. So all functions are good to
+rounding near a parabola too.
 """
 
 from __future__ import annotations
@@ -11,11 +12,21 @@ import math
 import numpy as np
 
 _MORE_STEPS = 60
-_LARGE = 700.0  # of a hyperbolic anomaly: sinh is still finite
+_LARGE = 700.0  # hyperbolic anomaly whose sinh is still finite
 
 
 def eccentric_from_true(true_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the eccentric anomaly [rad] on the same turn; NaN beyond a hyperbola's asymptote."""
+    """Convert true anomaly to eccentric anomaly.
+
+    Parameters
+    ----------
+    true_anomaly_rad : (…) [rad]
+    eccentricity : (…), broadcast against the anomaly
+
+    Returns
+    -------
+    (…) eccentric (or hyperbolic) anomaly [rad] on the same turn; NaN beyond a hyperbola's asymptote, and where e = 1
+    """
     nu, e = np.broadcast_arrays(np.asarray(true_anomaly_rad, dtype=float), np.asarray(eccentricity, dtype=float))
     turns = math.tau * np.round(nu / math.tau)
     half = 0.5 * (nu - turns)
@@ -28,7 +39,7 @@ def eccentric_from_true(true_anomaly_rad: np.ndarray | float, eccentricity: np.n
 
 
 def true_from_eccentric(eccentric_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the true anomaly [rad], on the same turn."""
+    """Convert eccentric (or hyperbolic) anomaly (…) [rad] to true anomaly (…) [rad], on the same turn."""
     x, e = np.broadcast_arrays(np.asarray(eccentric_anomaly_rad, dtype=float), np.asarray(eccentricity, dtype=float))
     with np.errstate(divide="ignore"):
         ratio = np.where(e == 1.0, math.nan, np.sqrt((1.0 + e) / np.abs(1.0 - e)))
@@ -39,7 +50,7 @@ def true_from_eccentric(eccentric_anomaly_rad: np.ndarray | float, eccentricity:
 
 
 def mean_from_eccentric(eccentric_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the mean anomaly [rad] by Kepler's equation."""
+    """Convert eccentric (or hyperbolic) anomaly (…) [rad] to mean anomaly (…) [rad] by Kepler's equation."""
     x, e = np.broadcast_arrays(np.asarray(eccentric_anomaly_rad, dtype=float), np.asarray(eccentricity, dtype=float))
     open_ = e > 1.0
     h = np.where(open_, x, 0.0)
@@ -49,12 +60,24 @@ def mean_from_eccentric(eccentric_anomaly_rad: np.ndarray | float, eccentricity:
 
 
 def eccentric_from_mean(mean_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the eccentric anomaly [rad], on the same turn; NaN where it is not found (e = 1, or not finite)."""
+    """Solve Kepler's equation for the eccentric (or hyperbolic) anomaly.
+
+    Newton's method inside a bracket; a step that would leave the bracket is replaced by a bisection.
+
+    Parameters
+    ----------
+    mean_anomaly_rad : (…) [rad]
+    eccentricity : (…), broadcast against the anomaly
+
+    Returns
+    -------
+    (…) eccentric anomaly [rad] on the same turn; NaN where e = 1 or the input is not finite
+    """
     mean, e = np.broadcast_arrays(np.asarray(mean_anomaly_rad, dtype=float), np.asarray(eccentricity, dtype=float))
     ellipse = e < 1.0
     turns = np.where(ellipse, math.tau * np.round(mean / math.tau), 0.0)
     m, inner = mean - turns, np.where(ellipse, e, 0.0)
-    # the root lies between 0 and these
+    # the root lies between 0 and this bound
     most = np.where(ellipse, np.minimum(np.abs(m) / np.maximum(1.0 - inner, 1e-300), math.pi), 0.0)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         outer = np.minimum(np.abs(m) / np.maximum(e - 1.0, 1e-300), np.cbrt(6.0 * np.abs(m)))
@@ -80,12 +103,32 @@ def eccentric_from_mean(mean_anomaly_rad: np.ndarray | float, eccentricity: np.n
 
 
 def true_from_mean(mean_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the true anomaly [rad], on the same turn."""
+    """Convert mean anomaly to true anomaly, on the same turn.
+
+    Parameters
+    ----------
+    mean_anomaly_rad : (…) [rad]
+    eccentricity : (…), broadcast against the anomaly
+
+    Returns
+    -------
+    (…) true anomaly [rad]; NaN where e = 1 or the input is not finite
+    """
     return true_from_eccentric(eccentric_from_mean(mean_anomaly_rad, eccentricity), eccentricity)
 
 
 def mean_from_true(true_anomaly_rad: np.ndarray | float, eccentricity: np.ndarray | float) -> np.ndarray:
-    """Return the mean anomaly [rad], on the same turn."""
+    """Convert true anomaly to mean anomaly, on the same turn.
+
+    Parameters
+    ----------
+    true_anomaly_rad : (…) [rad]
+    eccentricity : (…), broadcast against the anomaly
+
+    Returns
+    -------
+    (…) mean anomaly [rad]; NaN beyond a hyperbola's asymptote, and where e = 1
+    """
     return mean_from_eccentric(eccentric_from_true(true_anomaly_rad, eccentricity), eccentricity)
 
 

@@ -1,8 +1,8 @@
-"""Two-body motion about the Earth: from osculating elements, or from a state; every conic.
+"""Two-body motion about the Earth, from osculating elements or from a state, on every conic.
 
-An ellipse is solved without a loop in the change of its eccentric anomaly; every other conic by the universal form of
-Kepler's equation with Stumpff functions (Battin, An Introduction to the Mathematics and Methods of Astrodynamics, 4.3 and
-4.5; Vallado 4th ed. alg. 8). Neither has a singular eccentricity or inclination. GM is `units.EARTH_GM_M3_S2`.
+An ellipse is solved without iteration for the change of its eccentric anomaly. Every other conic is solved by universal
+variables. Neither method has a singular eccentricity or inclination. GM is `units.EARTH_GM_M3_S2`. Source: Battin, An
+Introduction to the Mathematics and Methods of Astrodynamics, secs. 4.3 and 4.5; Vallado 4th ed. alg. 8.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from rso_lidar.pose import dot, turned
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
-_BLOCK = 4_096  # epochs solved at a time: what fits a processor's cache
-_NEAR_PARABOLA = 1e-7  # perigee over semi-major axis, below which an ellipse is solved like an open orbit
+_BLOCK = 4_096  # epochs solved at a time: fits a processor's cache
+_NEAR_PARABOLA = 1e-7  # perigee distance over semi-major axis below which an ellipse is solved like an open orbit
 
 
 class ClassicalElements(Part):
-    """The base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
+    """Base of motions that begin with the classical elements of a conic in GCRS axes at `epoch_utc`."""
 
     epoch_utc: Instant = Field(description="Time at which the elements apply.")
     semi_major_axis_km: Number = Field(description="Semi-major axis [km], negative for a hyperbola.")
@@ -74,11 +74,11 @@ class ClassicalElements(Part):
 
     @property
     def perigee_m(self) -> float:
-        """Return the perigee's distance from the Earth's centre [m]."""
+        """Distance of perigee from the Earth's centre [m]."""
         return self.semi_major_axis_km * units.KM * (1.0 - self.eccentricity)
 
     def at_epoch(self) -> BodyState:
-        """Return the state at `epoch_utc` (Vallado 4th ed. alg. 10)."""
+        """Return the state at `epoch_utc` in GCRS axes (Vallado 4th ed. alg. 10)."""
         from scipy.spatial.transform import Rotation
 
         e = self.eccentricity
@@ -143,7 +143,7 @@ class State(Part):
 
 
 def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return the osculating semi-major axis [m], negative on a hyperbola (vis-viva)."""
+    """Return the osculating semi-major axis [m] by the vis-viva equation, negative on a hyperbola."""
     alpha = inverse_semi_major_axis(np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float))
     return 1.0 / alpha if alpha else math.inf
 
@@ -151,10 +151,24 @@ def semi_major_axis_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float
 def propagate_two_body(
     position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions [m] and velocities [m/s] (time, 3) after `dt_s` (time) [s] of two-body motion, either way in time.
+    """Propagate one state by two-body motion to many times, forward or backward.
 
-    An epoch whose Kepler equation did not converge raises `PropagationError` with the mask of those.
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) state at the epoch [m], [m/s]
+    dt_s : (time,) time since the epoch [s]
 
+    Returns
+    -------
+    position_m, velocity_m_s : (time, 3) [m], [m/s]
+
+    Raises
+    ------
+    PropagationError
+        if Kepler's equation did not converge at some times; its `bad` masks them
+
+    Examples
+    --------
     >>> radius = 42_164e3
     >>> speed = (units.EARTH_GM_M3_S2 / radius) ** 0.5
     >>> quarter = 0.5 * math.pi * radius / speed
@@ -170,7 +184,7 @@ def propagate_two_body(
         conic = _Ellipse(r0_vector[None, :], v0_vector[None, :])
         for k in range(0, len(dt), _BLOCK):
             rows = slice(k, k + _BLOCK)
-            bad[rows] = conic.fly(dt[rows], positions[rows], velocities[rows])
+            bad[rows] = conic.propagate_into(dt[rows], positions[rows], velocities[rows])
         for row in np.flatnonzero(bad):
             positions[row], velocities[row], bad[row] = _propagate_one(r0_vector, v0_vector, dt[row])
     else:
@@ -183,9 +197,23 @@ def propagate_two_body(
 def propagate_each_two_body(
     position_m: np.ndarray, velocity_m_s: np.ndarray, dt_s: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions [m] and velocities [m/s] (n, 3) of n orbits, each after its own `dt_s` (n) [s] of two-body motion.
+    """Propagate many states by two-body motion, each by its own time.
 
-    The bits of each are those of `propagate_two_body`.
+    Each result has the same bits as that of `propagate_two_body`.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (n, 3) states [m], [m/s]
+    dt_s : (n,) time since each state, or one for all [s]
+
+    Returns
+    -------
+    position_m, velocity_m_s : (n, 3) [m], [m/s]
+
+    Raises
+    ------
+    PropagationError
+        if Kepler's equation did not converge for some states; its `bad` masks them
     """
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     dt = np.broadcast_to(np.asarray(dt_s, dtype=float), len(r))
@@ -196,7 +224,7 @@ def propagate_each_two_body(
     for k in range(0, len(rows), _BLOCK):
         some = rows[k : k + _BLOCK]
         x, u = np.empty((len(some), 3)), np.empty((len(some), 3))
-        bad[some] = _Ellipse(r[some], v[some]).fly(dt[some], x, u)
+        bad[some] = _Ellipse(r[some], v[some]).propagate_into(dt[some], x, u)
         positions[some], velocities[some] = x, u
     for row in np.flatnonzero(bad | ~closed):
         positions[row], velocities[row], bad[row] = _propagate_one(r[row], v[row], dt[row])
@@ -206,6 +234,7 @@ def propagate_each_two_body(
 
 
 def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
+    """Make the error for times at which Kepler's equation did not converge."""
     first = float(dt_s[np.argmax(bad)])
     return PropagationError(
         f"kepler: no state at {int(bad.sum())} of {len(bad)} epochs, first {first:g} s from the epoch of the elements: "
@@ -215,10 +244,10 @@ def _convergence_error(bad: np.ndarray, dt_s: np.ndarray) -> PropagationError:
 
 
 class _Ellipse:
-    """One ellipse, or one for each time, from states (1 or n, 3): Kepler's equation in the change x of eccentric anomaly.
+    """Ellipses of states (1 or n, 3): Kepler's equation solved for the change x of eccentric anomaly.
 
-    n dt = x - e cos E0 sin x + e sin E0 (1 - cos x) (Battin eq. 4.43) has no singularity at e = 0. Markley's starting
-    value (1995) is within 1e-3; one step of fifth order, then one of Newton's: no loop.
+    n dt = x - e cos E0 sin x + e sin E0 (1 - cos x) (Battin eq. 4.43) has no singularity at e = 0. Markley's starting value
+    (1995) is within 1e-3 of the root; one step of fifth order and one of Newton's method follow, without a loop.
     """
 
     def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
@@ -229,20 +258,30 @@ class _Ellipse:
         self.n = np.sqrt(GM * alpha) * alpha
         self.sigma = dot(r, v) / math.sqrt(GM)
         self.es = self.sigma * np.sqrt(alpha)  # e sin E0
-        # 1 - e cos E0 is r0 / a: what is left of it is exact where it matters
+        # 1 - e cos E0 = r0 / a, which is exact where e cos E0 is near 1
         self.less, self.ec = self.r0 * alpha, 1.0 - self.r0 * alpha
         self.e = np.minimum(np.hypot(self.ec, self.es), 1.0 - 0.5 * _NEAR_PARABOLA)
         self.e0 = np.arctan2(self.es, self.ec)
         self.m0 = self.e0 - self.es
 
-    def fly(self, dt: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        """Fill positions [m] and velocities [m/s] (time, 3) after dt (time) [s]; return the mask of the unconverged."""
+    def propagate_into(self, dt: np.ndarray, positions: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """Write positions [m] and velocities [m/s] after some times into two arrays.
+
+        Parameters
+        ----------
+        dt : (time,) time since the epoch [s]
+        positions, velocities : (time, 3) arrays to write into [m], [m/s]
+
+        Returns
+        -------
+        (time,) mask of times that did not converge
+        """
         turn = math.tau / self.n
-        goal = self.n * (dt - turn * np.round(dt / turn))  # mean anomaly flown, within half a turn
+        goal = self.n * (dt - turn * np.round(dt / turn))  # change of mean anomaly, within half a turn
         mean = self.m0 + goal
         whole = math.tau * np.round(mean / math.tau)
         x = start_eccentric_anomaly(mean - whole, self.e) + whole - self.e0
-        # one step of fifth order (Markley eqs. 21-25, on this form of the equation)
+        # one step of fifth order (Markley eqs. 21-25, applied to this form of the equation)
         half = 0.5 * x
         s, c = np.sin(half), np.cos(half)
         sine, versine = 2.0 * s * c, 2.0 * s * s
@@ -254,7 +293,7 @@ class _Ellipse:
         d4 = -miss / (slope + d3 * (0.5 * second + d3 * third / 6.0))
         d5 = -miss / (slope + d4 * (0.5 * second + d4 * (third / 6.0 - d4 * second / 24.0)))
         x = x + d5
-        # and one of Newton's
+        # and one step of Newton's method
         half = 0.5 * x
         s, c = np.sin(half), np.cos(half)
         sine, versine = 2.0 * s * c, 2.0 * s * s

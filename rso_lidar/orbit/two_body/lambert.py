@@ -1,7 +1,7 @@
-"""Lambert's problem: the two-body orbits that join two positions in a given time, all revolutions, both branches.
+"""Lambert's problem: the two-body orbits that connect two positions in a given time, all revolutions and both branches.
 
-After Izzo, Revisiting Lambert's problem, Celest. Mech. Dyn. Astr. 121 (2015) (his equation numbers below): Lancaster and
-Blanchard's x is found by Householder steps inside a bracket, and velocities follow in closed form.
+After Izzo, Revisiting Lambert's problem, Celest. Mech. Dyn. Astr. 121 (2015); equation numbers below are his. Lancaster and
+Blanchard's x is found by Householder steps inside a bracket, and the velocities follow in closed form.
 """
 
 from __future__ import annotations
@@ -23,15 +23,20 @@ _NEAR_PARABOLA = 0.1  # |x - 1| within which Battin's series replaces the closed
 _STEPS = 100
 _EPS = float(np.finfo(float).eps)
 _PARALLEL = 1e-10  # sine of the transfer angle below which the positions span no plane
-MOST_REVOLUTIONS = 1000  # for which all orbits are listed
+MOST_REVOLUTIONS = 1000  # up to which `solve_lambert_all` lists the orbits
 
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """One orbit: velocities at departure and arrival (3) [m/s], whole `revolutions` before arrival, and which way.
+    """One orbit of Lambert's problem.
 
-    `branch` tells the two orbits of several revolutions apart, `low` is that of the smaller semi-major axis; with less
-    than one revolution there is one orbit, and None. `way` is short for less than half a revolution (and whole ones).
+    Parameters
+    ----------
+    departure_m_s, arrival_m_s : (3,) velocities at both ends [m/s]
+    revolutions : whole revolutions before arrival
+    branch : "low" or "high", the two orbits with the same number of revolutions: "low" has the smaller semi-major axis.
+        None with less than one revolution, where there is one orbit
+    way : "short" for a transfer angle of less than half a revolution (beside the whole ones), else "long"
     """
 
     departure_m_s: np.ndarray
@@ -49,27 +54,44 @@ def solve_lambert_all(
     *,
     normal: Sequence[float] | np.ndarray | None = None,
 ) -> tuple[Transfer, ...]:
-    """Return every orbit from one position (3) [m] to another in `duration_s` [s]: short ways first, then by revolutions.
+    """Solve Lambert's problem for every orbit, of any number of revolutions.
 
-    `normal` (3) is needed where the positions are in one line with the Earth's centre and span no plane of their own. A
-    time for more than 1000 revolutions is refused: `solve_lambert` finds the orbits of one number of them, however large.
+    Parameters
+    ----------
+    from_m, to_m : (3,) positions [m]
+    duration_s : time of flight [s]
+    gm_m3_s2 : gravitational parameter [m3/s2]
+    normal : (3,) normal of the orbit plane, needed where the positions and the Earth's centre are in one line
 
+    Returns
+    -------
+    tuple of Transfer
+        short ways first, then by revolutions
+
+    Raises
+    ------
+    ScenarioError
+        if a parameter makes no sense, or the time is enough for more than 1000 revolutions (`solve_lambert` finds the
+        orbits of one such number)
+
+    Examples
+    --------
     >>> radius = 7e6
     >>> day = solve_lambert_all(np.array([radius, 0, 0]), np.array([0, radius, 0]), 20_000.0)
     >>> [(orbit.revolutions, orbit.branch, orbit.way) for orbit in day][:3]
     [(0, None, 'short'), (1, 'low', 'short'), (1, 'high', 'short')]
     """
-    arc = _Geometry.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    arc = _Geometry.from_positions(from_m, to_m, duration_s, gm_m3_s2, normal)
     if arc.scaled_time > math.pi * (MOST_REVOLUTIONS + 1):
         raise ScenarioError(
             f"duration_s: {duration_s:g} s leave time for some {arc.scaled_time / math.pi:.3g} revolutions, and orbits of "
-            f"up to {MOST_REVOLUTIONS} are listed: give less, or ask lambert for one number of revolutions"
+            f"up to {MOST_REVOLUTIONS} are listed: give less, or ask solve_lambert for one number of revolutions"
         )
     ways: tuple[Literal["short", "long"], ...] = ("short", "long")
     return tuple(
         Transfer(*arc.velocities(x, way), revolutions, branch, way)
         for way in ways
-        for revolutions, branch, x in _roots(arc.scaled_time, arc.share, arc.lam(way))
+        for revolutions, branch, x in _find_all_orbits(arc.scaled_time, arc.share, arc.lam(way))
     )
 
 
@@ -84,10 +106,27 @@ def solve_lambert(
     normal: Sequence[float] | np.ndarray | None = None,
     gm_m3_s2: float = units.EARTH_GM_M3_S2,
 ) -> Transfer:
-    """Return one orbit from a position (3) [m] to another in `duration_s` [s].
+    """Solve Lambert's problem for one orbit.
 
-    `prograde` and `retrograde` are about `normal` (3), the Earth's axis +z where none is given. `branch` counts from one
-    revolution on. Raises `ScenarioError` where there is no such orbit, saying how many revolutions there is time for.
+    Parameters
+    ----------
+    from_m, to_m : (3,) positions [m]
+    duration_s : time of flight [s]
+    revolutions : whole revolutions before arrival
+    branch : "low" or "high" semi-major axis, where there is at least one revolution
+    way : "short" or "long" transfer angle, or "prograde" or "retrograde" about `normal`
+    normal : (3,) normal for `way`, the Earth's axis +z where it is left out; it also sets the orbit plane where the
+        positions and the Earth's centre are in one line
+    gm_m3_s2 : gravitational parameter [m3/s2]
+
+    Returns
+    -------
+    Transfer
+
+    Raises
+    ------
+    ScenarioError
+        if a parameter makes no sense, or there is no such orbit; the message says how many revolutions are possible
     """
     for name, word, known in (("way", way, get_args(Way)), ("branch", branch, get_args(Branch))):
         if word not in known:
@@ -101,14 +140,14 @@ def solve_lambert(
         pole = np.array([0.0, 0.0, 1.0]) if normal is None else _vector("normal", normal)
         turns = float(np.sum(np.cross(_vector("from_m", from_m), _vector("to_m", to_m)) * pole))
         chosen = "short" if (turns >= 0.0) == (way == "prograde") else "long"
-    arc = _Geometry.between(from_m, to_m, duration_s, gm_m3_s2, normal)
+    arc = _Geometry.from_positions(from_m, to_m, duration_s, gm_m3_s2, normal)
     problem = arc.scaled_time, arc.share, arc.lam(chosen)
     if revolutions <= arc.scaled_time / math.pi:
-        for which, x in _orbits(*problem, revolutions):
+        for which, x in _find_orbits(*problem, revolutions):
             if which in (None, branch):
                 return Transfer(*arc.velocities(x, chosen), revolutions, which, chosen)
     most = int(arc.scaled_time / math.pi)
-    while most and not _orbits(*problem, most):  # of so many whole turns the least time is little longer
+    while most and not _find_orbits(*problem, most):  # there may be no time for `most`
         most -= 1
     raise ScenarioError(
         f"revolutions: {duration_s:g} s leave no time for {revolutions}; at most {most} the {chosen} way: "
@@ -117,7 +156,7 @@ def solve_lambert(
 
 
 def _vector(name: str, given: Any) -> np.ndarray:
-    """Return a vector (3) as it is; `ScenarioError` where it is something else, or not finite."""
+    """Check that a value is a finite vector (3,)."""
     try:
         vector = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
@@ -129,7 +168,7 @@ def _vector(name: str, given: Any) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Geometry:
-    """The triangle of the problem: unit vectors, lengths [m], and the scaled time that Izzo solves in."""
+    """Triangle of the problem: unit vectors, lengths [m], and Izzo's scaled time."""
 
     outward: tuple[np.ndarray, np.ndarray]  # unit vectors to departure and arrival
     pole: np.ndarray  # of the short way
@@ -141,13 +180,14 @@ class _Geometry:
     speed_m_s: float
 
     @staticmethod
-    def between(
+    def from_positions(
         from_m: np.ndarray,
         to_m: np.ndarray,
         duration_s: float,
         gm_m3_s2: float,
         normal: Sequence[float] | np.ndarray | None,
     ) -> _Geometry:
+        """Check the inputs and compute the triangle; the parameters are those of `solve_lambert`."""
         start, end = _vector("from_m", from_m), _vector("to_m", to_m)
         for name, value in (("duration_s", duration_s), ("gm_m3_s2", gm_m3_s2)):
             if not isinstance(value, int | float | np.number) or not math.isfinite(value):
@@ -187,11 +227,11 @@ class _Geometry:
         )
 
     def lam(self, way: str) -> float:
-        """Return Izzo's lambda, negative the long way."""
+        """Return Izzo's lambda, negative for the long way."""
         return -self.root if way == "long" else self.root
 
     def velocities(self, x: float, way: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities (3) [m/s] at departure and arrival of the orbit of x (Izzo alg. 1)."""
+        """Return the velocities (3,) [m/s] at departure and arrival of the orbit with this x (Izzo alg. 1)."""
         lam = self.lam(way)
         y = math.sqrt(self.share + lam * lam * x * x)
         r1, r2 = self.radii_m
@@ -210,7 +250,15 @@ class _Geometry:
 
 
 def _time(x: float, q: float, lam: float, revolutions: int) -> float:
-    """Return the scaled time of flight T(x) (eqs. 18 and 20), without cancellation where lambda is near 1."""
+    """Return Izzo's scaled time T of an orbit (eqs. 18 and 20).
+
+    Parameters
+    ----------
+    x : Lancaster and Blanchard's variable of the orbit
+    q : chord over half perimeter, 1 - lambda^2
+    lam : Izzo's lambda
+    revolutions : whole revolutions before arrival
+    """
     y = math.sqrt(q + lam * lam * x * x)
     eta = y - lam * x if lam * x <= 0.0 else q / (y + lam * x)
     if abs(x - 1.0) < _NEAR_PARABOLA:
@@ -233,7 +281,13 @@ def _time(x: float, q: float, lam: float, revolutions: int) -> float:
 
 
 def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, float]:
-    """Return T', T'' and T''' at x, given T (eq. 22)."""
+    """Return T', T'' and T''' at x (eq. 22).
+
+    Parameters
+    ----------
+    x, q, lam : see `_time`
+    time : T at x
+    """
     y = math.sqrt(q + lam * lam * x * x)
     across = (1.0 - x) * (1.0 + x)
     if abs(across) < 1e-7:  # the limit at the parabola is enough for a step
@@ -244,22 +298,34 @@ def _slopes(x: float, time: float, q: float, lam: float) -> tuple[float, float, 
     return first, second, third
 
 
-def _roots(time: float, q: float, lam: float) -> list[tuple[int, Branch | None, float]]:
-    """Return revolutions, branch and x of every orbit that takes the scaled `time`."""
+def _find_all_orbits(time: float, q: float, lam: float) -> list[tuple[int, Branch | None, float]]:
+    """Find every orbit that takes the scaled time: revolutions, branch and x.
+
+    Parameters
+    ----------
+    time : scaled time
+    q, lam : see `_time`
+    """
     roots: list[tuple[int, Branch | None, float]] = []
     for revolutions in range(int(time / math.pi) + 1):
-        found = _orbits(time, q, lam, revolutions)
+        found = _find_orbits(time, q, lam, revolutions)
         if not found:
             break
         roots += [(revolutions, branch, x) for branch, x in found]
     return roots
 
 
-def _orbits(time: float, q: float, lam: float, revolutions: int) -> list[tuple[Branch | None, float]]:
-    """Return branch and x of the orbits of so many whole revolutions that take the scaled `time`: none, one or two."""
+def _find_orbits(time: float, q: float, lam: float, revolutions: int) -> list[tuple[Branch | None, float]]:
+    """Find the orbits of this number of whole revolutions that take the scaled time: none, one or two, as branch and x.
+
+    Parameters
+    ----------
+    time : scaled time
+    q, lam, revolutions : see `_time`
+    """
     if revolutions == 0:
-        return [(None, _single(time, q, lam))]
-    least_x = _fastest(q, lam, revolutions)
+        return [(None, _solve_single(time, q, lam))]
+    least_x = _find_least_time(q, lam, revolutions)
     if time < _time(least_x, q, lam, revolutions):
         return []
     turn = revolutions * math.pi
@@ -273,8 +339,14 @@ def _orbits(time: float, q: float, lam: float, revolutions: int) -> list[tuple[B
     return [("low", pair[0]), ("high", pair[1])]
 
 
-def _single(time: float, q: float, lam: float) -> float:
-    """Return x of the orbit of less than one revolution; T falls from infinity at x = -1 to 0 at infinity."""
+def _solve_single(time: float, q: float, lam: float) -> float:
+    """Find x of the orbit of less than one revolution. T falls from infinity at x = -1 to 0 at infinity.
+
+    Parameters
+    ----------
+    time : scaled time
+    q, lam : see `_time`
+    """
     at_0, at_1 = _time(0.0, q, lam, 0), _time(1.0, q, lam, 0)
     if time >= at_0:
         start = (at_0 / time) ** (2.0 / 3.0) - 1.0
@@ -291,7 +363,16 @@ def _single(time: float, q: float, lam: float) -> float:
 def _solve(
     time: float, q: float, lam: float, revolutions: int, start: float, bracket: tuple[float, float], slope: float
 ) -> float:
-    """Return x with T(x) = `time` inside a bracket where T rises or falls as `slope` says: Householder's third order."""
+    """Solve T(x) = `time` inside a bracket by Householder's third-order method.
+
+    Parameters
+    ----------
+    time : scaled time
+    q, lam, revolutions : see `_time`
+    start : starting value of x
+    bracket : low and high x that enclose one root
+    slope : sign of T' inside the bracket
+    """
     low, high = bracket
     x = start if low < start < high else 0.5 * (low + high)
     for _ in range(_STEPS):
@@ -312,8 +393,13 @@ def _solve(
     return x
 
 
-def _fastest(q: float, lam: float, revolutions: int) -> float:
-    """Return x of the least T with whole revolutions: T' = 0, where T'' > 0 throughout."""
+def _find_least_time(q: float, lam: float, revolutions: int) -> float:
+    """Find x of the least T for this number of revolutions: T' = 0, where T'' > 0 throughout.
+
+    Parameters
+    ----------
+    q, lam, revolutions : see `_time`
+    """
     low, high, x = -1.0, 1.0, 0.0
     for _ in range(_STEPS):
         first, second, third = _slopes(x, _time(x, q, lam, revolutions), q, lam)

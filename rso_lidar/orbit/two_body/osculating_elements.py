@@ -1,8 +1,8 @@
-"""Classical osculating elements and states, both ways, for every conic and inclination; and the anomalies.
+"""Classical osculating elements and states, in both directions, for every conic and inclination.
 
-Vallado 4th ed. alg. 9 and 10, without an inverse cosine: each angle is the argument of two components, so nothing is lost
-near the nodes, at perigee, on a circle or on the equator. Element by element, so that a state has the same bits in any
-company.
+Vallado 4th ed. alg. 9 and 10, but without inverse cosines: each angle is the argument of two components, so no precision is
+lost near the nodes, at perigee, on a circle or on the equator. All operations are element by element, so a state gives the
+same bits alone and within an array.
 """
 
 from __future__ import annotations
@@ -16,16 +16,28 @@ from rso_lidar import units
 from rso_lidar.orbit.two_body.anomaly import eccentric_from_true, mean_from_eccentric
 
 GM = units.EARTH_GM_M3_S2
-ROUND = 8.0 * float(np.finfo(float).eps)  # below this, an eccentricity or a sine of inclination is rounding: a zero
+ROUND = 8.0 * float(
+    np.finfo(float).eps
+)  # an eccentricity or sine of inclination below this is rounding, and counts as zero
 
 
 @dataclass(frozen=True, eq=False)
 class OsculatingElements:
-    """Osculating elements, single or arrays of one shape.
+    """Osculating elements of one state, or of many as arrays of one shape.
 
-    On a circle the perigee stands at the node, on the equator the node at +x. `semi_latus_rectum_m` belongs to
-    `semi_major_axis_m` and `eccentricity` (a negative axis where e > 1); it is kept because near a parabola those two no
-    longer tell it, and worked out where it is left out.
+    On a circle the perigee is placed at the node, and on the equator the node is placed at +x. `semi_major_axis_m` is
+    negative where e > 1. `semi_latus_rectum_m` is kept because near a parabola it no longer follows from the semi-major
+    axis and the eccentricity; where it is left out, it is computed from them.
+
+    Parameters
+    ----------
+    semi_major_axis_m : [m]
+    eccentricity : 0 or more
+    inclination_rad : [rad]
+    raan_rad : right ascension of the ascending node [rad]
+    argument_of_perigee_rad : [rad]
+    true_anomaly_rad : [rad]
+    semi_latus_rectum_m : [m]
     """
 
     semi_major_axis_m: np.ndarray | float
@@ -45,32 +57,43 @@ class OsculatingElements:
 
     @property
     def period_s(self) -> np.ndarray | float:
-        """Return the period [s], infinite where the conic is open."""
+        """Orbital period [s], infinite on an open conic."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
         closed = (a > 0.0) & np.isfinite(a)
         return _unwrap_scalar(np.where(closed, math.tau * np.sqrt(np.where(closed, a, 1.0) ** 3 / GM), math.inf))
 
     @property
     def perigee_altitude_m(self) -> np.ndarray | float:
-        """Return the perigee's height [m] above the equatorial radius."""
+        """Altitude of perigee above the equatorial radius [m]."""
         return _unwrap_scalar(self._p / (1.0 + self.eccentricity) - units.EARTH_RADIUS_M)
 
     @property
     def apogee_altitude_m(self) -> np.ndarray | float:
-        """Return the apogee's height [m] above the equatorial radius, infinite where the conic is open."""
+        """Altitude of apogee above the equatorial radius [m], infinite on an open conic."""
         a = np.asarray(self.semi_major_axis_m, dtype=float)
         perigee = self._p / (1.0 + self.eccentricity)
         return _unwrap_scalar(np.where(a > 0.0, 2.0 * a - perigee - units.EARTH_RADIUS_M, math.inf))
 
     @property
     def mean_anomaly_rad(self) -> np.ndarray | float:
-        """Return the mean anomaly [rad]: e sinh H - H on a hyperbola, NaN on a parabola."""
+        """Mean anomaly [rad]: e sinh H - H on a hyperbola, NaN on a parabola."""
         anomaly = eccentric_from_true(self.true_anomaly_rad, self.eccentricity)
         return _unwrap_scalar(mean_from_eccentric(anomaly, self.eccentricity))
 
 
 def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> OsculatingElements:
-    """Return the osculating elements of states (…, 3) [m, m/s] about the Earth, angles in [0, 2 pi)."""
+    """Compute the osculating elements of states about the Earth.
+
+    Parameters
+    ----------
+    position_m : (…, 3) from the Earth's centre [m]
+    velocity_m_s : (…, 3) [m/s]
+
+    Returns
+    -------
+    OsculatingElements
+        in the axes of the states, angles in [0, 2 pi)
+    """
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     hx, hy, hz = _cross(r, v)
     radius = _length(r)
@@ -108,7 +131,16 @@ def elements_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> Osc
 
 
 def state_from_elements(of: OsculatingElements) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions [m] and velocities [m/s] (…, 3) of osculating elements (Vallado 4th ed. alg. 10)."""
+    """Compute the states of osculating elements (Vallado 4th ed. alg. 10).
+
+    Parameters
+    ----------
+    of : the elements
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) [m], [m/s] in the axes of the elements
+    """
     p, e = of._p, np.asarray(of.eccentricity, dtype=float)
     nu, argument = np.asarray(of.true_anomaly_rad), np.asarray(of.argument_of_perigee_rad)
     raan, inclination = np.asarray(of.raan_rad), np.asarray(of.inclination_rad)
@@ -119,16 +151,16 @@ def state_from_elements(of: OsculatingElements) -> tuple[np.ndarray, np.ndarray]
     cw, sw, ci, si = np.cos(argument), np.sin(argument), np.cos(inclination), np.sin(inclination)
     co, so = np.cos(raan), np.sin(raan)
 
-    def placed(along: np.ndarray, aside: np.ndarray) -> np.ndarray:
-        """Return a vector of the orbit plane, along perigee and 90 degrees ahead of it, in the elements' axes."""
+    def rotate(along: np.ndarray, aside: np.ndarray) -> np.ndarray:
+        """Rotate a vector of the orbit plane (along perigee, and 90 degrees ahead of it) into the axes of the elements."""
         ahead, up = cw * along - sw * aside, sw * along + cw * aside
         return np.stack(np.broadcast_arrays(co * ahead - so * ci * up, so * ahead + co * ci * up, si * up), axis=-1)
 
-    return placed(x, y), placed(u, w)
+    return rotate(x, y), rotate(u, w)
 
 
 def _wrap_turn(angle: np.ndarray) -> np.ndarray:
-    """Return the angle in [0, 2 pi)."""
+    """Wrap an angle into [0, 2 pi)."""
     turned = np.where(angle < 0.0, angle + math.tau, angle)
     turned = np.where(turned < 0.0, turned + math.tau, turned)
     return np.where(turned >= math.tau, 0.0, turned)

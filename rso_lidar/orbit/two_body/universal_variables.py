@@ -1,6 +1,6 @@
 """Two-body motion in universal variables: one form of Kepler's equation for every conic, the parabola included.
 
-Battin, An Introduction to the Mathematics and Methods of Astrodynamics, 4.5, with Stumpff's functions (Vallado 4th ed.
+Battin, An Introduction to the Mathematics and Methods of Astrodynamics, sec. 4.5, with Stumpff functions (Vallado 4th ed.
 alg. 8).
 """
 
@@ -15,24 +15,36 @@ from rso_lidar import units
 GM = units.EARTH_GM_M3_S2
 _EPS = float(np.finfo(float).eps)
 _MAX_STEPS = 100
-_BLOCK = 4_096  # epochs solved at a time: what fits a processor's cache
+_BLOCK = 4_096  # epochs solved at a time: fits a processor's cache
 
 
 def inverse_semi_major_axis(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return one over the semi-major axis [1/m], zero or negative on an open orbit (vis-viva)."""
+    """Return 1 / a [1/m] by the vis-viva equation: zero on a parabola, negative on a hyperbola."""
     return float(2.0 / np.linalg.norm(position_m) - velocity_m_s @ velocity_m_s / GM)
 
 
 def propagate_universal(
     r0_vector: np.ndarray, v0_vector: np.ndarray, dt_s: np.ndarray, alpha: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions, velocities (time, 3) and the mask of what did not converge, by universal variables: any conic."""
+    """Propagate one state by universal variables, on any conic.
+
+    Parameters
+    ----------
+    r0_vector, v0_vector : (3,) state at the epoch [m], [m/s]
+    dt_s : (time,) time since the epoch [s]
+    alpha : inverse semi-major axis [1/m]
+
+    Returns
+    -------
+    positions, velocities : (time, 3) [m], [m/s]
+    bad : (time,) mask of epochs that did not converge
+    """
     dt = dt_s
     if alpha > 0.0:
         period = math.tau / math.sqrt(GM * alpha**3)
         if math.isfinite(period):
             dt = dt - period * np.round(dt / period)
-    else:  # count from perigee: across it the terms of an open orbit would cancel
+    else:  # count from perigee, because across it the terms of an open orbit cancel
         r0_vector, v0_vector, since_perigee_s = _shift_to_perigee(r0_vector, v0_vector, alpha)
         dt = dt + since_perigee_s
     r0 = float(np.linalg.norm(r0_vector))
@@ -51,14 +63,24 @@ def propagate_universal(
 
 
 def perigee_distance_m(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return the distance of perigee [m]."""
+    """Return the distance of perigee from the Earth's centre [m]."""
     h = np.cross(position_m, velocity_m_s)
     e = np.linalg.norm(np.cross(velocity_m_s, h) / GM - position_m / np.linalg.norm(position_m))
     return float(h @ h / GM / (1.0 + e))
 
 
 def _shift_to_perigee(r: np.ndarray, v: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return an open orbit's position [m] and velocity [m/s] at perigee, and the time since it [s]."""
+    """Move the epoch of an open orbit to its perigee.
+
+    Parameters
+    ----------
+    r, v : (3,) state [m], [m/s]
+    alpha : inverse semi-major axis [1/m]
+
+    Returns
+    -------
+    position [m] and velocity [m/s] at perigee, and the time since perigee [s]
+    """
     h = np.cross(r, v)
     to_perigee = np.cross(v, h) / GM - r / np.linalg.norm(r)
     e = float(np.linalg.norm(to_perigee))
@@ -76,17 +98,31 @@ def _shift_to_perigee(r: np.ndarray, v: np.ndarray, alpha: float) -> tuple[np.nd
 def _universal_anomaly(
     dt_s: np.ndarray, r0: float, sigma0: float, perigee: float, alpha: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the universal anomaly chi (time) [sqrt(m)] at dt, and the mask of epochs that did not converge.
+    """Solve for the universal anomaly.
 
-    Newton on Battin eq. 4.87, sqrt(GM) dt = r0 U1 + sigma0 U2 + U3, whose slope is the radius: it only grows, so a root is
-    bracketed by 0 and sqrt(GM) dt / perigee, and a step that leaves the bracket is replaced by a bisection.
+    Newton's method on Battin eq. 4.87, sqrt(GM) dt = r0 U1 + sigma0 U2 + U3. Its slope is the radius, which is
+    positive, so the root is bracketed by 0 and sqrt(GM) dt / perigee. A step that leaves the bracket is replaced by a
+    bisection.
+
+    Parameters
+    ----------
+    dt_s : (time,) time since the epoch [s]
+    r0 : distance at the epoch [m]
+    sigma0 : r v / sqrt(GM) at the epoch [sqrt(m)]
+    perigee : distance of perigee [m]
+    alpha : inverse semi-major axis [1/m]
+
+    Returns
+    -------
+    chi : (time,) [sqrt(m)]
+    bad : (time,) mask of epochs that did not converge
     """
     target = math.sqrt(GM) * dt_s
     far = target / perigee
-    if alpha > 0.0:  # reduced to half a revolution in time, which is less than one in eccentric anomaly
+    if alpha > 0.0:  # half a revolution in time is less than one in eccentric anomaly
         far = np.clip(far, -math.tau / math.sqrt(alpha), math.tau / math.sqrt(alpha))
         start = target * alpha if alpha * r0 > 1e-6 else target / r0
-    else:  # from perigee mean = e sinh H - H, at least H^3 / 6, and sinh H / 2 where H > 2.2: Newton comes down to it
+    else:  # from perigee M = e sinh H - H >= H^3 / 6, and >= sinh H / 2 where H > 2.2: Newton converges from above
         start = far = np.copysign(np.minimum(np.abs(far), np.cbrt(6.0 * np.abs(target))), target)
         if alpha < 0.0:
             root = math.sqrt(-alpha)
@@ -107,7 +143,7 @@ def _universal_anomaly(
         middle = 0.5 * (low[open_] + high[open_])
         inside = (stepped >= low[open_]) & (stepped <= high[open_])
         after = np.where(inside, stepped, middle)
-        rounding = 4.0 * _EPS * (1.0 + math.sqrt(abs(alpha)) * np.abs(x))  # an argument's rounding grows in sinh
+        rounding = 4.0 * _EPS * (1.0 + math.sqrt(abs(alpha)) * np.abs(x))  # rounding of the argument grows in sinh
         done = (np.abs(miss) <= rounding * noise) | (np.abs(after - x) <= 4.0 * _EPS * np.abs(x))
         chi[open_] = after
         open_ = open_[~done]
@@ -119,16 +155,17 @@ def _universal_anomaly(
 
 
 def _universal_functions(chi: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return Battin's U0 to U3 of chi (time): chi^k times Stumpff's c_k(alpha chi^2)."""
+    """Return Battin's U0 to U3 of chi (time,): chi^k times Stumpff's c_k(alpha chi^2)."""
     c2, c3 = stumpff(alpha * chi * chi)
     u2, u3 = chi * chi * c2, chi * chi * chi * c3
     return 1.0 - alpha * u2, chi - alpha * u3, u2, u3
 
 
 def stumpff(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Stumpff's c2(z) = (1 - cos sqrt z) / z and c3(z) = (sqrt z - sin sqrt z) / sqrt z^3, for z of either sign.
+    """Evaluate Stumpff's functions c2 and c3 for an argument of either sign.
 
-    Within |z| = 1 by their series to z^8, exact to rounding; beyond in closed form.
+    c2(z) = (1 - cos sqrt z) / z, c3(z) = (sqrt z - sin sqrt z) / sqrt z^3. Within |z| = 1 they are series to z^8, exact to
+    rounding; beyond they are in closed form.
     """
     z = np.asarray(z, dtype=float)
     c2, c3 = np.full_like(z, np.nan), np.full_like(z, np.nan)
