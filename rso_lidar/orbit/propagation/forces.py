@@ -1,8 +1,8 @@
-"""What pulls and pushes a body about the Earth: zonal harmonics, air, sunlight, Sun and Moon.
+"""Forces on a body about the Earth: zonal harmonics, air drag, sunlight, Sun and Moon.
 
-Left out, with what each moves a low orbit in a day: the Earth's other harmonics (J22 and on: hundreds of metres to a
-kilometre), tides, light from the Earth and relativity (metres). The air of the table is a mean one: above 300 km the real
-one is thinner or denser by a factor of up to ten with the Sun's activity.
+Left out, with their effect on a low orbit in a day: the Earth's other harmonics (J22 and on: hundreds of metres to a
+kilometre), tides, light from the Earth, and relativity (metres). The atmosphere of the table is a mean one: above 300 km
+the density varies by a factor of up to ten with solar activity.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rso_lidar.part import Flag, Part, Positive
 
 GM = units.EARTH_GM_M3_S2
 _ZONALS = (units.EARTH_J2, units.EARTH_J3, units.EARTH_J4, units.EARTH_J5, units.EARTH_J6)
-_CORE_M = 0.5 * units.EARTH_RADIUS_M  # inside it the pull grows no more: nothing flies there
+_CORE_M = 0.5 * units.EARTH_RADIUS_M  # below this radius the attraction is held constant, because no orbit is there
 Vector3 = tuple[float, float, float]
 ForceField = Callable[[float, Vector3, Vector3], tuple[Vector3, float]]
 
@@ -63,7 +63,7 @@ _FLOORS_KM = [row[0] for row in _AIR]
 
 
 class Drag(Part):
-    """Drag in an exponential atmosphere that turns with the Earth."""
+    """Air drag in an exponential atmosphere that rotates with the Earth."""
 
     area_m2: Positive = Field(description="Cross-section in the flow [m²].")
     mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
@@ -71,7 +71,7 @@ class Drag(Part):
 
 
 class RadiationPressure(Part):
-    """Pressure of sunlight on a ball, in full light, penumbra or the Earth's shadow."""
+    """Pressure of sunlight on a sphere, in full light, penumbra or the Earth's shadow."""
 
     area_m2: Positive = Field(description="Cross-section in the sunlight [m²].")
     mass_kg: Positive = Field(description="Mass of the body [kg]; thrust does not change it here.")
@@ -82,7 +82,7 @@ class RadiationPressure(Part):
 
 
 class Forces(Part):
-    """What acts on a body besides the Earth's central pull: zonal harmonics, drag, radiation pressure, Sun and Moon."""
+    """Forces besides the Earth's central attraction: zonal harmonics, drag, radiation pressure, Sun and Moon."""
 
     zonal_degree: Annotated[int, Strict(), Field(ge=0, le=6)] = Field(
         default=2,
@@ -106,7 +106,17 @@ class Forces(Part):
         return self
 
     def acceleration(self, epochs: Epochs, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration (time, 3) [m/s2] of states (time, 3) in GCRS axes, the central pull included."""
+        """Return the acceleration of states, central attraction included.
+
+        Parameters
+        ----------
+        epochs : instants
+        position_m, velocity_m_s : (time, 3) states in GCRS axes [m], [m/s]
+
+        Returns
+        -------
+        (time, 3) [m/s2]
+        """
         field = self.field(epochs.start_utc)
         rows = zip(
             epochs.time_s.tolist(), np.asarray(position_m).tolist(), np.asarray(velocity_m_s).tolist(), strict=True
@@ -114,9 +124,17 @@ class Forces(Part):
         return np.array([field(t, tuple(r), tuple(v))[0] for t, r, v in rows]).reshape(-1, 3)
 
     def field(self, start_utc: datetime.datetime) -> ForceField:
-        """Return the acceleration [m/s2] as a function of seconds since `start_utc`, position [m] and velocity [m/s].
+        """Return the acceleration as a function for an integrator.
 
-        Its second value is the size [m/s2] of what has edges: drag (the rows of its table) and sunlight (shadow).
+        Parameters
+        ----------
+        start_utc : start of the run
+
+        Returns
+        -------
+        function of seconds since the start, position [m] and velocity [m/s]
+            its first value is the acceleration [m/s2]; its second is the magnitude [m/s2] of the forces with
+            discontinuities: drag (rows of its table) and sunlight (shadow)
         """
         pressure = self.radiation_pressure
         sky = Almanac(start_utc, sun=self.sun or pressure is not None, moon=self.moon)
@@ -150,7 +168,7 @@ class Forces(Part):
 
 
 def air_density_kg_m3(height_m: float) -> float:
-    """Return the density [kg/m3] of Vallado's mean exponential atmosphere (4th ed. table 8-4); none above 2500 km."""
+    """Return the density of Vallado's mean exponential atmosphere (4th ed. table 8-4) [kg/m3], zero above 2500 km."""
     height_km = height_m / units.KM
     if height_km > 2500.0:
         return 0.0
@@ -159,9 +177,16 @@ def air_density_kg_m3(height_m: float) -> float:
 
 
 def _zonal_acceleration(zonals: tuple[float, ...], r: Vector3, radius: float, pole: Vector3) -> Vector3:
-    """Return the pull of zonal harmonics [m/s2]: GM/r^2 J_n (R/r)^n [P'_(n+1)(s) r^ - P'_n(s) k], s the sine of latitude.
+    """Return the acceleration by zonal harmonics [m/s2].
 
-    The gradient of -GM/r J_n (R/r)^n P_n(s) (Montenbruck & Gill eq. 3.27), with (n + 1) P_n + s P'_n = P'_(n+1).
+    GM/r^2 J_n (R/r)^n [P'_(n+1)(s) r^ - P'_n(s) k], s the sine of latitude: the gradient of -GM/r J_n (R/r)^n P_n(s)
+    (Montenbruck & Gill eq. 3.27), with (n + 1) P_n + s P'_n = P'_(n+1).
+
+    Parameters
+    ----------
+    zonals : J2 and on
+    r, radius : position [m] and its length
+    pole : unit vector along the Earth's axis
     """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     ratio = units.EARTH_ZONAL_RADIUS_M / radius
@@ -182,7 +207,16 @@ def _zonal_acceleration(zonals: tuple[float, ...], r: Vector3, radius: float, po
 
 
 def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: Vector3) -> Vector3:
-    """Return drag [m/s2]; height above the ellipsoid to first order in the flattening, within 50 m (Vallado eq. 8-28)."""
+    """Return the acceleration by drag [m/s2].
+
+    The altitude above the ellipsoid is of first order in the flattening, within 50 m (Vallado eq. 8-28).
+
+    Parameters
+    ----------
+    drag : the part
+    r, radius, v : position [m], its length, and velocity [m/s]
+    pole : unit vector along the Earth's axis
+    """
     s = (r[0] * pole[0] + r[1] * pole[1] + r[2] * pole[2]) / radius
     density = air_density_kg_m3(radius - units.EARTH_RADIUS_M * (1.0 - units.EARTH_FLATTENING * s * s))
     if density == 0.0:
@@ -197,13 +231,20 @@ def _drag_acceleration(drag: Drag, r: Vector3, radius: float, v: Vector3, pole: 
 
 
 def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: float, sun: Vector3) -> Vector3:
-    """Return the push of sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth."""
+    """Return the acceleration by sunlight [m/s2] (Montenbruck & Gill eq. 3.75), with the conical shadow of the Earth.
+
+    Parameters
+    ----------
+    pressure : the part
+    r, radius : position [m] and its length
+    sun : position of the Sun [m]
+    """
     to_sun = (sun[0] - r[0], sun[1] - r[1], sun[2] - r[2])
     distance = math.sqrt(to_sun[0] ** 2 + to_sun[1] ** 2 + to_sun[2] ** 2)
     lit = 1.0
     ahead = (r[0] * to_sun[0] + r[1] * to_sun[1] + r[2] * to_sun[2]) / distance
     aside = math.sqrt(max(radius * radius - ahead * ahead, 0.0))
-    # the penumbra widens by a hundredth of the way at most
+    # the penumbra widens by at most a hundredth of the distance behind the Earth
     if ahead < 0.1 * radius and aside < 1.01 * units.EARTH_RADIUS_M - 0.01 * ahead:
         lit = float(sunlit_fraction(np.array([r]), np.array([sun]))[0])
     k = lit * units.SOLAR_PRESSURE_N_M2 * pressure.coefficient * pressure.area_m2 / pressure.mass_kg
@@ -212,7 +253,13 @@ def _sunlight_acceleration(pressure: RadiationPressure, r: Vector3, radius: floa
 
 
 def _third_body_acceleration(gm: float, r: Vector3, body: Vector3) -> Vector3:
-    """Return what a third body pulls at r more than at the Earth [m/s2] (Montenbruck & Gill eq. 3.37)."""
+    """Return the tidal acceleration by a third body [m/s2]: at r, less that at the Earth (Montenbruck & Gill eq. 3.37).
+
+    Parameters
+    ----------
+    gm : of the third body [m3/s2]
+    r, body : positions of the spacecraft and the third body [m]
+    """
     x, y, z = body[0] - r[0], body[1] - r[1], body[2] - r[2]
     near, far = x * x + y * y + z * z, body[0] ** 2 + body[1] ** 2 + body[2] ** 2
     a, b = gm / (near * math.sqrt(near)), gm / (far * math.sqrt(far))

@@ -1,8 +1,8 @@
-"""Ordinary differential equations, integrated so that an instant has the same bits whatever other instants are asked for.
+"""Integration of ordinary differential equations whose result at an instant does not depend on other instants asked for.
 
-DOP853 (Hairer, Norsett & Wanner, Solving ODEs I, sec. II.5; scipy's) with its dense output, in panels of fixed length from
-t = 0, forward and backward, step by step as far as is asked. A step once made is kept; panels end where the right-hand side
-is not smooth.
+DOP853 (Hairer, Norsett & Wanner, Solving ODEs I, sec. II.5; scipy's implementation) with its dense output. It runs in
+panels of fixed length from t = 0, forward and backward, as far as is asked for. Completed steps are kept; panels end
+where the right-hand side is not smooth.
 """
 
 from __future__ import annotations
@@ -18,25 +18,28 @@ from rso_lidar.errors import PropagationError
 
 Derivative = Callable[[float, np.ndarray], np.ndarray]
 Jump = tuple[float, Callable[[np.ndarray], np.ndarray]]
-_MOST_STEPS = 200_000  # some 400 days of a low orbit, and half a gigabyte
-_NEAR_S = 1e-9  # two breaks nearer than this are one
+_MOST_STEPS = 200_000  # some 400 days of a low orbit, half a gigabyte
+_NEAR_S = 1e-9  # breaks closer together than this count as one
 
 
 class OdeSolution:
     """x(t) of x' = f(t, x) with x(0) given, at any instants.
 
-    Where f fails in a step that reaches beyond what is asked, a shorter one is made up to there: at the edge of what f
-    knows, and only there, the bits depend on the last instant that is asked for.
+    Where f fails in a step that reaches beyond the last instant asked for, a shorter step up to that instant is made.
+    Only at this edge of the domain of f do the bits depend on the last instant asked for.
 
     Parameters
     ----------
     f : ``f(t, x (n,)) -> (n,)`` with t in seconds from the start
     x0 : (n,) state at t = 0
     panel_s : length of a panel [s], in which the step size may grow
+
+    Other parameters
+    ----------------
     rtol, atol : tolerances of a step, relative and absolute (one number, or one for each entry of x)
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
-    breaks : further instants [s] at which f is not smooth, such as a thruster's switching
-    name : what to call it in errors
+    breaks : further instants [s] at which f is not smooth, such as the start of a burn
+    name : what errors call the integration
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class OdeSolution:
         self._lock = RLock()
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        """Return x (time, n) at `time_s` (time,) [s]; at a jump, what is after it."""
+        """Return x (time, n) at `time_s` (time,) [s]; at a jump, the state after it."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         values = np.empty((len(times), self._n))
         with self._lock:
@@ -75,7 +78,7 @@ def _jump_time_s(jump: Jump) -> float:
 
 
 class _Direction:
-    """One direction from t = 0: the steps made so far, and the solver that makes the next."""
+    """One direction from t = 0: the steps completed so far, and the solver that makes the next."""
 
     def __init__(
         self,
@@ -91,15 +94,18 @@ class _Direction:
         self._way, self._f, self._panel_s, self._tolerances, self._name = way, f, panel_s, tolerances, name
         self._jumps = jumps if way == 1 else ()
         self._breaks = [way * at for at in breaks]
-        self._ends, self._steps = [0.0], list[Any]()  # of the steps, counted in this direction; and their polynomials
+        self._ends, self._steps = (
+            [0.0],
+            list[Any](),
+        )  # ends of the steps, positive in this direction, and their polynomials
         self._solver: Any = None
         self._x = x0
 
     def at(self, times: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Return x (time, n) at instants [s] of this direction; `asked` are all, for the mask of an error."""
+        """Return x (time, n) at instants [s] of this direction; `asked` holds all instants, for the mask of an error."""
         until = float(np.max(self._way * times))
         beyond = self._reach(until, asked)
-        # an instant on an edge belongs to the step that begins there: after a jump
+        # an instant on an edge belongs to the step that begins there, after a jump
         step = np.searchsorted(self._ends, self._way * times, side="right") - 1
         values = np.empty((len(times), len(self._x)))
         for number in np.unique(step):
@@ -109,7 +115,7 @@ class _Direction:
         return values
 
     def _reach(self, until: float, asked: np.ndarray) -> Any:
-        """Make steps until one ends beyond `until`; or return a piece up to there, where f knows no more."""
+        """Make steps until one ends beyond `until`, or return a shorter piece up to there where f has no value beyond."""
         from scipy.integrate import DOP853, solve_ivp
 
         while self._ends[-1] <= until:
@@ -123,7 +129,7 @@ class _Direction:
             x = self._x if self._solver is None else self._solver.y
             try:
                 if self._solver is None:
-                    bound = self._way * self._next(begin)
+                    bound = self._way * self._find_panel_end(begin)
                     self._solver = DOP853(self._f, self._way * begin, x, bound, **self._tolerances)
                 message = self._solver.step()
             except Exception:
@@ -150,16 +156,16 @@ class _Direction:
             self._steps.append(self._solver.dense_output())
             self._ends.append(self._way * self._solver.t)
             if self._solver.status == "finished":
-                self._x, self._solver = self._jumped(self._solver.y), None
+                self._x, self._solver = self._apply_jumps(self._solver.y), None
         return None
 
-    def _jumped(self, x: np.ndarray) -> np.ndarray:
+    def _apply_jumps(self, x: np.ndarray) -> np.ndarray:
         for at, jump in self._jumps:
             if abs(at - self._ends[-1]) < _NEAR_S:
                 x = np.asarray(jump(x), dtype=float)
         return x
 
-    def _next(self, begin: float) -> float:
-        """Return where the panel that begins at `begin` ends: at the grid's next edge, or a break."""
+    def _find_panel_end(self, begin: float) -> float:
+        """Return where the panel that begins at `begin` ends: at the next edge of the grid, or at a break."""
         edge = (math.floor(begin / self._panel_s + 1e-9) + 1) * self._panel_s
         return min([at for at in self._breaks if at > begin + _NEAR_S] + [edge])

@@ -1,18 +1,19 @@
-"""Motion by mean elements with the secular rates of J2, and the first-order map between mean and osculating.
+"""Propagation of mean elements with the secular rates of J2, and the first-order map between mean and osculating elements.
 
 Mean elements are Brouwer's without his long-period part (Brouwer 1959, Astron. J. 64, 378): what is left of an orbit when
-the short-period oscillation of J2 is taken out. Here they are rows
+the short-period oscillation of J2 is removed. Here they are rows
 
     [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad]        (…, 6)
 
 with latitude = argument of perigee + mean anomaly and (ex, ey) = e (cos, sin) of the argument of perigee, in axes whose z
-is the Earth's pole. The map is canonical, x = x' + {x', S}, with Brouwer's generator S written in position and velocity:
-there it is smooth, so nothing is singular on a circle, on the equator, or at any inclination. Then the speed is set so that
-the energy, J2 included, is that of the mean elements to second order, and the rates are Brouwer's to second order.
+is the Earth's pole. The map is canonical, x = x' + {x', S}, with Brouwer's generator S as a function of position and
+velocity. There it is smooth, so the map has no singularity on a circle, on the equator, or at any inclination. Then the
+speed is set so that the energy, J2 included, equals that of the mean elements to second order. The rates are Brouwer's to
+second order.
 
-Accuracy, against an integration with J2 alone over a day: 45 m at 7000 km for e up to 0.02, 35 m at 8500 km and e = 0.2,
-90 m at 23,000 km and e = 0.7, of which half is there at once (J2 squared times the radius is 8 m) and the rest is the
-long-period change of e and perigee. J3 and all else is not in it: 1 to 10 km a day in low orbit.
+Accuracy against a numerical integration with J2 alone, over a day: 45 m at 7000 km for e up to 0.02, 35 m at 8500 km and
+e = 0.2, 90 m at 23,000 km and e = 0.7. Half of it is present at the epoch (J2 squared times the radius is 8 m); the rest is
+the long-period change of e and perigee. J3 and all other forces are left out: 1 to 10 km a day in low orbit.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
 _K2 = 0.5 * units.EARTH_J2 * units.EARTH_ZONAL_RADIUS_M**2  # Brouwer's k2 [m2]
-_ROUNDS = 12  # of the inverse map: each gains a factor of J2 times ten or so
-_STEP = 1e-30  # of the complex step
+_ROUNDS = 12  # iterations of the inverse map; each reduces the error to some 10 J2 of it
+_STEP = 1e-30  # relative size of the complex step of the derivative
 _LONG_DAYS = 3.0
 _LOW_M = 450e3
 
 
 class J2(ClassicalElements):
-    """Motion by `elements` at `epoch_utc` with the secular rates of J2 and its short-period oscillation.
+    """Propagation of `elements` at `epoch_utc` with the secular rates of J2 and its short-period oscillation.
 
-    `elements` says what the keys are: "mean" elements of J2, or the "osculating" ones of the state at `epoch_utc`. Both are
-    in GCRS axes; J2 is about the pole of date. It leaves out J3 and all else: 1 to 10 km a day in low orbit.
+    The elements are in GCRS axes; J2 acts about the pole of date. J3 and all other forces are left out: 1 to 10 km a
+    day in low orbit.
     """
 
     type: Literal["j2"] = "j2"
@@ -74,7 +75,7 @@ class J2(ClassicalElements):
         return BodyState(turned(turn.T, position), turned(turn.T, velocity))
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""
         sentences = []
         days = float(np.abs(epochs.since(self.epoch_utc)).max(initial=0.0)) / units.DAY_S
         if days > _LONG_DAYS:
@@ -92,9 +93,13 @@ class J2(ClassicalElements):
 
 
 def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Return rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad] (…, 6) of the conic through states (…, 3).
+    """Convert states (…, 3) [m], [m/s] to quasi-nonsingular elements.
 
-    On the equator the node is at +x. It is geometry alone: a mean state in, mean elements out.
+    On the equator the node is at +x. The conversion is purely geometric: a mean state gives mean elements.
+
+    Returns
+    -------
+    (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad]
     """
     of = elements_from_state(position_m, velocity_m_s)
     perigee = np.asarray(of.argument_of_perigee_rad)
@@ -104,7 +109,7 @@ def quasi_nonsingular_from_state(position_m: np.ndarray, velocity_m_s: np.ndarra
 
 
 def state_from_quasi_nonsingular(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (…, 3) on the conic of rows (…, 6)."""
+    """Convert rows (…, 6) to position [m] and velocity [m/s] (…, 3); the inverse of `quasi_nonsingular_from_state`."""
     a, latitude, ex, ey, inclination, raan = np.moveaxis(np.asarray(rows, dtype=float), -1, 0)
     e, perigee = np.hypot(ex, ey), np.arctan2(ey, ex)
     return state_from_elements(
@@ -113,7 +118,16 @@ def state_from_quasi_nonsingular(rows: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def osculating_from_mean(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the osculating position [m] and velocity [m/s] (…, 3) of mean elements, rows (…, 6), in the same axes."""
+    """Convert mean elements of J2 to osculating states.
+
+    Parameters
+    ----------
+    mean : (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad] in axes whose z is the Earth's pole
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) in the same axes [m], [m/s]
+    """
     position, velocity = state_from_quasi_nonsingular(mean)
     moved, changed = _short_period(position, velocity)
     position, velocity = position + moved, velocity + changed
@@ -123,9 +137,20 @@ def osculating_from_mean(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mean_from_osculating(position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Return mean elements, rows (…, 6), of osculating states (…, 3); the inverse of `osculating_from_mean`, iterated.
+    """Convert osculating states to mean elements of J2, by iteration of `osculating_from_mean`.
 
-    An open orbit, or one that the iteration does not close on, raises `PropagationError`.
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) states in axes whose z is the Earth's pole [m], [m/s]
+
+    Returns
+    -------
+    (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad]
+
+    Raises
+    ------
+    PropagationError
+        if an orbit is open, or the iteration does not converge; its `bad` masks those states
     """
     wanted_r, wanted_v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     r, v = wanted_r, wanted_v
@@ -154,7 +179,17 @@ def secular_rates(mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def propagate_j2_secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarray:
-    """Return mean elements, rows (…, 6), after `dt_s` [s]; one row and many times, or as many of both."""
+    """Propagate mean elements with their secular rates.
+
+    Parameters
+    ----------
+    mean : (…, 6) rows [a_m, latitude_rad, ex, ey, inclination_rad, raan_rad]
+    dt_s : (…) time [s]; one row and many times, or as many of both
+
+    Returns
+    -------
+    (…, 6) rows after that time
+    """
     anomaly, perigee, node = secular_rates(mean)
     rows, dt = np.asarray(mean, dtype=float), np.asarray(dt_s, dtype=float)
     c, s = np.cos(perigee * dt), np.sin(perigee * dt)
@@ -171,7 +206,7 @@ def propagate_j2_secular(mean: np.ndarray, dt_s: np.ndarray | float) -> np.ndarr
 
 
 def _rates(mean: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Return what J2 and J2 squared add to the rates [rad/s] of mean anomaly, argument of perigee and node."""
+    """Return the contributions of J2, and of J2 squared, to the rates [rad/s] of mean anomaly, perigee and node."""
     a, _, ex, ey, inclination, _ = np.moveaxis(np.asarray(mean, dtype=float), -1, 0)
     motion = np.sqrt(GM / a**3)
     t = np.cos(inclination)
@@ -192,8 +227,8 @@ def _rates(mean: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, 
 def _mean_energy(mean: np.ndarray) -> np.ndarray:
     """Return the energy [m2/s2] of mean elements to J2 squared.
 
-    The parts of the averaged Hamiltonian are homogeneous in Delaunay's momenta L, G, H, of degree -6 and -10; their
-    derivatives are the rates, so Euler's theorem gives them back.
+    The terms of the averaged Hamiltonian are homogeneous in Delaunay's momenta L, G, H, of degree -6 and -10. Their
+    derivatives are the rates, so Euler's theorem recovers the terms from the rates.
     """
     rows = np.asarray(mean, dtype=float)
     a = rows[..., 0]
@@ -226,10 +261,15 @@ def _short_period(position_m: np.ndarray, velocity_m_s: np.ndarray) -> tuple[np.
 
 
 def _generator(x: np.ndarray, y: np.ndarray, z: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return Brouwer's first-order short-period generator [m2/s] of a state, complex for its derivative.
+    """Return Brouwer's first-order short-period generator [m2/s] of a state, which may be complex for its derivative.
 
-    n dS/dM = V - <V> with V = GM k2 (3 sin^2 latitude - 1) / r^3; in e cos f, e sin f and the components of sin i along
-    and across the radius, all of them smooth in the state.
+    n dS/dM = V - <V> with V = GM k2 (3 sin^2 latitude - 1) / r^3, in e cos f, e sin f and the components of sin i along and
+    across the radius, all of them smooth in the state.
+
+    Parameters
+    ----------
+    x, y, z : position [m]
+    u, v, w : velocity [m/s]
     """
     r = np.sqrt(x * x + y * y + z * z)
     hx, hy, hz = y * w - z * v, z * u - x * w, x * v - y * u

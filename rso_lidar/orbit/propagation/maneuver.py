@@ -1,7 +1,7 @@
-"""Thrust: impulses, which change the velocity at once, and burns, which take their time.
+"""Maneuvers: impulses, which change the velocity instantaneously, and burns of finite duration.
 
-Their axes, at the instant itself: `rtn` (x radially out, z along r x v, y = z x x), `vnc` (x along the velocity, y along
-r x v, z = x x y, which is outward on a circle) or `inertial` (GCRS).
+Their axes apply at the instant itself: `rtn` (x radially outward, z along r x v, y = z x x), `vnc` (x along the velocity,
+y along r x v, z = x x y, which is outward on a circle) or `inertial` (GCRS).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Axes3 = Literal["rtn", "vnc", "inertial"]
 
 
 class Impulse(Part):
-    """A change of velocity at `at_s` seconds after the start; at the start itself, change the initial state instead."""
+    """Instantaneous change of velocity."""
 
     type: Literal["impulse"] = "impulse"
     at_s: Positive = Field(
@@ -36,11 +36,16 @@ class Impulse(Part):
 
     @property
     def size_m_s(self) -> float:
-        """Return the delta-v [m/s]."""
+        """Delta-v [m/s]."""
         return math.hypot(*self.delta_v_m_s)
 
     def apply(self, state: np.ndarray) -> np.ndarray:
-        """Return the state after it: position [m], velocity [m/s] in the first six of a row."""
+        """Return the state after the impulse.
+
+        Parameters
+        ----------
+        state : (n,) a row that begins with position [m] and velocity [m/s]
+        """
         after = np.array(state, dtype=float)
         values = after.tolist()
         after[3:6] += rotate_to_inertial(self.delta_v_m_s, self.axes, values[:3], values[3:6])
@@ -48,9 +53,9 @@ class Impulse(Part):
 
 
 class Burn(Part):
-    """Thrust from `from_s` for `duration_s`: a constant `acceleration_m_s2`, or `thrust_n` on `mass_kg`.
+    """Burn of constant acceleration, or of constant thrust on a mass.
 
-    With `isp_s` the mass at ignition shrinks by thrust / (g0 isp) a second; without, it stays.
+    With `isp_s` the mass decreases from `mass_kg` by thrust / (g0 isp) per second; without it the mass is constant.
     """
 
     type: Literal["burn"] = "burn"
@@ -94,12 +99,12 @@ class Burn(Part):
 
     @property
     def until_s(self) -> float:
-        """Return when it ends [s]."""
+        """End of the burn since the start of the run [s]."""
         return self.from_s + self.duration_s
 
     @property
     def size_m_s(self) -> float:
-        """Return the delta-v [m/s] (Tsiolkovsky's where mass flows)."""
+        """Delta-v [m/s], by Tsiolkovsky's equation where the mass decreases."""
         if self.acceleration_m_s2 is not None:
             return math.hypot(*self.acceleration_m_s2) * self.duration_s
         assert self.thrust_n is not None
@@ -110,7 +115,13 @@ class Burn(Part):
         return -units.STANDARD_GRAVITY_M_S2 * self.isp_s * math.log(left)
 
     def acceleration(self, time_s: float, r: list[float], v: list[float]) -> tuple[float, float, float]:
-        """Return the acceleration [m/s2] in inertial axes while it burns, `time_s` counted from the start of the run."""
+        """Return the acceleration [m/s2] in inertial axes during the burn.
+
+        Parameters
+        ----------
+        time_s : seconds since the start of the run
+        r, v : position [m] and velocity [m/s] at that time
+        """
         if self.acceleration_m_s2 is not None:
             return rotate_to_inertial(self.acceleration_m_s2, self.axes, r, v)
         assert self.thrust_n is not None
@@ -121,7 +132,14 @@ class Burn(Part):
 
 
 def rotate_to_inertial(vector: Vector, axes: Axes3, r: list[float], v: list[float]) -> tuple[float, float, float]:
-    """Return a vector given in `axes` of the state r [m], v [m/s] as components in inertial axes."""
+    """Rotate a vector from the axes of a state to inertial axes.
+
+    Parameters
+    ----------
+    vector : components in `axes`
+    axes : "rtn", "vnc" or "inertial"
+    r, v : position [m] and velocity [m/s] that define the axes
+    """
     if axes == "inertial":
         return vector
     h = (r[1] * v[2] - r[2] * v[1], r[2] * v[0] - r[0] * v[2], r[0] * v[1] - r[1] * v[0])

@@ -1,6 +1,6 @@
-"""Motion by numerical integration of the equations of motion: DOP853 (see `integrate`) on the forces of `forces`.
+"""Numerical propagation: DOP853 (see `integrator`) on the forces of `forces`.
 
-The integrator itself is within 1 mm of two-body motion over a day (1e-13 a step); what the forces leave out is said there.
+The integrator alone is within 1 mm of two-body motion over a day (1e-13 per step). `forces` says what is left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PANEL_S = 5400.0
 
 
 class Numerical(Part):
-    """Integrated motion: the state of `initial` at `start_utc`, flown by `forces` and `maneuvers`."""
+    """Numerical integration from the state of `initial` at `start_utc`, with `forces` and `maneuvers`."""
 
     type: Literal["numerical"] = "numerical"
     initial: Initial = Field(
@@ -41,7 +41,13 @@ class Numerical(Part):
     maneuvers: tuple[Maneuver, ...] = Field(default=(), description="Impulses and burns, in any order.")
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; a fall to the ground raises `PropagationError`."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
+
+        Raises
+        ------
+        PropagationError
+            if the orbit meets the Earth; its `bad` masks the later epochs
+        """
         start = self.initial.states(Epochs(epochs.start_utc, np.zeros(1)))
         flight = integrate_orbit(
             start.position_m[0], start.velocity_m_s[0], epochs.start_utc, self.forces, self.maneuvers
@@ -50,18 +56,26 @@ class Numerical(Part):
         return BodyState(rows[:, :3], rows[:, 3:])
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instants [s] after the start of `epochs` at which velocity or acceleration jumps."""
+        """Return the instants [s] after the start of `epochs` at which velocity or acceleration is discontinuous."""
         at = [(one.at_s,) if isinstance(one, Impulse) else (one.from_s, one.until_s) for one in self.maneuvers]
         return np.array([time_s for pair in at for time_s in pair])
 
     @property
     def delta_v_m_s(self) -> float:
-        """Return the delta-v of all maneuvers [m/s]."""
+        """Total delta-v of all maneuvers [m/s]."""
         return math.fsum(maneuver.size_m_s for maneuver in self.maneuvers)
 
 
 class IntegratedOrbit:
-    """An integrated orbit: call it with seconds since `start_utc` (time) for rows [position m, velocity m/s] (time, 6)."""
+    """An integrated orbit: call it with seconds since `start_utc` (time,) for rows [position m, velocity m/s] (time, 6).
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) state at the start in GCRS axes [m], [m/s]
+    start_utc : start of the run
+    forces : forces besides the central attraction
+    maneuvers : impulses and burns
+    """
 
     def __init__(
         self,
@@ -73,7 +87,7 @@ class IntegratedOrbit:
     ) -> None:
         field = forces.field(start_utc)
         burns = [maneuver for maneuver in maneuvers if isinstance(maneuver, Burn)]
-        # In air nothing orbits below 100 km, and a fall through it is so stiff that it takes minutes to work out.
+        # No orbit lasts in the air below 100 km, and re-entry is so stiff that its integration would take minutes.
         self._floor_m = 100.0 * units.KM if forces.drag is not None else 0.0
         floor_m2 = (units.EARTH_RADIUS_M + self._floor_m) ** 2
 
@@ -88,10 +102,10 @@ class IntegratedOrbit:
                     ax, ay, az = ax + bx, ay + by, az + bz
             return np.array([vx, vy, vz, ax, ay, az, rough, *([0.0] * len(burns))])
 
-        # The velocity that forces with edges have given is a seventh number, with a tolerance that fits it: without it
-        # DOP853, whose estimate of its error takes the forces to be smooth, steps over the edge of the shadow.
-        # A valve beside the state says whether a burn is on: an integrator's step that ends where one begins must not
-        # feel it, and the one that begins there must.
+        # The seventh entry integrates the magnitude of discontinuous forces, with a tolerance of its own. Without it
+        # DOP853, whose error estimate assumes smooth forces, would step over the edge of the shadow.
+        # One entry for each burn says whether it is on: a step that ends where a burn begins must not contain it, and
+        # the step that begins there must.
         jumps = [(at.at_s, at.apply) for at in maneuvers if isinstance(at, Impulse)]
         for k, burn in enumerate(burns, start=7):
             jumps.append((burn.until_s, functools.partial(_set_entry, k, 0.0)))
@@ -125,7 +139,7 @@ class IntegratedOrbit:
 
 
 class _FallError(Exception):
-    """The orbit ends; the argument is when [s]."""
+    """The orbit meets the ground or dense air; the argument is the time [s]."""
 
 
 def integrate_orbit(
@@ -135,9 +149,24 @@ def integrate_orbit(
     forces: Forces,
     maneuvers: tuple[Impulse | Burn, ...] = (),
 ) -> IntegratedOrbit:
-    """Return the integrated orbit from a state (3), (3) in GCRS axes at `start_utc`; the same question costs nothing twice.
+    """Integrate an orbit from a state. The result is cached, so the same call costs nothing twice.
 
-    Call it with seconds since `start_utc` (time): rows [position m, velocity m/s] (time, 6).
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) state at the start in GCRS axes [m], [m/s]
+    start_utc : start of the run
+    forces : forces besides the central attraction
+    maneuvers : impulses and burns
+
+    Returns
+    -------
+    IntegratedOrbit
+        called with seconds since `start_utc` (time,), it returns rows [position m, velocity m/s] (time, 6)
+
+    Raises
+    ------
+    PropagationError
+        from that call, where the orbit meets the Earth; its `bad` masks the later epochs
     """
     position, velocity = np.asarray(position_m, dtype=float).tolist(), np.asarray(velocity_m_s, dtype=float).tolist()
     return _integrated_orbit(tuple(position), tuple(velocity), start_utc, forces, maneuvers)

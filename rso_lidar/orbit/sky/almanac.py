@@ -1,7 +1,8 @@
-"""The Earth's pole, the Sun and the Moon at any instant of a run, one at a time and fast: what an integrator asks for.
+"""Pole, Sun and Moon tabulated for an integrator, which asks for one instant at a time.
 
-Worked out every quarter of an hour, a day at once, and interpolated by a cubic through the four instants around: within
-1e-11 rad. The instants are counted from the run's start, so an answer has the same bits whatever was asked before.
+Positions are computed every quarter of an hour, one day at a time, and interpolated by a cubic through the four nearest
+instants: within 1e-11 rad. The instants are counted from the start of the run, so a result has the same bits whatever was
+asked before.
 """
 
 from __future__ import annotations
@@ -17,26 +18,33 @@ from rso_lidar.orbit.sky.precession import pole_direction
 from rso_lidar.orbit.sky.sun import sun_position_m
 
 _STEP_S = 900.0
-_DAY = 96  # steps
+_DAY = 96  # steps of a day
 Vector3 = tuple[float, float, float]
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
 class Almanac:
-    """Call it with seconds since `start_utc`: the pole, the Sun [m] and the Moon [m] in GCRS axes, zero if not wanted."""
+    """Pole, Sun and Moon at any instant of a run. A body that is not wanted is at (0, 0, 0).
+
+    Parameters
+    ----------
+    start_utc : start of the run
+    sun : whether the Sun is wanted
+    moon : whether the Moon is wanted
+    """
 
     def __init__(self, start_utc: datetime.datetime, *, sun: bool, moon: bool) -> None:
         self._start, self._sun, self._moon = start_utc, sun, moon
         self._days: dict[int, list[list[float]]] = {}
 
     def __call__(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
-        """Return pole, Sun [m] and Moon [m]."""
+        """Return the pole (unit vector), the Sun [m] and the Moon [m] in GCRS axes, `time_s` seconds after the start."""
         u = time_s / _STEP_S
         step = math.floor(u)
         day, row = divmod(step, _DAY)
         rows = self._days.get(day)
         if rows is None:
-            rows = self._days[day] = self._work_out(day)
+            rows = self._days[day] = self._tabulate(day)
         u -= step
         a, b, c, d = u + 1.0, u, u - 1.0, u - 2.0
         k0, k1, k2, k3 = -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
@@ -48,7 +56,7 @@ class Almanac:
         moon = (values[-3], values[-2], values[-1]) if self._moon else _NOWHERE
         return (values[0], values[1], values[2]), sun, moon
 
-    def _work_out(self, day: int) -> list[list[float]]:
+    def _tabulate(self, day: int) -> list[list[float]]:
         times = _STEP_S * (day * _DAY + np.arange(-1, _DAY + 2))
         epochs = Epochs(self._start, times)
         columns = [pole_direction(epochs)]

@@ -1,7 +1,7 @@
-"""The Earth's shadow: how much of the Sun's disc is free, and when a body passes through penumbra and umbra.
+"""The Earth's shadow: the visible fraction of the Sun's disc, and the passages through penumbra and umbra.
 
-The Earth is a sphere of its equatorial radius, without air: in a low orbit an eclipse begins and ends up to 3 s off, more
-where it only grazes.
+The Earth is a sphere of its equatorial radius, without air. In a low orbit an eclipse therefore begins and ends up to 3 s
+early or late, and more where it only grazes.
 """
 
 from __future__ import annotations
@@ -21,18 +21,24 @@ from rso_lidar.orbit.trajectory import Trajectory
 
 
 def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.ndarray:
-    """Return the share (time) of the Sun's disc that a spherical Earth leaves free: 1 in full light, 0 in the umbra.
+    """Return the fraction of the Sun's disc that a spherical Earth leaves visible.
 
-    Overlapping discs on the sky (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2). Inside the Earth it is dark.
+    It is computed from the overlap of two discs on the sky (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2).
 
     Parameters
     ----------
-    position_m : (time, 3) from the Earth's centre [m].
-    sun_position_m : (time, 3) from the Earth's centre, in the same axes [m].
+    position_m : (time, 3) from the Earth's centre [m]
+    sun_position_m : (time, 3) from the Earth's centre, in the same axes [m]
+
+    Returns
+    -------
+    (time,) 1 in full light, 0 in the umbra and inside the Earth
     """
     to_sun = sun_position_m - position_m
     distance = np.linalg.norm(position_m, axis=-1)
-    sun = np.arcsin(units.SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1))  # a and b of the source: apparent radii
+    sun = np.arcsin(
+        units.SUN_RADIUS_M / np.linalg.norm(to_sun, axis=-1)
+    )  # apparent radius, a of the source; the Earth's is b
     earth = np.arcsin(np.minimum(units.EARTH_RADIUS_M / np.maximum(distance, units.EARTH_RADIUS_M), 1.0))
     across = np.linalg.norm(np.cross(position_m, to_sun), axis=-1)
     apart = np.arctan2(across, -np.sum(position_m * to_sun, axis=-1))  # c: between the discs' centres
@@ -40,7 +46,7 @@ def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.nd
     clear, inside = apart >= sun + earth, apart <= np.abs(sun - earth)
     partly = ~(clear | inside)
     c = np.where(partly, apart, 1.0)
-    x = (c**2 + sun**2 - earth**2) / (2.0 * c)  # from the Sun's centre to the chord that the two rims share
+    x = (c**2 + sun**2 - earth**2) / (2.0 * c)  # from the Sun's centre to the common chord of the two discs
     y = np.sqrt(np.maximum(sun**2 - x**2, 0.0))
     lens = sun**2 * np.arctan2(y, x) + earth**2 * np.arctan2(y, c - x) - c * y
     hidden = np.where(clear, 0.0, np.where(inside, np.pi * smaller**2, lens)) / (np.pi * sun**2)
@@ -50,9 +56,14 @@ def sunlit_fraction(position_m: np.ndarray, sun_position_m: np.ndarray) -> np.nd
 
 @dataclass(frozen=True)
 class Eclipse:
-    """One passage through the Earth's shadow, in seconds since start_utc, good to the millisecond.
+    """One passage through the Earth's shadow, accurate to the millisecond.
 
-    -inf: it had begun before the span that was asked for; inf: it lasts beyond it; NaN: there is no umbra in it.
+    Parameters
+    ----------
+    penumbra_from_s, penumbra_to_s : begin and end of the passage [s since start_utc]; -inf if it had begun before the
+        span of the search, inf if it lasts beyond it
+    umbra_from_s, umbra_to_s : begin and end of the umbra [s since start_utc], with the same infinities; NaN if there is
+        none
     """
 
     penumbra_from_s: float
@@ -62,15 +73,24 @@ class Eclipse:
 
     @property
     def is_total(self) -> bool:
-        """Return whether the Sun is hidden whole at some time."""
+        """Whether the Sun is completely hidden at some time."""
         return not math.isnan(self.umbra_from_s)
 
 
 def shadow_margins_rad(position_m: np.ndarray, sun_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far (time) [rad] the Sun's disc is from being touched and from being covered by the Earth's disk.
+    """Return the angles by which the Sun's disc is clear of being touched, and of being covered, by the Earth's disk.
 
-    The first is negative in penumbra and umbra, the second in the umbra: where the lines that touch both spheres meet
-    the place (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2). Below the Earth's surface both are.
+    They vanish on the cones that touch both spheres (Montenbruck & Gill, Satellite Orbits, sec. 3.4.2).
+
+    Parameters
+    ----------
+    position_m : (time, 3) from the Earth's centre [m]
+    sun_m : (time, 3) position of the Sun, in the same axes [m]
+
+    Returns
+    -------
+    touched : (time,) [rad], negative in penumbra and umbra, and below the Earth's surface
+    covered : (time,) [rad], negative in the umbra, and below the Earth's surface
     """
     to_sun = sun_m - position_m
     distance = np.sqrt(np.sum(position_m**2, axis=-1))
@@ -84,9 +104,18 @@ def shadow_margins_rad(position_m: np.ndarray, sun_m: np.ndarray) -> tuple[np.nd
 
 
 def find_eclipses(trajectory: Trajectory, epochs: Epochs) -> list[Eclipse]:
-    """Return the passages through the Earth's shadow between the first and the last of the epochs, in order.
+    """Find the passages through the Earth's shadow between the first and the last of some epochs.
 
     The orbit is scanned once a minute whatever epochs there are between, and grazing passages are searched for.
+
+    Parameters
+    ----------
+    trajectory : anything that answers `states`
+    epochs : the first and the last limit the search
+
+    Returns
+    -------
+    list of Eclipse, in order of time
     """
     start_s, end_s = float(epochs.time_s.min()), float(epochs.time_s.max())
 

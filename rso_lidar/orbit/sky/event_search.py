@@ -1,4 +1,4 @@
-"""Instants at which a smooth function of time changes sign or is least: when an event begins, ends or culminates."""
+"""Search for events: the spans in which a smooth function of time is negative, and its minima."""
 
 from __future__ import annotations
 
@@ -7,22 +7,29 @@ from collections.abc import Callable
 import numpy as np
 
 _SCAN_S = 60.0
-_PARTS = 16  # into which a bracket is cut at once
+_PARTS = 16  # equal parts into which a bracket is divided
 _WITHIN_S = 1e-4
-_AT_ONCE = 100_000  # instants of a scan
+_AT_ONCE = 100_000  # instants evaluated in one call
 
 
 def find_spans_below(
     value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float, scan_s: float = _SCAN_S
 ) -> list[tuple[float, float]]:
-    """Return the spans [s] within start to end in which a smooth function is negative, their ends to 0.1 ms.
+    """Find the spans in which a smooth function is negative.
 
-    A span that holds at the start begins at -inf, and one that holds at the end lasts to inf. The function is scanned every
-    `scan_s` at most, and each dip between instants of the scan is followed to its bottom, so that a short one is not missed.
+    The function is scanned every `scan_s` at most. Each dip between instants of the scan is followed to its bottom, so
+    that a short span is not missed.
 
     Parameters
     ----------
-    value : function of instants (time) [s] that gives (time).
+    value : function of instants (time,) [s] that returns (time,)
+    start_s, end_s : first and last instant [s]
+    scan_s : greatest step of the scan [s]
+
+    Returns
+    -------
+    list of (begin, end)
+        [s] to 0.1 ms. A span that holds at the start begins at -inf, and one that holds at the end lasts to inf
     """
     time_s = np.linspace(start_s, end_s, max(3, int(np.ceil((end_s - start_s) / scan_s)) + 1))
     values = np.concatenate([value(time_s[k : k + _AT_ONCE]) for k in range(0, len(time_s), _AT_ONCE)])
@@ -42,9 +49,18 @@ def find_spans_below(
 
 
 def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float) -> tuple[float, float]:
-    """Return when [s] between two instants a smooth function is least, to 0.1 ms, and how much it is there.
+    """Find the least value of a smooth function between two instants.
 
     The lowest of 129 instants is followed to the bottom of its dip.
+
+    Parameters
+    ----------
+    value : function of instants (time,) [s] that returns (time,)
+    start_s, end_s : first and last instant [s]
+
+    Returns
+    -------
+    instant [s] to 0.1 ms, and the value there
     """
     time_s = np.linspace(start_s, end_s, 129)
     lowest = int(np.argmin(value(time_s)))
@@ -55,10 +71,20 @@ def find_minimum(value: Callable[[np.ndarray], np.ndarray], start_s: float, end_
 def _find_dips(
     value: Callable[[np.ndarray], np.ndarray], time_s: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return instants and values of the bottoms of those dips of a scan that may reach below zero between its instants."""
+    """Follow the dips of a scan that may reach below zero between its instants to their bottoms.
+
+    Parameters
+    ----------
+    value : the function
+    time_s, values : (time,) the scan
+
+    Returns
+    -------
+    instants and values of the bottoms
+    """
     before = np.concatenate([[np.inf], values[:-1]])
     after = np.concatenate([values[1:], [np.inf]])
-    # between instants a dip goes down by a quarter of how it rises to them if round, by half if sharp; an end tells nothing
+    # between its instants a round dip is deeper by a quarter of its rise beside them, a sharp one by half; the ends are open
     deep = values <= np.maximum(before, after) - values
     dips = np.flatnonzero((values <= before) & (values <= after) & (values >= 0.0) & deep)
     if not len(dips):
@@ -69,7 +95,13 @@ def _find_dips(
 def _narrow_to_minimum(
     value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where between each low and high the function is least, and its values there."""
+    """Find where between each low and high the function is least, and its values there.
+
+    Parameters
+    ----------
+    value : the function
+    low, high : (bracket,) ends [s]
+    """
     steps = np.arange(_PARTS + 1) / _PARTS
     while True:
         times = low[:, None] + (high - low)[:, None] * steps
@@ -82,7 +114,13 @@ def _narrow_to_minimum(
 
 
 def _find_crossings(value: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return where between each low and high (time) [s], on whose sides the function's signs differ, it changes sign."""
+    """Find where between each low and high the function changes sign.
+
+    Parameters
+    ----------
+    value : the function
+    low, high : (bracket,) ends [s], at which its signs differ
+    """
     steps = np.arange(_PARTS + 1) / _PARTS
     while len(low) and np.max(high - low) > _WITHIN_S:
         times = low[:, None] + (high - low)[:, None] * steps

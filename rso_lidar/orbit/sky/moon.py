@@ -1,8 +1,9 @@
-"""Where the Moon is, with no ephemeris file: Meeus, Astronomical Algorithms 2nd ed., ch. 47 (after ELP-2000/82).
+"""The Moon's position, without an ephemeris file: Meeus, Astronomical Algorithms 2nd ed., ch. 47 (after ELP-2000/82).
 
-Within 18 arcseconds and 32 km of ELP/MPP02, 3 arcseconds and 6 km rms, 1950 to 2100 (the notes to ERFA's moon98, the same
-series, which this equals within 0.9 arcsecond). Ecliptic and equinox of date, turned to GCRS by the IAU 1976 precession. Its
-longitude contains the light time of 1.3 s, as Meeus has it: the Moon as seen from the Earth's centre.
+It is within 18 arcseconds and 32 km of ELP/MPP02 from 1950 to 2100, 3 arcseconds and 6 km rms. These figures are from the
+notes to ERFA's moon98, the same series, which this module equals within 0.9 arcsecond. The ecliptic and equinox of date are
+rotated to GCRS by the IAU 1976 precession. As in Meeus, the longitude contains the light time of 1.3 s: it is the apparent
+Moon.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from rso_lidar import units
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.precession import gcrs_from_mean_of_date
 
-# Meeus, tables 47.A and 47.B: multiples of D, M, M', F; sine of longitude [1e-6 deg] and cosine of distance [m]
+# Meeus, tables 47.A and 47.B: multiples of D, M, M', F; sine terms of longitude [1e-6 deg], cosine terms of distance [m]
 _LONGITUDE_DISTANCE = """
 0 0 1 0 6288774 -20905355|2 0 -1 0 1274027 -3699111|2 0 0 0 658314 -2955968|0 0 2 0 213618 -569925|0 1 0 0 -185116 48888
 0 0 0 2 -114332 -3149|2 0 -2 0 58793 246158|2 -1 -1 0 57066 -152138|2 0 1 0 53322 -170733|2 -1 0 0 45758 -204586
@@ -43,7 +44,16 @@ _BLOCK = 4096  # epochs at a time
 
 
 def moon_position_m(epochs: Epochs) -> np.ndarray:
-    """Return the Moon's position (time, 3) [m] from the Earth's centre in GCRS axes."""
+    """Return the apparent position of the Moon from the Earth's centre.
+
+    Parameters
+    ----------
+    epochs : instants
+
+    Returns
+    -------
+    (time, 3) [m] in GCRS axes
+    """
     t = epochs.tt_centuries()
     parts = [_gcrs(t[k : k + _BLOCK]) for k in range(0, len(t), _BLOCK)] or [_gcrs(t)]
     return np.concatenate(parts)
@@ -67,7 +77,16 @@ def _gcrs(t: np.ndarray) -> np.ndarray:
 
 
 def ecliptic_of_date(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return longitude, latitude [rad] and distance [m] (time) in the mean ecliptic of date, t TT centuries since J2000."""
+    """Evaluate the series of Meeus, ch. 47.
+
+    Parameters
+    ----------
+    t : (time,) TT centuries since J2000.0
+
+    Returns
+    -------
+    longitude, latitude, distance : (time,) [rad], [rad], [m] in the mean ecliptic and equinox of date
+    """
     mean = _polynomial(t, 218.316_447_7, 481_267.881_234_21, -0.001_578_6, 1 / 538_841, -1 / 65_194_000)
     d = _polynomial(t, 297.850_192_1, 445_267.111_403_4, -0.001_881_9, 1 / 545_868, -1 / 113_065_000)
     m = _polynomial(t, 357.529_109_2, 35_999.050_290_9, -0.000_153_6, 1 / 24_490_000, 0.0)
@@ -75,7 +94,7 @@ def ecliptic_of_date(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     f = _polynomial(t, 93.272_095_0, 483_202.017_523_3, -0.003_653_9, -1 / 3_526_000, 1 / 863_310_000)
     venus, jupiter = (119.75 + 131.849 * t) * units.DEG, (53.09 + 479_264.290 * t) * units.DEG
     third = (313.45 + 481_266.484 * t) * units.DEG
-    less = 1.0 - 0.002_516 * t - 0.000_007_4 * t * t  # the Earth's eccentricity shrinks, and with it the terms in M
+    less = 1.0 - 0.002_516 * t - 0.000_007_4 * t * t  # terms in M shrink with the Earth's eccentricity
     by = (np.ones_like(t), less, less * less)
     longitude = 3958.0 * np.sin(venus) + 1962.0 * np.sin(mean - f) + 318.0 * np.sin(jupiter)
     latitude = (
@@ -86,11 +105,11 @@ def ecliptic_of_date(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         - 115.0 * np.sin(mean + mp)
     )
     distance = np.full_like(t, 385_000_560.0)
-    for of_d, of_m, of_mp, of_f, sine, cosine in _rows(_LONGITUDE_DISTANCE):
+    for of_d, of_m, of_mp, of_f, sine, cosine in _parse_table(_LONGITUDE_DISTANCE):
         angle = of_d * d + of_m * m + of_mp * mp + of_f * f
         longitude += sine * by[abs(of_m)] * np.sin(angle)
         distance += cosine * by[abs(of_m)] * np.cos(angle)
-    for of_d, of_m, of_mp, of_f, sine in _rows(_LATITUDE):
+    for of_d, of_m, of_mp, of_f, sine in _parse_table(_LATITUDE):
         latitude += sine * by[abs(of_m)] * np.sin(of_d * d + of_m * m + of_mp * mp + of_f * f)
     return mean + longitude * _MICRO, latitude * _MICRO, distance
 
@@ -103,5 +122,5 @@ def _polynomial(t: np.ndarray, *degrees: float) -> np.ndarray:
     return angle
 
 
-def _rows(table: str) -> list[list[int]]:
+def _parse_table(table: str) -> list[list[int]]:
     return [[int(word) for word in row.split()] for line in table.split("\n") if line for row in line.split("|")]

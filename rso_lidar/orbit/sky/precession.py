@@ -1,8 +1,8 @@
-"""Where the Earth's axis points: precession (IAU 1976) with the four largest terms of nutation.
+"""Precession (IAU 1976), and the Earth's pole with the four largest terms of nutation.
 
-Nutation after Meeus, Astronomical Algorithms 2nd ed., ch. 22. Within 0.2 arcsecond of IAU 2006/2000A (ERFA's pnm06a) from
-2000 to 2050, which through J2 moves a low orbit by less than a metre a day; without nutation it would be 10 arcseconds and
-30 m.
+Precession: Lieske 1977 (Vallado 4th ed. eq. 3-88). Nutation: Meeus, Astronomical Algorithms 2nd ed., ch. 22. From 2000 to
+2050 the pole is within 0.2 arcsecond of IAU 2006/2000A (ERFA's pnm06a). Through J2 that moves a low orbit by less than a
+metre a day; without nutation it would be 10 arcseconds and 30 m.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ def pole_direction(epochs: Epochs) -> np.ndarray:
 
 
 def equator_axes(epochs: Epochs) -> np.ndarray:
-    """Return matrices (time, 3, 3) equator_from_gcrs: z along the pole of date, x where the least turn takes GCRS x."""
+    """Return rotation matrices (time, 3, 3) equator_from_gcrs.
+
+    z is the pole of date; x is GCRS x after the smallest rotation that takes GCRS z to the pole.
+    """
     z = pole_direction(epochs)
     x = np.stack([1.0 - z[:, 0] ** 2, -z[:, 0] * z[:, 1], -z[:, 0] * z[:, 2]], axis=-1)
     x = x / np.sqrt(x[:, 0] ** 2 + x[:, 1] ** 2 + x[:, 2] ** 2)[:, None]
@@ -37,7 +40,7 @@ def equator_axes(epochs: Epochs) -> np.ndarray:
 
 
 def gcrs_from_mean_of_date(vectors: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return vectors (time, 3) turned from mean-of-date to J2000.0 axes, which GCRS equals within 0.02 arcsecond."""
+    """Rotate vectors (time, 3) from mean-of-date to J2000.0 axes, which GCRS equals within 0.02 arcsecond."""
     zeta = (2306.2181 * t + 0.301_88 * t**2 + 0.017_998 * t**3) * _ARCSEC
     theta = (2004.3109 * t - 0.426_65 * t**2 - 0.041_833 * t**3) * _ARCSEC
     z = (2306.2181 * t + 1.094_68 * t**2 + 0.018_203 * t**3) * _ARCSEC
