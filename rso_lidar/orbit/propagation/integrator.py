@@ -34,7 +34,7 @@ class OdeSolution:
     x0 : (n,) state at t = 0
     panel_s : length of a panel [s], in which the step size may grow
 
-    Other parameters
+    Other Parameters
     ----------------
     rtol, atol : tolerances of a step, relative and absolute (one number, or one for each entry of x)
     jumps : ``(time_s, jump)`` at which x becomes ``jump(x)``; time_s > 0
