@@ -28,7 +28,7 @@ def approach(name: str, frames: int, folder: Path) -> tuple[rl.Scenario, float]:
     path = folder / f"{name}.csv"
     path.write_text(f"time_s,x_m,y_m,z_m\n0,{FARTHEST_M},0,0\n{frames - 1},{nearest_m},0,0\n")
     tumble = rl.Tumble(inertia_kg_m2=(1000.0, 1700.0, 2200.0), body_rate_deg_s=(31.0, 53.0, 17.0))
-    moving = scenes.target(name, model, rl.Table(file=str(path)), tumble)
+    moving = scenes.target(name, model, rl.motion.Table(file=str(path)), tumble)
     return scenes.scenario(name, [moving], frames), nearest_m
 
 

@@ -51,7 +51,7 @@ def scenario(frames: int) -> rl.Scenario:
                 attitude=rl.Tumble(inertia_kg_m2=model("rocket_body").inertia_kg_m2, body_rate_deg_s=(0.6, 1.0, 0.4)),
             )
         ],
-        follower=rl.Follower(motion=rl.SafetyEllipse(relative_to="stage", radial_m=500, cross_track_m=600)),
+        follower=rl.Follower(motion=rl.rpo.SafetyEllipse(relative_to="stage", radial_m=500, cross_track_m=600)),
         ptu=rl.Ptu(
             point=rl.TrackPoint(at="stage"),
             response=rl.SecondOrder(natural_hz=4.0, damping=0.7, max_rate_deg_s=30.0),

@@ -135,7 +135,7 @@ def closed_forms():
             hill = rl.Hill(relative_to="chief", position_m=(0.0, -1000.0, 0.0), velocity_m_s=(0.0, 0.1, 0.0))
             seconds, _ = best(lambda chief=chief, hill=hill: hill.relative(at, chief), 3)
             row("Clohessy-Wiltshire, 1,000,000 epochs", n / seconds, "states/s", ">= 10 M")
-        eccentric = rl.YamanakaAnkersen(
+        eccentric = rl.rpo.YamanakaAnkersen(
             relative_to="chief", position_m=(0.0, -1000.0, 0.0), velocity_m_s=(0.0, 0.1, 0.0)
         )
         seconds, _ = best(lambda chief=chief, eccentric=eccentric: eccentric.relative(at, chief), 3)

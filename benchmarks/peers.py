@@ -41,14 +41,14 @@ class Bench:
         self.field = self.in_target_axes(optics.pixel_rays(self.receiver, self.laser, everywhere))
         self.made = self.in_target_axes(self.rays)
 
-    def in_target_axes(self, rays: rl.Rays) -> tuple[np.ndarray, np.ndarray]:
+    def in_target_axes(self, rays: rl.records.Rays) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and directions (ray, xyz), f4, in target axes; origins just before the target."""
         pose = self.truth.pose(self.surface.name, "lidar")
         along = pose.rotation.apply(np.ascontiguousarray(rays.direction))
         near_m = max(0.0, float(np.linalg.norm(pose.translation)) - 1.5 * self.surface.radius_m)
         return (pose.translation + near_m * along).astype(np.float32), along.astype(np.float32)
 
-    def aimed(self) -> rl.Rays:
+    def aimed(self) -> rl.records.Rays:
         """Return the rays that we make: none that cannot hit."""
         return optics.pixel_rays(self.receiver, self.laser, scene.extent(self.scenario.surfaces, self.truth))
 

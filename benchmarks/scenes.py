@@ -67,7 +67,7 @@ def scenario(name: str, targets: list[rl.Target], frames: int, lidar: rl.Lidar |
 
 
 def target(
-    name: str, model: str, motion: rl.Fixed | rl.Table, attitude: rl.Spin | rl.Tumble | None = None
+    name: str, model: str, motion: rl.Fixed | rl.motion.Table, attitude: rl.Spin | rl.Tumble | None = None
 ) -> rl.Target:
     """Return a target about the origin of its mesh; it turns too slowly for the scene to change unless told to."""
     slow = rl.Spin(axis=(0.3, 0.5, 1.0), rate_deg_s=0.02, quaternion_xyzw=ASLANT)

@@ -157,7 +157,7 @@ def stage_table(name: str, repeats: int) -> tuple[str, list[str]]:
 
 def instruments(span_s: float) -> str:
     """Return the frame rate with each detector, and with a lens that blurs, at 300 m."""
-    blurring = scenes.instrument(psf=rl.GaussianPsf(sigma_um=25.0))
+    blurring = scenes.instrument(psf=rl.optics.GaussianPsf(sigma_um=25.0))
     kinds = {
         "`gsfl`, the whole chain": scenes.instrument(),
         "`gsfl`, Gaussian PSF of 25 µm": blurring,

@@ -40,7 +40,7 @@ from rso_lidar.study.time_history.open_loop import course
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]
-STILL = rl.Timing(pixel_jitter_ns=0.0)
+STILL = rl.detector.Timing(pixel_jitter_ns=0.0)
 ALGORITHMS = {
     "matched_filter": BLUE,
     "constant_fraction": ORANGE,
@@ -86,7 +86,7 @@ def counts() -> Any:
     levels = np.geomspace(900, 1e6, 28)
     kinds = {
         "default: the converter clips": (rl.Gsfl(), BLUE),
-        "amplifier saturates first (saturation on)": (rl.Gsfl(saturation=rl.Saturation()), ORANGE),
+        "amplifier saturates first (saturation on)": (rl.Gsfl(saturation=rl.detector.Saturation()), ORANGE),
     }
     for label, (detector, colour) in kinds.items():
         trials = [seen(detector, level, 1500).intensity_counts for level in levels]
@@ -150,7 +150,7 @@ def false_alarms() -> Any:
     over = np.linspace(3.0, 18.0, 121)
     for preset, style in (("noise_limited", "-"), ("offset_limited", "--")):
         for k, colour in ((0.02, GREEN), (0.2, BLUE), (0.4, RED)):
-            detector = rl.Gsfl(preset=preset, apd=rl.Apd(ionisation_ratio=k))
+            detector = rl.Gsfl(preset=preset, apd=rl.detector.Apd(ionisation_ratio=k))
             amplifier, apd = detector.amplifier, detector.apd
             known = {"noise_electrons": amplifier.noise_electrons, "pole_s": amplifier.pole_s}
             rate_per_s = np.array(apd.dark_electrons_per_s)
@@ -162,7 +162,9 @@ def false_alarms() -> Any:
             axes.plot(over, rate, style, color=colour, lw=1.1, label=f"{preset}, k = {k:g}")
             own = detector.threshold_over_noise
             axes.plot(own, np.exp(np.interp(own, over, np.log(rate))), "o", color=colour, ms=5)
-    axes.plot(over, rice_rate(over, 1.0, rl.Amplifier().pole_s), color=hexed(INK), lw=1.4, label="Gaussian (Rice)")
+    axes.plot(
+        over, rice_rate(over, 1.0, rl.detector.Amplifier().pole_s), color=hexed(INK), lw=1.4, label="Gaussian (Rice)"
+    )
     axes.set(yscale="log", ylim=(1e-6, 1e7), xlim=(3, 18.5))
     dress(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
     key(axes)
@@ -176,7 +178,7 @@ def precision() -> Any:
         "left: samples of a known pulse in the amplifier's noise alone; right: the whole chain, preset noise_limited",
     )  # fmt: skip
     bench, whole = figure.subplots(1, 2)
-    pulse, sample_s, pole_s, sigma = _pulse(), rl.Readout().sample_s, rl.Amplifier().pole_s, 5.0
+    pulse, sample_s, pole_s, sigma = _pulse(), rl.detector.Readout().sample_s, rl.detector.Amplifier().pole_s, 5.0
     covariance = noise_covariance(20, sample_s, pole_s, sigma)
     root, rng, n = np.linalg.cholesky(covariance), np.random.Generator(np.random.Philox(46)), 4000
     snrs = np.geomspace(5, 200, 12)
@@ -190,7 +192,7 @@ def precision() -> Any:
         spread = []
         for snr in snrs:
             samples = (snr * sigma * clean + noise).astype(np.float32)
-            ranging = rl.Ranging(algorithm=name)
+            ranging = rl.detector.Ranging(algorithm=name)
             found, _ = locate(samples, start, pulse, ranging, threshold_counts=2.5 * sigma, **known)
             spread.append(np.nanstd((found - truth) * CM))
         bench.plot(snrs, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
@@ -203,7 +205,7 @@ def precision() -> Any:
     bench.plot(snrs, np.array(bound) * CM, color=hexed(INK), lw=1.4, label="Cramér–Rao bound")
     levels = np.geomspace(700, 60_000, 12)
     for name, colour in ALGORITHMS.items():
-        detector = rl.Gsfl(timing=STILL, ranging=rl.Ranging(algorithm=name, walk_correction=True))
+        detector = rl.Gsfl(timing=STILL, ranging=rl.detector.Ranging(algorithm=name, walk_correction=True))
         spread = [seen(detector, level, 1500, 2).range_noise_m / units.CM for level in levels]
         whole.plot(levels, spread, ".-", color=colour, ms=4, lw=1.0, label=f"{name}")
     spread = [seen(rl.Gsfl(), level, 4000, 3).range_noise_m / units.CM for level in levels]
@@ -220,7 +222,7 @@ def precision() -> Any:
 
 def _pulse() -> Pulse:
     step_s, power = reference_pulse()
-    amplifier = rl.Amplifier()
+    amplifier = rl.detector.Amplifier()
     return Pulse.after(step_s, power, amplifier.pole_s, amplifier.integration_s)
 
 
@@ -237,7 +239,7 @@ def walk() -> Any:
     levels = np.geomspace(800, 400_000, 16)
     for axes, corrected in zip(both, (False, True), strict=True):
         for name, colour in ALGORITHMS.items():
-            ranging = rl.Ranging(algorithm=name, walk_correction=corrected)
+            ranging = rl.detector.Ranging(algorithm=name, walk_correction=corrected)
             detector = rl.Gsfl(timing=STILL, ranging=ranging)
             trials = [seen(detector, level, 2000, 4) for level in levels]
             bias = np.array([one.range_bias_m for one in trials]) / units.CM
@@ -348,14 +350,14 @@ def gate() -> Any:
         "gate of 47.6 ns, threshold for 0.1 % of false alarms a pixel, avalanches reckoned with; measured in the legend",
     )  # fmt: skip
     single, averaged = figure.subplots(1, 2, sharey=True)
-    quiet = rl.Amplifier(noise_electrons=60.0)
-    fine = rl.Readout(electrons_per_count=10.0)
+    quiet = rl.detector.Amplifier(noise_electrons=60.0)
+    fine = rl.detector.Readout(electrons_per_count=10.0)
     presets = {
         "noise_limited": (rl.Gsfl(), BLUE),
         "offset_limited": (rl.Gsfl(preset="offset_limited"), ORANGE),
         "60 electrons of amplifier noise": (rl.Gsfl(amplifier=quiet, readout=fine), GREEN),
         "the same with 0.01 nA of dark current": (
-            rl.Gsfl(amplifier=quiet, readout=fine, apd=rl.Apd(dark_current_na=0.01)),
+            rl.Gsfl(amplifier=quiet, readout=fine, apd=rl.detector.Apd(dark_current_na=0.01)),
             PINK,
         ),
     }
@@ -363,14 +365,14 @@ def gate() -> Any:
     middle_m = 3000.0
     delay_ns = middle_m / units.RANGE_PER_DELAY_M_S / units.NS - 22.0
     for name, (detector, colour) in presets.items():
-        dark = detector.replace(gate=rl.Gate(delay_ns=delay_ns))
+        dark = detector.replace(gate=rl.detector.Gate(delay_ns=delay_ns))
         false = seen(dark, 1e-9, 16_384, 5, range_m=middle_m).probability
         label = f"{name}: false alarms {100.0 * false:.1f} %"
         for axes, levels in ((single, np.geomspace(10, 1000, 13)), (averaged, np.array([1, 2, 4, 8, 16, 32, 64]))):
             points = []
             for level in levels:
                 pulses, photons = (1, float(level)) if axes is single else (int(level), 30.0)
-                gated = detector.replace(gate=rl.Gate(delay_ns=delay_ns, pulses=pulses))
+                gated = detector.replace(gate=rl.detector.Gate(delay_ns=delay_ns, pulses=pulses))
                 points.append(
                     binomial_bars(int(seen(gated, photons, n, 5 + pulses, range_m=middle_m).detected.sum()), n)
                 )
@@ -399,7 +401,7 @@ def shared() -> Any:
     levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
     for share, colour in ((1.0, RED), (0.25, ORANGE), (0.05, BLUE)):
         lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
-        loads = [array_load(rl.Gsfl(droop=rl.Droop()), _flat(lit, level)) for level in levels]
+        loads = [array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
         lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
         sag.plot(levels, lost, ".-", color=colour, ms=4, lw=1.0, label=f"{share:.0%} of the array is lit")
         sys.stdout.write(
@@ -411,7 +413,7 @@ def shared() -> Any:
     key(sag)
     shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
     for name, detector, colour in (
-        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.Crosstalk()), BLUE),
+        ("default jitter, Crosstalk()", rl.Gsfl(crosstalk=rl.detector.Crosstalk()), BLUE),
         ("default jitter alone", rl.Gsfl(), GREEN),
     ):
         spread = []
@@ -455,7 +457,7 @@ def separation() -> Any:
         photons = over * detector.threshold_photons
         _both(by_light, detector, np.arange(0.6, 4.3, 0.1), photons, f"{photons:,.0f} photons each", colour)
     for samples, colour in ((20, BLUE), (28, GREEN), (44, PINK)):
-        longer = detector.replace(readout=rl.Readout(samples=samples))
+        longer = detector.replace(readout=rl.detector.Readout(samples=samples))
         deep = np.arange(0.6, longer.stored_behind_m + 0.2, 0.1)
         _both(by_trace, longer, deep, 5.0 * detector.threshold_photons, f"{samples} samples", colour)
     for axes, title in ((by_light, "20 samples"), (by_trace, f"{5.0 * detector.threshold_photons:,.0f} photons each")):
@@ -492,35 +494,35 @@ def _operations() -> dict[str, tuple[rl.rpo.ProximityOperation, str]]:
     """Return operations about a body in low orbit by name, and the plane to draw each in: "rt" or "nr"."""
     to: dict[str, Any] = {"relative_to": "station"}
     return {
-        "v_bar_approach": (rl.VBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.1), "rt"),
-        "v_bar_approach, hops": (rl.VBarApproach(**to, from_m=-500.0, to_m=-50.0, hops=3), "rt"),
-        "r_bar_approach": (rl.RBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.2), "rt"),
+        "v_bar_approach": (rl.rpo.VBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.1), "rt"),
+        "v_bar_approach, hops": (rl.rpo.VBarApproach(**to, from_m=-500.0, to_m=-50.0, hops=3), "rt"),
+        "r_bar_approach": (rl.rpo.RBarApproach(**to, from_m=-500.0, to_m=-50.0, speed_m_s=0.2), "rt"),
         "hop, one revolution": (
-            rl.Hop(**to, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -50.0, 0.0), duration_s=5553.6), "rt",
+            rl.rpo.Hop(**to, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -50.0, 0.0), duration_s=5553.6), "rt",
         ),
-        "co_elliptic": (rl.CoElliptic(**to, radial_m=-200.0, from_m=-1500.0, to_m=500.0), "rt"),
-        "circumnavigation": (rl.Circumnavigation(**to, radial_m=100.0, cross_track_m=50.0), "rt"),
+        "co_elliptic": (rl.rpo.CoElliptic(**to, radial_m=-200.0, from_m=-1500.0, to_m=500.0), "rt"),
+        "circumnavigation": (rl.rpo.Circumnavigation(**to, radial_m=100.0, cross_track_m=50.0), "rt"),
         "safety_ellipse": (
-            rl.SafetyEllipse(
+            rl.rpo.SafetyEllipse(
                 **to, radial_m=120.0, cross_track_m=90.0, drift_m=200.0, center_along_track_m=-300.0, duration_s=3 * 5553.6
             ), "rt",
         ),
         "safety_ellipse, across": (
-            rl.SafetyEllipse(
+            rl.rpo.SafetyEllipse(
                 **to, radial_m=120.0, cross_track_m=90.0, drift_m=200.0, center_along_track_m=-300.0, duration_s=3 * 5553.6
             ), "nr",
         ),
-        "teardrop": (rl.Teardrop(**to, cusp_m=400.0, turn_m=100.0, loops=3), "rt"),
-        "forced_circumnavigation": (rl.ForcedCircumnavigation(**to, radius_m=100.0, period_s=1800.0), "rt"),
+        "teardrop": (rl.rpo.Teardrop(**to, cusp_m=400.0, turn_m=100.0, loops=3), "rt"),
+        "forced_circumnavigation": (rl.rpo.ForcedCircumnavigation(**to, radius_m=100.0, period_s=1800.0), "rt"),
         "waypoints": (
-            rl.Waypoints(
+            rl.rpo.Waypoints(
                 **to,
                 positions_m=((0.0, -600.0, 0.0), (-200.0, -300.0, 0.0), (-150.0, 100.0, 0.0), (0.0, 200.0, 0.0)),
                 speed_m_s=0.5,
             ), "rt",
         ),
         "lambert": (
-            rl.Lambert(**to, from_m=(-2000.0, -30_000.0, 500.0), to_m=(0.0, -100.0, 0.0), duration_s=3300.0), "rt",
+            rl.rpo.Lambert(**to, from_m=(-2000.0, -30_000.0, 500.0), to_m=(0.0, -100.0, 0.0), duration_s=3300.0), "rt",
         ),
     }  # fmt: skip
 
@@ -592,7 +594,7 @@ def safety_ellipse() -> Any:
         time=rl.Time(start_utc=START, duration_s=4 * 5553.6, frame_rate_hz=0.02),
         target=(rl.Target(name="station", model="juno", motion=_low_orbit()),),
         follower=rl.Follower(
-            motion=rl.SafetyEllipse(
+            motion=rl.rpo.SafetyEllipse(
                 relative_to="station", radial_m=120.0, cross_track_m=90.0, drift_m=150.0, center_along_track_m=-300.0
             )
         ),
@@ -617,7 +619,7 @@ def relative_models() -> Any:
     panels = {
         apart: ([(0.0, rho, None) for rho in separations], separations),
         eccentric: ([(e, 1000.0, None) for e in eccentricities], eccentricities),
-        flattened: ([(0.001, rho, rl.Forces(zonal_degree=6)) for rho in separations[:13]], separations[:13]),
+        flattened: ([(0.001, rho, rl.orbit.Forces(zonal_degree=6)) for rho in separations[:13]], separations[:13]),
     }
     drawn = {"hill": RED, "hill, curvilinear": ORANGE, "yamanaka_ankersen": BLUE}
     for axes, (cases, over) in panels.items():
@@ -637,21 +639,21 @@ def relative_models() -> Any:
     return figure
 
 
-def _errors(e: float, behind_m: float, forces: rl.Forces | None) -> dict[str, float]:
+def _errors(e: float, behind_m: float, forces: rl.orbit.Forces | None) -> dict[str, float]:
     """Return each model's greatest distance [m] from the difference of two orbits over a revolution of the chief."""
     chief = _low_orbit(e, 7000.0)
     period_s = math.tau * math.sqrt((7e6 / (1.0 - e)) ** 3 / units.EARTH_GM_M3_S2)
-    epochs = rl.Epochs(START, np.linspace(0.0, period_s, 181))
+    epochs = rl.orbit.Epochs(START, np.linspace(0.0, period_s, 181))
     shape = {"delta_lambda_m": -behind_m, "delta_ex_m": 0.1 * behind_m, "delta_ix_m": 0.1 * behind_m}
-    elements = rl.RelativeElements(relative_to="chief", **shape, j2=forces is not None)
-    position, velocity = (rows[0].tolist() for rows in elements.relative(rl.Epochs(START, np.zeros(1)), chief))
+    elements = rl.rpo.RelativeElements(relative_to="chief", **shape, j2=forces is not None)
+    position, velocity = (rows[0].tolist() for rows in elements.relative(rl.orbit.Epochs(START, np.zeros(1)), chief))
     known: dict[str, Any] = {"relative_to": "chief", "position_m": position, "velocity_m_s": velocity}
-    truth = rl.Nonlinear(**known, forces=forces).relative(epochs, chief)[0]
+    truth = rl.rpo.Nonlinear(**known, forces=forces).relative(epochs, chief)[0]
     models = {
         "hill": rl.Hill(**known),
         "hill, curvilinear": rl.Hill(**known, curvilinear=True),
-        "yamanaka_ankersen": rl.YamanakaAnkersen(**known),
-        "nonlinear, two bodies": rl.Nonlinear(**known),
+        "yamanaka_ankersen": rl.rpo.YamanakaAnkersen(**known),
+        "nonlinear, two bodies": rl.rpo.Nonlinear(**known),
         "relative_elements": elements,
     }
     return {

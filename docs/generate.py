@@ -50,8 +50,8 @@ ATTRIBUTES = {  # what each attribute of a recording means
 
 # Parts whose numbers physics.md lists with their sources: what follows "Default:" in the description of a field.
 SOURCED = (
-    rl.Laser, rl.Receiver, rl.Lambertian, rl.Empirical, rl.Gsfl, rl.Apd, rl.Amplifier, rl.Trigger, rl.Readout,
-    rl.Ranging, rl.Timing,
+    rl.Laser, rl.Receiver, rl.Lambertian, rl.Empirical, rl.Gsfl, rl.detector.Apd, rl.detector.Amplifier,
+    rl.detector.Trigger, rl.detector.Readout, rl.detector.Ranging, rl.detector.Timing,
 )  # fmt: skip
 SAID_BY_KEY = {  # types of fields that take what pydantic has no word for
     ("Axis", "field"): "place, or list of places",

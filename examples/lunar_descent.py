@@ -26,7 +26,7 @@ scenario = rl.Scenario(
         )
     ],
     follower=rl.Follower(
-        motion=rl.Table(file="lunar_descent.csv"),
+        motion=rl.motion.Table(file="lunar_descent.csv"),
         attitude=rl.FixedAttitude(euler_zyx_deg=[0, 90, 0]),  # body +x, and the lidar with it, straight down
     ),
     lidar=rl.Lidar(
@@ -36,7 +36,9 @@ scenario = rl.Scenario(
             preset="offset_limited",
             armed_from_m=10,
             armed_to_m=1500,
-            trigger=rl.Trigger(threshold_electrons=2500),  # 7 times the noise: the ground is found from 1 km on
+            trigger=rl.detector.Trigger(
+                threshold_electrons=2500
+            ),  # 7 times the noise: the ground is found from 1 km on
         ),
         schedule=rl.Schedule(time_s=[0, 30, 40, 50, 60], energy_mj=[50, 50, 16, 3.5, 0.5]),  # or the converter clips
     ),

@@ -32,10 +32,10 @@ scenario = rl.Scenario(
         preset="proximity_1570",
         laser={"energy_mj": 4, "offset_m": [0.08, 0, 0], "energy_jitter_fraction": 0.02},
         receiver={
-            "psf": rl.GaussianPsf(sigma_um=25),
-            "distortion": rl.BrownConrady(k1=-0.3),
+            "psf": rl.optics.GaussianPsf(sigma_um=25),
+            "distortion": rl.optics.BrownConrady(k1=-0.3),
         },
-        detector={"returns": "first", "max_returns": 3, "speckle": rl.Speckle()},
+        detector={"returns": "first", "max_returns": 3, "speckle": rl.detector.Speckle()},
     ),
 )
 

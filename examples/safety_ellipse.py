@@ -14,7 +14,7 @@ def array(side):
         parts=[f"solar_array_{side}", f"solar_substrate_{side}", f"solar_yoke_{side}"],
         position_m=[0, -0.012, -0.128],
         axis=[1, 0, 0],
-        angle=rl.FollowSun(normal=[0, 0, 1]),
+        angle=rl.motion.FollowSun(normal=[0, 0, 1]),
     )
 
 
@@ -28,12 +28,12 @@ scenario = rl.Scenario(
             name="tdrs",
             model="tdrs",
             motion=rl.Tle(file="tle/tdrs.tle"),
-            attitude=rl.LvlhCcsds(euler_zyx_deg=[-90, 0, 0]),  # the boom north, antennas to the Earth
+            attitude=rl.motion.LvlhCcsds(euler_zyx_deg=[-90, 0, 0]),  # the boom north, antennas to the Earth
             joint=[array("north"), array("south")],
         )
     ],
     follower=rl.Follower(
-        motion=rl.SafetyEllipse(
+        motion=rl.rpo.SafetyEllipse(
             relative_to="tdrs",
             radial_m=80,
             cross_track_m=100,

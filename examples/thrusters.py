@@ -46,7 +46,7 @@ scenario = rl.Scenario(
         )
     ],
     follower=rl.Follower(
-        motion=rl.StateSpace(
+        motion=rl.motion.StateSpace(
             dynamics="thrusters.py:relative_motion",  # or the function itself; by its name a recording can fly it again
             axes="rtn",
             relative_to="stage",

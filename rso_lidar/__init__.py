@@ -1,5 +1,9 @@
 """Fly a flash LiDAR past a satellite before you build one.
 
+Here is what scripts build scenarios from, and what runs them. Each room holds the rest: `rl.orbit`, `rl.rpo` and
+`rl.motion` further motions and attitudes, `rl.scene` further materials, `rl.optics` and `rl.detector` what a lens and a
+detector are made of, `rl.records` what the stages hand on, `rl.study` and `rl.track` what is asked of the result.
+
 >>> import rso_lidar as rl
 >>> rl.Laser(energy_mj=50).wavelength_nm
 1064.0
@@ -10,26 +14,11 @@ from rso_lidar.interruption import watch_if_command_line as _watch_if_command_li
 _watch_if_command_line()  # before the imports below, which are most of a short command
 
 from importlib.metadata import version as _version
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from rso_lidar import orbit, rpo, study, track, units
+from rso_lidar import detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
 from rso_lidar.craft import Taxonomy
-from rso_lidar.detector import (
-    Amplifier,
-    Apd,
-    Crosstalk,
-    Defects,
-    Droop,
-    Empirical,
-    Gate,
-    Gsfl,
-    Maps,
-    Ranging,
-    Readout,
-    Saturation,
-    Speckle,
-    Timing,
-    Trigger,
-)
+from rso_lidar.detector import Empirical, Gsfl
 from rso_lidar.errors import (
     CatalogError,
     MeshError,
@@ -42,98 +31,29 @@ from rso_lidar.errors import (
 )
 from rso_lidar.export import open
 from rso_lidar.motion import (
-    AttitudeTable,
     Axes,
-    Body,
     FirstOrder,
     Fixed,
-    FixedAngle,
     FixedAttitude,
     FixedPoint,
-    FollowSun,
     Ideal,
     LookAt,
-    LvlhCcsds,
     Mount,
     Nadir,
-    PlannedAngle,
     PointingErrors,
     Ptu,
     Rtn,
     ScanPoint,
     SecondOrder,
-    Slew,
     Spin,
-    StateSpace,
-    StateSpaceAttitude,
-    StateSpaceDrive,
     SunPointing,
-    Table,
     TrackPoint,
     Tumble,
 )
-from rso_lidar.optics import (
-    AiryPsf,
-    BrownConrady,
-    FieldDependentPsf,
-    FieldPsf,
-    GaussianPsf,
-    GridPsf,
-    Laser,
-    Receiver,
-    ZemaxDistortion,
-    ZemaxPsf,
-)
-from rso_lidar.orbit import (
-    J2,
-    Burn,
-    Catalog,
-    Drag,
-    Ephemeris,
-    Epochs,
-    Forces,
-    Impulse,
-    Kepler,
-    Numerical,
-    Omm,
-    RadiationPressure,
-    State,
-    Tle,
-)
-from rso_lidar.records import (
-    Command,
-    Extent,
-    Frame,
-    Hits,
-    Labels,
-    Observation,
-    Oversampled,
-    Photons,
-    PtuAngles,
-    Rays,
-    Reading,
-    Source,
-    Truth,
-    Waveforms,
-)
-from rso_lidar.rpo import (
-    Circumnavigation,
-    CoElliptic,
-    ForcedCircumnavigation,
-    Hill,
-    Hop,
-    Lambert,
-    Nonlinear,
-    RBarApproach,
-    RelativeElements,
-    Rendezvous,
-    SafetyEllipse,
-    StationKeeping,
-    Teardrop,
-    VBarApproach,
-    Waypoints,
-    YamanakaAnkersen,
-)
+from rso_lidar.optics import Laser, Receiver
+from rso_lidar.orbit import Kepler, Tle
+from rso_lidar.records import Command, Frame, Observation
+from rso_lidar.rpo import Hill
 from rso_lidar.scenario import (
     Constraints,
     Corridor,
@@ -149,164 +69,98 @@ from rso_lidar.scenario import (
     Time,
     World,
 )
-from rso_lidar.scene import ByWavelength, Crinkled, Ggx, Lambertian, Named, OrenNayar, Phong, RetroReflector, TableBrdf
+from rso_lidar.scene import Lambertian, Phong
 from rso_lidar.simulate import flash, simulate
-from rso_lidar.study import budget
-from rso_lidar.study.recorded_runs.conversion import save
-from rso_lidar.study.recorded_runs.display import view
-from rso_lidar.study.time_history.timeline import Timeline, timeline
-from rso_lidar.study.tracking.evaluation import Tracking, tracking
-from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.execution import Trade, trade
+from rso_lidar.study import budget, save, timeline, trade, view
 
 __version__ = _version("rso-lidar")
 
 __all__ = [
-    "J2",
-    "AiryPsf",
-    "Amplifier",
-    "Apd",
-    "AttitudeTable",
     "Axes",
-    "Body",
-    "BrownConrady",
-    "Burn",
-    "ByWavelength",
-    "Catalog",
     "CatalogError",
-    "Circumnavigation",
-    "CoElliptic",
     "Command",
     "Constraints",
     "Corridor",
     "CratersAndBoulders",
-    "Crinkled",
-    "Crosstalk",
-    "Defects",
-    "Drag",
-    "Droop",
     "Empirical",
-    "Ephemeris",
-    "Epochs",
-    "Extent",
     "FacetMaterials",
-    "FieldDependentPsf",
-    "FieldPsf",
     "FirstOrder",
     "Fixed",
-    "FixedAngle",
     "FixedAttitude",
     "FixedPoint",
-    "FollowSun",
     "Follower",
-    "ForcedCircumnavigation",
-    "Forces",
     "Frame",
-    "Gate",
-    "GaussianPsf",
-    "Ggx",
-    "GridPsf",
     "Gsfl",
     "HeightField",
     "Hill",
-    "Hits",
-    "Hop",
     "Ideal",
-    "Impulse",
     "Joint",
     "Kepler",
-    "Labels",
-    "Lambert",
     "Lambertian",
     "Laser",
     "Lidar",
     "LookAt",
-    "LvlhCcsds",
-    "Maps",
     "MeshError",
     "Mount",
     "Nadir",
-    "Named",
-    "Nonlinear",
-    "Numerical",
     "Observation",
-    "Omm",
-    "OrenNayar",
-    "Oversampled",
     "Phong",
-    "Photons",
-    "PlannedAngle",
     "PointingErrors",
     "PropagationError",
     "Ptu",
-    "PtuAngles",
-    "RBarApproach",
-    "RadiationPressure",
-    "Ranging",
-    "Rays",
-    "Reading",
-    "Readout",
     "Receiver",
     "RecordingError",
-    "RelativeElements",
-    "Rendezvous",
-    "RetroReflector",
     "RsoLidarError",
     "RsoLidarWarning",
     "Rtn",
     "RunError",
-    "SafetyEllipse",
-    "Saturation",
     "ScanPoint",
     "Scenario",
     "ScenarioError",
     "Schedule",
     "SecondOrder",
-    "Slew",
-    "Source",
-    "Speckle",
     "Spin",
-    "State",
-    "StateSpace",
-    "StateSpaceAttitude",
-    "StateSpaceDrive",
-    "StationKeeping",
-    "Study",
     "SunPointing",
-    "Table",
-    "TableBrdf",
     "Target",
     "Taxonomy",
-    "Teardrop",
     "Time",
-    "Timeline",
-    "Timing",
     "Tle",
     "TrackPoint",
-    "Tracking",
-    "Trade",
-    "Trigger",
-    "Truth",
     "Tumble",
-    "VBarApproach",
-    "Waveforms",
-    "Waypoints",
     "World",
-    "YamanakaAnkersen",
-    "ZemaxDistortion",
-    "ZemaxPsf",
     "budget",
+    "detector",
+    "export",
     "flash",
+    "motion",
     "open",
+    "optics",
     "orbit",
+    "records",
     "rpo",
     "save",
+    "scene",
     "simulate",
     "study",
     "timeline",
     "track",
-    "tracking",
     "trade",
     "units",
     "view",
 ]
+
+
+def __dir__() -> list[str]:
+    """List what is meant for scripts."""
+    return [*__all__, "__doc__", "__version__"]
+
+
+if not _TYPE_CHECKING:  # which finds a wrong name itself
+
+    def __getattr__(name: str) -> object:
+        """Say in which room a name is that is not here."""
+        for room in (orbit, rpo, motion, scene, optics, detector, records, study, track, export):
+            if getattr(getattr(room, name, None), "__module__", "").startswith("rso_lidar"):
+                where = room.__name__.removeprefix("rso_lidar.")
+                raise AttributeError(f"module 'rso_lidar' has no attribute '{name}': rl.{name} is rl.{where}.{name}")
+        raise AttributeError(f"module 'rso_lidar' has no attribute '{name}'")

@@ -18,11 +18,11 @@ from rso_lidar.study.budgets.inputs import _table
 STUDY = {"version": 1, "name": "s", "merits": ["range_rms_m"], "axis": [{"field": "seed", "values": [1]}]}
 READERS = {
     "scenario": ("x.toml", rl.Scenario.load),
-    "study": ("x.toml", rl.Study.load),
-    "catalogue": ("x.tle", rl.Catalog.from_file),
-    "ephemeris": ("x.oem", lambda path: rl.Ephemeris(file=str(path))._arcs()),
+    "study": ("x.toml", rl.study.Study.load),
+    "catalogue": ("x.tle", rl.orbit.Catalog.from_file),
+    "ephemeris": ("x.oem", lambda path: rl.orbit.Ephemeris(file=str(path))._arcs()),
     "table of places": ("x.csv", read_table),
-    "attitude": ("x.aem", lambda path: rl.AttitudeTable(file=str(path))._arcs()),
+    "attitude": ("x.aem", lambda path: rl.motion.AttitudeTable(file=str(path))._arcs()),
     "brdf": ("x.csv", _table),
     "listing": ("x.txt", read_huygens_psf),
     "pattern": ("x.png", lambda path: read_pattern(str(path))),
@@ -102,7 +102,7 @@ def test_a_file_that_would_block_has_no_content(tmp_path, monkeypatch):
     "read",
     [
         lambda path: rl.Tle(file=path).elements(),
-        lambda path: rl.Study(**STUDY, scenario=path).scenario_file(),
+        lambda path: rl.study.Study(**STUDY, scenario=path).scenario_file(),
         rl.Scenario.load,
         rl.open,
     ],

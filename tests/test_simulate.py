@@ -144,7 +144,7 @@ ORBIT = rl.Kepler(
 MOTIONS = {
     "tle": rl.Tle(file="tle/flyby.tle", norad_id=99002),
     "kepler": ORBIT,
-    "state": rl.State(
+    "state": rl.orbit.State(
         epoch_utc=datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC),
         position_m=(7e6, 1e5, 2e5),
         velocity_m_s=(10, 7500, 300),
@@ -156,7 +156,7 @@ ATTITUDES = {
     "none": None,
     "fixed": rl.FixedAttitude(euler_zyx_deg=(10, 20, 30)),
     "rtn": rl.Rtn(euler_zyx_deg=(10, 20, 30)),
-    "lvlh_ccsds": rl.LvlhCcsds(euler_zyx_deg=(10, 20, 30)),
+    "lvlh_ccsds": rl.motion.LvlhCcsds(euler_zyx_deg=(10, 20, 30)),
     "look_at": rl.LookAt(at="other"),
     "spin": rl.Spin(axis=(1, 2, 3), rate_deg_s=3),
     "tumble": rl.Tumble(inertia_kg_m2=(1, 2, 2.5), body_rate_deg_s=(1, 5, 0.1)),
@@ -171,11 +171,13 @@ ATTITUDES = {
 def test_an_epoch_has_the_same_bits_alone_and_among_many(motion, attitude):
     """Frame k depends on (scenario, seed, k) only: so must every pose and rate, whatever a library does with batches."""
     bodies = [
-        rl.Body(name="chief", motion=ORBIT, attitude=rl.Rtn()),
-        rl.Body(name="other", motion=rl.Hill(relative_to="chief", position_m=(5, 300, -7), velocity_m_s=(0, 0, 0))),
-        rl.Body(name="body", motion=MOTIONS[motion], attitude=ATTITUDES[attitude]),
+        rl.motion.Body(name="chief", motion=ORBIT, attitude=rl.Rtn()),
+        rl.motion.Body(
+            name="other", motion=rl.Hill(relative_to="chief", position_m=(5, 300, -7), velocity_m_s=(0, 0, 0))
+        ),
+        rl.motion.Body(name="body", motion=MOTIONS[motion], attitude=ATTITUDES[attitude]),
     ]
-    epochs = rl.Epochs(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), np.arange(50) * 7.3)
+    epochs = rl.orbit.Epochs(datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC), np.arange(50) * 7.3)
     course = truth(bodies, epochs)
     for k in (0, 17, 49):
         alone, among = truth(bodies, epochs.at([k])).at(0), course.at(k)

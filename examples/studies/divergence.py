@@ -15,7 +15,9 @@ RANGES_M = (10_000.0, 50_000.0)
 FACETS_M2 = {"fills a pixel": None, "4 m²": 4.0, "1 m²": 1.0}
 WIDEST_DEG, NARROWEST_DEG = 20.0, 1e-3
 TRIGGER = rl.Gsfl(armed_from_m=1000.0, armed_to_m=60_000.0)
-QUIET = rl.Gsfl(preset="offset_limited", gate=rl.Gate(delay_ns=10_000.0, pulses=16, false_alarm_probability=1e-5))
+QUIET = rl.Gsfl(
+    preset="offset_limited", gate=rl.detector.Gate(delay_ns=10_000.0, pulses=16, false_alarm_probability=1e-5)
+)
 DETECTORS = {"trigger": TRIGGER, "gate, 16 pulses": QUIET}
 
 

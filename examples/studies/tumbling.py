@@ -64,7 +64,7 @@ def scenario(plan: rl.Schedule | None, rate_hz: float = RATE_HZ) -> rl.Scenario:
             )
         ],
         follower=rl.Follower(
-            motion=rl.Waypoints(
+            motion=rl.rpo.Waypoints(
                 relative_to="stage",
                 positions_m=tuple((0.0, -stop_m, 0.0) for stop_m in STOPS_M),
                 times_s=ARRIVALS_S,
@@ -87,7 +87,7 @@ def flown(plan: rl.Schedule | None, rate_hz: float = RATE_HZ) -> tuple[dict[str,
     with tempfile.TemporaryDirectory() as folder:
         path = rl.save(Path(folder) / "approach.h5", rl.simulate(scenario(plan, rate_hz), threads=1))
         with rl.open(path) as frames:
-            made = rl.tracking(frames)
+            made = rl.study.tracking(frames)
             return made.table | _rates(made.table, frames), {name: one.nis_mean for name, one in made.tracks.items()}
 
 

@@ -122,7 +122,7 @@ def test_a_catalogue_that_is_not_there(call, tmp_path):
 def named():
     """Return the encounters of the flyby, with names that look like markup."""
     names = ["[/x] :smile:", "[bold]y"]
-    sets = list(rl.Catalog.from_file(FLYBY))
+    sets = list(rl.orbit.Catalog.from_file(FLYBY))
     sets = [type(entry)(**{**entry.__dict__, "name": name}) for entry, name in zip(sets, names, strict=True)]
     start = datetime.datetime(2024, 9, 17, 11, tzinfo=datetime.UTC)
     return command.find(sets, 99003, within_m=20e3, start_utc=start, days=0.125)

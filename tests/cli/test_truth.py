@@ -75,7 +75,7 @@ def test_an_orbit_and_an_attitude_in_files_of_the_standard(call, tmp_path):
     assert "OBJECT_NAME = stage" in " ".join(orbit.read_text(encoding="utf-8").split())
     scenario = rl.Scenario.load(FLYBY)
     flown = motion.truth(scenario.bodies, scenario.epochs(np.array([40])), local=False).states["stage"]
-    read = rl.Ephemeris(file=str(orbit)).states(scenario.epochs(np.array([40])))
+    read = rl.orbit.Ephemeris(file=str(orbit)).states(scenario.epochs(np.array([40])))
     np.testing.assert_allclose(read.position_m, flown.position_m, atol=2e-6)  # written to 1e-6 m
     assert "QUATERNION" in attitude.read_text(encoding="utf-8")
 

@@ -125,8 +125,8 @@ def parts_of(annotation):
 
 KINDS = {  # what a user may bring as an object of their own, and the rooms that may ask which one it is
     "detector": (parts_of(rl.Lidar.model_fields["detector"].annotation), {"detector"}),
-    "motion": (parts_of(rl.Body.model_fields["motion"].annotation), {"motion", "orbit", "rpo"}),
-    "attitude": (parts_of(rl.Body.model_fields["attitude"].annotation), {"motion"}),
+    "motion": (parts_of(rl.motion.Body.model_fields["motion"].annotation), {"motion", "orbit", "rpo"}),
+    "attitude": (parts_of(rl.motion.Body.model_fields["attitude"].annotation), {"motion"}),
 }
 
 

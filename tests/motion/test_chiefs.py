@@ -33,7 +33,7 @@ def counted(monkeypatch, bodies):
         return whole(*given, **more)
 
     monkeypatch.setitem(whole.__globals__, "truth", counting)
-    made = counting(bodies, rl.Epochs(START, np.array([0.0, 10.0, 20.0])))
+    made = counting(bodies, rl.orbit.Epochs(START, np.array([0.0, 10.0, 20.0])))
     return made, len(calls)
 
 
@@ -55,7 +55,7 @@ def test_a_chain_of_chiefs_does_not_cost_more_with_every_link(monkeypatch):
 
 def test_slewing_bodies_do_not_plan_one_another(monkeypatch):
     def slewing(n):
-        turn = rl.Slew(
+        turn = rl.motion.Slew(
             first=rl.Rtn(), then=rl.LookAt(at="b0"), at_s=5.0, max_rate_deg_s=2.0, max_acceleration_deg_s2=1.0
         )
         bodies = chain(n)
@@ -67,7 +67,7 @@ def test_slewing_bodies_do_not_plan_one_another(monkeypatch):
 
 def test_a_chief_answers_what_the_tree_says():
     bodies = chain(3)
-    times = rl.Epochs(START, np.linspace(0.0, 3000.0, 7))
+    times = rl.orbit.Epochs(START, np.linspace(0.0, 3000.0, 7))
     course = motion.truth(bodies, times)
     asked = motion.Chief(bodies, "b2").states(times)
     np.testing.assert_array_equal(asked.position_m, course.states["b2"].position_m)

@@ -41,7 +41,7 @@ class Kicked:
 
 
 def rates(trajectory, time_s):
-    epochs = rl.Epochs(START, np.asarray(time_s, dtype=float))
+    epochs = rl.orbit.Epochs(START, np.asarray(time_s, dtype=float))
     return state_rates(trajectory, epochs, trajectory.states(epochs))
 
 
@@ -59,10 +59,12 @@ def test_where_a_trajectory_ends_two_bodies_stand_in():
     trajectory = Kicked(end_s=300.0)
     velocity, acceleration = rates(trajectory, [250.0, 299.5])
     place, _ = circle(np.array([250.0, 299.5]))
-    distance = np.linalg.norm(trajectory.states(rl.Epochs(START, np.array([299.5]))).position_m)
+    distance = np.linalg.norm(trajectory.states(rl.orbit.Epochs(START, np.array([299.5]))).position_m)
     np.testing.assert_allclose(acceleration[0], -(RATE**2) * place[0], rtol=0, atol=1e-5)  # v''' h^2 / 6
     np.testing.assert_allclose(np.linalg.norm(acceleration[1]), 3.986004418e14 / distance**2, rtol=1e-12)
-    np.testing.assert_array_equal(velocity[1], trajectory.states(rl.Epochs(START, np.array([299.5]))).velocity_m_s[0])
+    np.testing.assert_array_equal(
+        velocity[1], trajectory.states(rl.orbit.Epochs(START, np.array([299.5]))).velocity_m_s[0]
+    )
 
 
 def test_a_derivative_within_a_short_piece():
@@ -77,14 +79,14 @@ def test_a_derivative_within_a_short_piece():
 
 def test_a_pair_of_real_sets_has_rates_that_are_derivatives(shared):
     """TerraSAR-X and TanDEM-X, up to 0.9 km apart: the turn of the plane alone is up to 0.4 mm/s of their rate."""
-    catalog = rl.Catalog.from_file(shared / "tle" / "pairs" / "terrasarx_tandemx_2025-10.tle")
+    catalog = rl.orbit.Catalog.from_file(shared / "tle" / "pairs" / "terrasarx_tandemx_2025-10.tle")
     a, b = (rl.Tle(lines=(entry.line1, entry.line2)) for entry in catalog)
     bodies = [motion.Body(name="a", motion=a), motion.Body(name="b", motion=b)]
     start = catalog.sets[0].epoch_utc + datetime.timedelta(hours=1)
     times = np.arange(0.0, 6000.0, 250.0)
     step = 4.0
     grid = (times[:, None] + step * np.arange(-2, 3)).ravel()
-    truth = motion.truth(bodies, rl.Epochs(start, grid))
+    truth = motion.truth(bodies, rl.orbit.Epochs(start, grid))
     place = truth.poses.place("a.rtn", "b.rtn")[0].reshape(-1, 5, 3)
     slope = np.einsum("k,nki->ni", np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0 / step, place)
     told = truth.rates("a.rtn", "b.rtn")[0][2::5]
@@ -100,7 +102,7 @@ def test_commands_do_not_ask_dynamics_beyond_the_flash():
         asked.append(t)
         return np.concatenate([x[3:6], [0.0, 0.0, u[0]]])
 
-    model = rl.StateSpace(
+    model = rl.motion.StateSpace(
         dynamics=drift, initial_state=(0.0, -50.0, 0.0, 0.0, 0.0, 0.0), inputs=(0.1,), axes="rtn", relative_to="chief"
     )
     chief = rl.Kepler(
@@ -108,7 +110,7 @@ def test_commands_do_not_ask_dynamics_beyond_the_flash():
         argument_of_perigee_deg=0.0, true_anomaly_deg=0.0,
     )  # fmt: skip
     bodies = [motion.Body(name="chief", motion=chief), motion.Body(name="follower", motion=model)]
-    truth = motion.truth(bodies, rl.Epochs(START, np.array([0.0, 10.0])))
+    truth = motion.truth(bodies, rl.orbit.Epochs(START, np.array([0.0, 10.0])))
     assert min(asked) >= 0.0
     state = truth.states["follower"]
     # thrust of 0.1 m/s2 across the plane turns it by r a / |r x v| = a / v

@@ -101,7 +101,7 @@ def test_speckle_of_a_filled_pixel(tmp_path, validation, wavelength_nm):
     Counts over expected photons, their relative variance with speckle less that without; sqrt(2/n) each is unknown of it.
     """
     relative, n = {}, 0
-    for speckle in (None, rl.Speckle(depolarising=False)):
+    for speckle in (None, rl.detector.Speckle(depolarising=False)):
         lidar = rl.Lidar(preset="gsfl_1064", laser={"wavelength_nm": wavelength_nm}, detector={"speckle": speckle})
         frames = list(rl.simulate(wall(tmp_path, 500.0, lidar, 2)))
         assert all(frame.valid.all() for frame in frames)

@@ -163,7 +163,7 @@ def test_track_takes_the_range_noise_that_frames_have(case, tmp_path, validation
 
 def test_a_checkerboard_is_ranged_as_published(tmp_path, validation):
     """Half of the array triggered, default timing and Crosstalk(): 8.04 cm (Opt. Eng. 60(8) 083101, abstract)."""
-    part = rl.Gsfl(crosstalk=rl.Crosstalk())
+    part = rl.Gsfl(crosstalk=rl.detector.Crosstalk())
     lit = np.arange(0, 128 * 128, 2)
     photons = returns(np.full(lit.size, 50.0), 30_000.0, pixel=lit, shape=(128, 128))
     range_m = part.detect(photons, np.random.default_rng(5))[0].range_m.ravel()[lit]

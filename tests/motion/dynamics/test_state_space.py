@@ -365,7 +365,7 @@ def test_a_slew_toward_what_a_controller_moves_is_refused():
         name="plate",
         model="plate",
         motion=rl.Fixed(position_m=(200.0, 5.0, 0.0)),
-        attitude=rl.Slew(
+        attitude=rl.motion.Slew(
             first=rl.FixedAttitude(),
             then=rl.LookAt(at="follower"),
             at_s=1.0,

@@ -91,7 +91,7 @@ class TestKeepOut:
         (line,) = approach(keep_out_m=1000)
         first_s = float(re.search(r"first at ([\d.]+) s", line)[1])
         scenario = rl.Scenario.load(APPROACH)
-        at = rl.Epochs(scenario.time.start_utc, [first_s - 0.01, first_s + 0.01])
+        at = rl.orbit.Epochs(scenario.time.start_utc, [first_s - 0.01, first_s + 0.01])
         place = rl.motion.truth(scenario.bodies, at).poses.pose("tdrs", "follower").translation
         before, after = (place**2).sum(axis=-1) ** 0.5
         assert before > 1000.0 > after

@@ -9,7 +9,7 @@ from rso_lidar.records import TargetEntry
 from rso_lidar.scene.library.catalogue import model
 
 FIXED = rl.Fixed(position_m=(0.0, 0.0, 0.0))
-NORTH = {"name": "solar_north", "angle": rl.FollowSun()}
+NORTH = {"name": "solar_north", "angle": rl.motion.FollowSun()}
 
 
 def tdrs(**fields):
@@ -46,12 +46,12 @@ def test_a_hinge_goes_with_scale_and_axes():
     ("joint", "told"),
     [
         (
-            {"name": "solar_nort", "angle": rl.FollowSun()},
+            {"name": "solar_nort", "angle": rl.motion.FollowSun()},
             r"joint solar_nort: parts and axis missing.*tdrs has solar_north, solar_south",
         ),
-        ({"name": "a", "parts": ("bus",), "angle": rl.FixedAngle()}, r"joint a: axis missing"),
+        ({"name": "a", "parts": ("bus",), "angle": rl.motion.FixedAngle()}, r"joint a: axis missing"),
         (
-            {"name": "a", "parts": ("bus",), "axis": (1.0, 0.0, 0.0), "angle": rl.FollowSun()},
+            {"name": "a", "parts": ("bus",), "axis": (1.0, 0.0, 0.0), "angle": rl.motion.FollowSun()},
             r"joint a: .*angle\.normal: is missing; give the direction",
         ),
     ],
@@ -63,8 +63,8 @@ def test_what_is_missing_is_one_line(joint, told):
 
 
 def test_materials_by_name_are_those_of_the_catalogue_at_the_laser_s_wavelength():
-    assert tdrs(material="white_paint").material == rl.Named(name="white_paint")
-    paint = rl.Named(name="white_paint")
+    assert tdrs(material="white_paint").material == rl.scene.Named(name="white_paint")
+    paint = rl.scene.Named(name="white_paint")
     assert paint.at(1064e-9) == rl.Phong(diffuse=0.80, specular=0.02, exponent=10.0)
     assert paint.at(1570e-9) == rl.Phong(diffuse=0.70, specular=0.02, exponent=10.0)
     with pytest.raises(rl.ScenarioError, match=r"no material 'whit_paint'; did you mean 'white_paint'\?"):

@@ -85,7 +85,7 @@ def test_a_tilted_facet_stretches_the_pulse_for_the_full_detector():
 
 def test_a_gate_follows_the_target_and_several_pulses_reach_farther():
     def farthest_m(**gate):
-        detector = rl.Gsfl(preset="offset_limited", gate=rl.Gate(delay_ns=1000, **gate))
+        detector = rl.Gsfl(preset="offset_limited", gate=rl.detector.Gate(delay_ns=1000, **gate))
         made = rl.budget(rl.Lidar(preset="gsfl_1064", detector=detector))
         assert "a gate of 7.14 m about the target" in made.notes[0]
         return made.curves[0].max_range_m
@@ -192,14 +192,16 @@ def test_csv_holds_what_the_curves_hold(tmp_path):
 def test_a_measured_brdf(tmp_path):
     table = tmp_path / "paint.csv"
     table.write_text("incidence_deg,brdf_per_sr\n0,0.2\n90,0.02\n", encoding="utf-8")
-    measured = rl.TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(0.2, 0.02))
+    measured = rl.scene.TableBrdf(incidence_deg=(0.0, 90.0), measured_per_sr=(0.2, 0.02))
     from_file, given = rl.budget(FAST, materials=[str(table), measured], tilt_deg=45).curves
     assert from_file.material == "paint" and given.material == "table"
     assert from_file.photons == pytest.approx(given.photons)
 
 
 def test_what_is_not_counted_is_said():
-    lidar = FAST.replace(receiver=FAST.receiver.replace(filter_width_nm=2.0), detector=rl.Gsfl(speckle=rl.Speckle()))
+    lidar = FAST.replace(
+        receiver=FAST.receiver.replace(filter_width_nm=2.0), detector=rl.Gsfl(speckle=rl.detector.Speckle())
+    )
     made = rl.budget(lidar, range_m=(100.0, 200.0))
     assert made.notes[-1] == "not counted: sunlight, speckle"
     assert made.notes[-1] in made.table()
@@ -231,8 +233,8 @@ def test_refused(asked, said):
 
 
 def test_without_noise_detection_is_a_matter_of_threshold_and_shot_noise():
-    quiet = {"amplifier": rl.Amplifier(noise_electrons=0.0), "apd": rl.Apd(dark_current_na=0.0)}
-    detector = rl.Gsfl(**quiet, trigger=rl.Trigger(threshold_spread_fraction=0.0))
+    quiet = {"amplifier": rl.detector.Amplifier(noise_electrons=0.0), "apd": rl.detector.Apd(dark_current_na=0.0)}
+    detector = rl.Gsfl(**quiet, trigger=rl.detector.Trigger(threshold_spread_fraction=0.0))
     lidar = rl.Lidar(preset="gsfl_1064", detector=detector)
     curve = rl.budget(lidar, range_m=[1000.0, 3000.0, 5000.0]).curves[0]
     assert curve.detection_probability[[0, 2]] == pytest.approx([1.0, 0.0], abs=1e-6)
@@ -240,7 +242,10 @@ def test_without_noise_detection_is_a_matter_of_threshold_and_shot_noise():
 
 
 def test_an_amplifier_that_the_closed_form_cannot_follow_is_refused():
-    detector = rl.Gsfl(amplifier=rl.Amplifier(bandwidth_mhz=20_000.0), trigger=rl.Trigger(threshold_electrons=30_000.0))
+    detector = rl.Gsfl(
+        amplifier=rl.detector.Amplifier(bandwidth_mhz=20_000.0),
+        trigger=rl.detector.Trigger(threshold_electrons=30_000.0),
+    )
     with pytest.raises(RsoLidarError, match=r"amplifier\.bandwidth_mhz: 20000: is too fast"):
         rl.budget(rl.Lidar(preset="gsfl_1064", detector=detector))
 

@@ -114,7 +114,7 @@ def test_an_oem_of_a_run_with_impulses_is_flown_again(tmp_path):
     assert breaks_s
     file = write_oem(tmp_path / "drop.oem", "follower", "follower", epochs, states, breaks_s=breaks_s)
     assert file.read_text().count("META_START") == len(breaks_s) + 1
-    asked = rl.Epochs(scenario.time.start_utc, np.arange(1.0, 3900.0, 7.0))
+    asked = rl.orbit.Epochs(scenario.time.start_utc, np.arange(1.0, 3900.0, 7.0))
     there = motion.truth(scenario.bodies, asked).states["follower"]
-    read = rl.Ephemeris(file=str(file)).states(asked)
+    read = rl.orbit.Ephemeris(file=str(file)).states(asked)
     np.testing.assert_allclose(read.position_m, there.position_m, rtol=0, atol=0.01)

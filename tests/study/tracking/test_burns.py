@@ -20,14 +20,14 @@ LOW = rl.Kepler(
     argument_of_perigee_deg=0.0,
     true_anomaly_deg=0.0,
 )
-HOPS = rl.Waypoints(
+HOPS = rl.rpo.Waypoints(
     relative_to="stage",
     positions_m=((0.0, -500.0, 0.0), (-100.0, -300.0, 20.0), (0.0, -100.0, 0.0)),
     times_s=(0.0, 400.0, 801.0),
     stop=True,
     hold_s=60.0,
 )
-STRAIGHT = rl.RBarApproach(relative_to="stage", from_m=-400.0, to_m=-100.0, speed_m_s=0.5)
+STRAIGHT = rl.rpo.RBarApproach(relative_to="stage", from_m=-400.0, to_m=-100.0, speed_m_s=0.5)
 NOISE_M = 0.05
 
 
