@@ -168,7 +168,7 @@ def flash(
     labels = scene.label(hits, photons, lidar.max_returns)
     made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons, "waveforms": waveforms}
     if "oversampled" in keep:
-        made["oversampled"] = optics.oversampled(hits, laser, receiver)
+        made["oversampled"] = optics.oversample(hits, laser, receiver)
     kept = {name: record for name in keep if (record := made[name]) is not None}
     return _framed(scenario, truth, lidar, index, reading, labels, kept)
 

@@ -3,7 +3,7 @@
 from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.lens.distortion import BrownConrady, ZemaxDistortion
 from rso_lidar.optics.lens.psf import AiryPsf, FieldDependentPsf, FieldPsf, GaussianPsf, GridPsf, ZemaxPsf
-from rso_lidar.optics.oversampled import oversampled
+from rso_lidar.optics.oversampling import oversample
 from rso_lidar.optics.rays.pixel_rays import pixel_rays
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.blur import read_files
@@ -21,7 +21,7 @@ __all__ = [
     "ZemaxDistortion",
     "ZemaxPsf",
     "collect",
-    "oversampled",
+    "oversample",
     "pixel_rays",
     "read_files",
 ]

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.tables.laser_profiles import full_width_s, read_pattern, read_pulse
-from rso_lidar.optics.tables.number_text import stamp
+from rso_lidar.optics.tables.laser_profiles import find_full_width_s, read_pattern, read_pulse
+from rso_lidar.optics.tables.number_text import file_stamp
 from rso_lidar.part import NotNegative, Number, Part, Positive, Text, Vector
 
 Divergence = Annotated[Positive, Field(lt=180)]
@@ -96,7 +96,7 @@ class Laser(Part):
     )
 
     @model_validator(mode="after")
-    def _files_where_needed(self) -> Self:
+    def _check_files(self) -> Self:
         for what, needs, name in (
             ("pulse_shape 'measured'", self.pulse_shape == "measured", "pulse_file"),
             ("footprint 'pattern'", self.footprint == "pattern", "pattern_file"),
@@ -124,14 +124,14 @@ class Laser(Part):
         if self.pulse_shape != "measured":
             return self.pulse_fwhm_ns * units.NS
         assert self.pulse_file is not None
-        return _measured_width_s(*stamp(self.pulse_file))
+        return _measured_width_s(*file_stamp(self.pulse_file))
 
     @property
     def pulse(self) -> tuple[float, np.ndarray]:
         """Return the pulse's power over its energy [1/s] as taps (tap), their middle at time zero, and their step [s]."""
         if self.pulse_shape == "measured":
             assert self.pulse_file is not None
-            return _measured_taps(*stamp(self.pulse_file))
+            return _measured_taps(*file_stamp(self.pulse_file))
         order = 1.0 if self.pulse_shape == "gaussian" else self.pulse_order
         return _taps(self.pulse_fwhm_ns * units.NS, order)
 
@@ -222,13 +222,13 @@ def _taps(fwhm_s: float, order: float) -> tuple[float, np.ndarray]:
 
 @lru_cache(maxsize=16)
 def _measured_width_s(file: str, _modified_ns: int, _size: int) -> float:
-    return full_width_s(*read_pulse(file))
+    return find_full_width_s(*read_pulse(file))
 
 
 @lru_cache(maxsize=16)
 def _measured_taps(file: str, _modified_ns: int, _size: int) -> tuple[float, np.ndarray]:
     time_s, power = read_pulse(file)
-    fwhm_s, reach_s = full_width_s(time_s, power), float(np.abs(time_s).max())
+    fwhm_s, reach_s = find_full_width_s(time_s, power), float(np.abs(time_s).max())
     half = min(math.ceil(reach_s / min(float(np.diff(time_s).min()), fwhm_s / _TAPS_PER_FWHM)), _MOST_TAPS)
     if reach_s / half > fwhm_s / 8.0:
         raise ScenarioError(

@@ -4,14 +4,14 @@ from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 
 
-def filled_pixel(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:
+def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:
     """Return the photons of a pixel on the boresight that a facet facing the lidar fills at `range_m` [m].
 
     eq. 7 of Fuller et al. with the factor 4 (or the area of another footprint), before the APD.
 
     >>> from rso_lidar.optics import Laser, Receiver
     >>> from math import pi
-    >>> round(filled_pixel(Laser(), Receiver(fov_deg=2.5, f_number=2.8), 0.30 / pi, 3000.0))
+    >>> round(filled_pixel_photons(Laser(), Receiver(fov_deg=2.5, f_number=2.8), 0.30 / pi, 3000.0))
     1001
     """
     gathered = receiver.pixel_tangent**2 * receiver.aperture_area_m2 * receiver.transmission / range_m**2

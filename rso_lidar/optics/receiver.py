@@ -82,7 +82,7 @@ class Receiver(Part):
     )
 
     @model_validator(mode="after")
-    def _one_of_each(self) -> Self:
+    def _check_pairs(self) -> Self:
         if (self.fov_deg is None) == (self.focal_length_mm is None):
             raise ValueError("give exactly one of fov_deg and focal_length_mm")
         if (self.f_number is None) == (self.aperture_mm is None):

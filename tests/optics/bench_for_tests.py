@@ -12,8 +12,8 @@ from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scene import Lambertian, Mesh, Surface, build_surface
 
-SEED_LASER = Laser()  # sec. 5 of Fuller et al.: 1064 nm, 50 mJ, 2.5 degrees, 8 ns
-SEED_RECEIVER = Receiver(fov_deg=2.5, f_number=2.8)
+PAPER_LASER = Laser()  # sec. 5 of Fuller et al.: 1064 nm, 50 mJ, 2.5 degrees, 8 ns
+PAPER_RECEIVER = Receiver(fov_deg=2.5, f_number=2.8)
 
 
 def plate(width_m, height_m=None, n=1):
@@ -79,7 +79,7 @@ def truth_of(inertial_from_lidar=None, **lidar_from_target):
     return Truth(0.0, PoseTree(parents, links), {}, np.full(3, np.nan))
 
 
-def see(surfaces, truth, receiver=SEED_RECEIVER, laser=SEED_LASER, threads=1) -> SimpleNamespace:
+def see(surfaces, truth, receiver=PAPER_RECEIVER, laser=PAPER_LASER, threads=1) -> SimpleNamespace:
     """Return rays, hits, photons and labels of one flash, and photons pixel by pixel (row, col) in float64."""
     surfaces = [surfaces] if isinstance(surfaces, Surface) else surfaces
     rays = optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth))
@@ -96,6 +96,6 @@ def see(surfaces, truth, receiver=SEED_RECEIVER, laser=SEED_LASER, threads=1) ->
     )
 
 
-def look(triangles, lidar_from_target, receiver=SEED_RECEIVER, laser=SEED_LASER, material=None):
+def look(triangles, lidar_from_target, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None):
     """Return what `see` does, of one target."""
     return see(surface("target", triangles, material), truth_of(target=lidar_from_target), receiver, laser)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rso_lidar.optics import Laser, Receiver
-from rso_lidar.optics.link_budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel_photons
 from tests.optics.bench_for_tests import look, place, plate
 
 
@@ -15,4 +15,4 @@ def test_a_filled_pixel_gets_what_the_rays_bring(footprint, range_m):
     receiver, laser = Receiver(fov_deg=2.5, f_number=2.8, n_rows=65, n_cols=65), Laser(footprint=footprint)
     traced = look(plate(0.2 * range_m), place((0, 0, range_m)), receiver, laser).by_pixel[32, 32]
     # Over the middle one of 65 pixels range and cosines vary by 1e-5, a Gaussian beam by 4 / (3 65²) = 3.2e-4.
-    assert filled_pixel(laser, receiver, 0.30 / math.pi, range_m) == pytest.approx(traced, rel=3.5e-4)
+    assert filled_pixel_photons(laser, receiver, 0.30 / math.pi, range_m) == pytest.approx(traced, rel=3.5e-4)

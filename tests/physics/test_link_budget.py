@@ -236,9 +236,9 @@ def test_precision_is_the_bound_in_amplifier_noise(validation):
 
 def test_the_light_of_the_description_is_the_same():
     """What `check` prints of a filled pixel, and the 1000 photons of Fuller et al. at 3 km."""
-    from rso_lidar.optics.link_budget import filled_pixel
+    from rso_lidar.optics.link_budget import filled_pixel_photons
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)
     for range_m in (30.0, 3000.0):
         photons, _ = light(Laser(), receiver, Lambertian(), 0.0, np.array([range_m]))
-        assert photons[0] == pytest.approx(filled_pixel(Laser(), receiver, 0.3 / math.pi, range_m), rel=1e-12)
+        assert photons[0] == pytest.approx(filled_pixel_photons(Laser(), receiver, 0.3 / math.pi, range_m), rel=1e-12)

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Lambertian, Phong
 from tests.optics.bench_for_tests import (
-    SEED_LASER,
-    SEED_RECEIVER,
+    PAPER_LASER,
+    PAPER_RECEIVER,
     box,
     look,
     place,
@@ -101,10 +101,10 @@ def test_a_wall_that_fills_the_field(validation, fov_deg, footprint):
 def test_a_narrow_beam_whose_edge_cuts_pixels(validation, footprint, pixels):
     """Fuller et al., sec. 5: divergence down to 10 x 10 or 20 x 20 pixels. Energy does not depend on the edge's place."""
     laser = Laser(
-        divergence_deg=2 * math.degrees(math.atan(pixels / 2 * SEED_RECEIVER.pixel_tangent)), footprint=footprint
+        divergence_deg=2 * math.degrees(math.atan(pixels / 2 * PAPER_RECEIVER.pixel_tangent)), footprint=footprint
     )
-    seen = look(plate(300.0), place((0, 0, 1000.0)), SEED_RECEIVER, laser)
-    total = received(laser, SEED_RECEIVER, 1000.0) * wall_total(laser, math.tan(math.radians(1.25)))
+    seen = look(plate(300.0), place((0, 0, 1000.0)), PAPER_RECEIVER, laser)
+    total = received(laser, PAPER_RECEIVER, 1000.0) * wall_total(laser, math.tan(math.radians(1.25)))
     validation(
         case=f"beam of {pixels:g} pixels on a wall, {footprint}: all photons",
         source="Howell B-3, B-12 or quadrature",
@@ -123,7 +123,7 @@ def test_a_narrow_beam_gains_what_the_seed_hopes_for(validation):
     """Fuller et al., sec. 5: light only 20 x 20 or 10 x 10 pixels; energy per pixel grows by the ratio of areas."""
     wide = look(plate(300.0), place((0, 0, 1000.0))).by_pixel[64, 64]
     for pixels in (20, 10):
-        angle = 2 * math.degrees(math.atan(pixels / 2 * SEED_RECEIVER.pixel_tangent))
+        angle = 2 * math.degrees(math.atan(pixels / 2 * PAPER_RECEIVER.pixel_tangent))
         narrow = look(plate(300.0), place((0, 0, 1000.0)), laser=Laser(divergence_deg=angle)).by_pixel
         validation(
             case=f"beam of {pixels} x {pixels} pixels: range gain",
@@ -162,8 +162,8 @@ def test_a_lambertian_sphere_far_away(validation):
     Its intensity toward the lidar is 2/3 rho0 E r^2 (Russell 1916; Lester et al. 1979), E the irradiance.
     """
     seen = look(sphere(20.0, 6), place((0, 0, 20_000.0)))
-    irradiance = SEED_LASER.photons / (4 * math.tan(math.radians(1.25)) ** 2 * 20_000.0**2)
-    aperture = SEED_RECEIVER.aperture_area_m2 * SEED_RECEIVER.transmission / 20_000.0**2
+    irradiance = PAPER_LASER.photons / (4 * math.tan(math.radians(1.25)) ** 2 * 20_000.0**2)
+    aperture = PAPER_RECEIVER.aperture_area_m2 * PAPER_RECEIVER.transmission / 20_000.0**2
     expected = 2 / 3 * 0.30 * irradiance * 20.0**2 * aperture
     validation(
         case="Lambertian sphere, 20 m at 20 km: all photons",
@@ -175,7 +175,7 @@ def test_a_lambertian_sphere_far_away(validation):
     )
 
 
-def seed_pixel(range_m, receiver=SEED_RECEIVER, laser=SEED_LASER, material=None, tilt_deg=0.0):
+def seed_pixel(range_m, receiver=PAPER_RECEIVER, laser=PAPER_LASER, material=None, tilt_deg=0.0):
     """Return the mean photons of the four pixels on the boresight, on a wall that fills them."""
     lens = receiver.replace(
         n_rows=2,
@@ -204,7 +204,7 @@ def test_the_seed_s_system_has_1000_photons_at_3_km(validation):
 
 def test_an_independent_budget_by_solid_angles(validation):
     """With divergence = field every pixel's share of the pulse is E/128^2, and the lens takes A/(pi R^2) of it."""
-    lens = SEED_RECEIVER.replace(transmission=1.0)
+    lens = PAPER_RECEIVER.replace(transmission=1.0)
     share = 0.050 / (6.62607015e-34 * 299792458.0 / 1064e-9) / 128**2
     aperture_m = 128 * 100e-6 / (2 * math.tan(math.radians(1.25))) / 2.8
     expected = share * 0.30 * (aperture_m / 2) ** 2 / 3000.0**2
@@ -221,7 +221,7 @@ def test_an_independent_budget_by_solid_angles(validation):
 
 @pytest.mark.parametrize(("eta", "photons", "range_1000_km"), [(0.5, 747, 2.59), (0.7, 1046, 3.07), (1.0, 1495, 3.67)])
 def test_the_table_of_losses(validation, eta, photons, range_1000_km):
-    lens = SEED_RECEIVER.replace(transmission=eta)
+    lens = PAPER_RECEIVER.replace(transmission=eta)
     validation(
         case=f"seed system, 3.0 km, transmission {eta:g}",
         source="closed form, table in the design notes",
@@ -268,8 +268,8 @@ def test_as_printed_sends_back_four_times_what_was_sent(validation, fov_deg):
         (
             "aperture",
             2,
-            {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=20.0)},
-            {"receiver": SEED_RECEIVER.replace(f_number=None, aperture_mm=300.0)},
+            {"receiver": PAPER_RECEIVER.replace(f_number=None, aperture_mm=20.0)},
+            {"receiver": PAPER_RECEIVER.replace(f_number=None, aperture_mm=300.0)},
         ),
         (
             "pixel pitch",
@@ -389,7 +389,7 @@ def plate_photons(side_m, position_m, rotation):
     cos_theta = position_m[2] / r
     cos_alpha = abs(rotation.apply([0, 0, 1]) @ position_m) / r
     t = math.tan(math.radians(1.25))
-    sent = SEED_LASER.photons / (4 * t * t) * RHO * SEED_RECEIVER.aperture_area_m2 * SEED_RECEIVER.transmission
+    sent = PAPER_LASER.photons / (4 * t * t) * RHO * PAPER_RECEIVER.aperture_area_m2 * PAPER_RECEIVER.transmission
     return sent * side_m**2 * cos_alpha**2 / (r**4 * cos_theta**2)
 
 
@@ -397,7 +397,7 @@ def plate_photons(side_m, position_m, rotation):
 def test_a_plate_of_a_tenth_of_a_pixel_anywhere(validation, area_pixels, tilted):
     """200 random places and turns at 3 km: mean within 1 % of the closed form, scatter at most 5 %, never zero."""
     rng = np.random.default_rng(20)
-    side_m = math.sqrt(area_pixels) * SEED_RECEIVER.pixel_tangent * 3000.0
+    side_m = math.sqrt(area_pixels) * PAPER_RECEIVER.pixel_tangent * 3000.0
     ratio = np.empty(200)
     for i in range(200):
         x, y = rng.uniform(-0.98, 0.98, 2) * math.tan(math.radians(1.25))
@@ -498,7 +498,7 @@ def test_a_gaussian_beam_on_a_small_plate_off_the_axis(validation):
         for c in (x0, y0)
     ]
     slant = 1 + x0 * x0 + y0 * y0
-    expected = received(laser, SEED_RECEIVER, 3000.0) * 2 / (math.pi * t * t) * arms[0] * arms[1] / slant**2
+    expected = received(laser, PAPER_RECEIVER, 3000.0) * 2 / (math.pi * t * t) * arms[0] * arms[1] / slant**2
     seen = look(plate(10.0), place((x0 * 3000, y0 * 3000, 3000.0)), laser=laser)
     # The closed form takes cos^4 at the plate's centre: 1e-5; the grid samples the plate's edge.
     validation(
@@ -529,7 +529,7 @@ def test_two_overlapping_plates_fill_their_union(validation, small_m, large_m):
         small, large = surface("small", plate(*size[0])), surface("large", plate(*size[1]))
         poses = {"small": place((*middle[0], d - 1e-3)), "large": place((*middle[1], d))}
         seen = see([small, large] if i % 2 else [large, small], truth_of(**poses))
-        ratio[i] = seen.hits.weight.sum() * (SEED_RECEIVER.pixel_tangent * d) ** 2 / union
+        ratio[i] = seen.hits.weight.sum() * (PAPER_RECEIVER.pixel_tangent * d) ** 2 / union
     assert np.abs(ratio - 1).max() < 0.04
     validation(
         case=f"plates of some {small_m:g} and {large_m:g} m that overlap: area seen over their union",

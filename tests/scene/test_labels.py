@@ -5,8 +5,8 @@ from scipy.spatial.transform import Rotation
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Lambertian, label
 from tests.optics.bench_for_tests import (
-    SEED_LASER,
-    SEED_RECEIVER,
+    PAPER_LASER,
+    PAPER_RECEIVER,
     box,
     look,
     place,
@@ -114,7 +114,7 @@ def test_a_scene_without_targets_is_sky():
 def test_filled_fraction_is_the_share_of_the_pixel():
     """A sphere's disc: pi R^2 / d^2 of the tangent plane, in pixels, to the sampling of its edge."""
     labels = look(sphere(20.0, 5), place((0, 0, 3000.0))).labels
-    disc = np.pi * 20.0**2 / (3000.0**2 - 20.0**2) / SEED_RECEIVER.pixel_tangent**2
+    disc = np.pi * 20.0**2 / (3000.0**2 - 20.0**2) / PAPER_RECEIVER.pixel_tangent**2
     assert labels.filled_fraction.sum() == pytest.approx(disc, rel=3e-3)
     assert labels.filled_fraction.max() <= 1 + 1e-6
 
@@ -135,15 +135,15 @@ def test_a_tilted_plate_is_one_surface_and_so_one_cluster(range_m, tilt_deg, ray
     A tilted facet is no comb of pulses (house.md section 6): rays a sub-pixel apart meet one surface, however finely
     the pixel is sampled.
     """
-    lens = SEED_RECEIVER.replace(
+    lens = PAPER_RECEIVER.replace(
         n_rows=8,
         n_cols=8,
         rays_per_pixel=rays_per_pixel,
         fov_deg=None,
-        focal_length_mm=SEED_RECEIVER.focal_length_m * 1e3,
+        focal_length_mm=PAPER_RECEIVER.focal_length_m * 1e3,
     )
     pose = place((0, 0, range_m), Rotation.from_rotvec([0, np.pi * tilt_deg / 180, 0]))
-    labels = look(plate(1000.0), pose, lens, SEED_LASER).labels
+    labels = look(plate(1000.0), pose, lens, PAPER_LASER).labels
     assert labels.cluster_count.tolist() == [[1] * 8] * 8
     assert labels.range_m == pytest.approx(labels.first_range_m, abs=1e-9)
 

@@ -8,7 +8,7 @@ from rso_lidar.optics import GaussianPsf, Receiver
 from rso_lidar.scene import Crinkled
 from rso_lidar.scene.casting.light import _disc
 from rso_lidar.scene.surfaces.examination import _median
-from tests.optics.bench_for_tests import SEED_LASER, place, plate, see, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, place, plate, see, surface, truth_of
 
 DIRECTIONS = [(0, 0, 1), (1, 0, 0), (0, -1, 0), (1, 1, 0), (1, -1, 1), (0, 1, 1)]  # of which two components are equal
 
@@ -55,7 +55,7 @@ def test_a_symmetric_craft_shows_the_same_facets(psf, path):
 
     def labels(craft):
         target = surface("craft", craft, part=part, part_names=("a", "b", "c", "d"))
-        return see(target, truth_of(craft=place((0.0, 0.0, 1000.0))), lens, SEED_LASER).labels
+        return see(target, truth_of(craft=place((0.0, 0.0, 1000.0))), lens, PAPER_LASER).labels
 
     with arithmetic.using(path):
         first = labels(four)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics.tables import zemax
-from rso_lidar.optics.tables.number_text import stamp
+from rso_lidar.optics.tables.number_text import file_stamp
 from rso_lidar.part import Number, Part, Text
 
 WORST_FIT = 0.005  # rms residual of a fit over the field's radius beyond which five coefficients do not describe a lens
@@ -48,13 +48,13 @@ class DistortionPart(Part):
     def undistort(self, xd: np.ndarray, yd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the tangents (x, y) of the directions that land at (xd, yd), by Newton's method to below 1e-12."""
         xd, yd = np.broadcast_arrays(np.asarray(xd, dtype=float), np.asarray(yd, dtype=float))
-        return self._solved(xd, yd, xd, yd)
+        return self._solve(xd, yd, xd, yd)
 
     def area(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
         """Return d(x, y) / d(xd, yd): how much of the undistorted plane a unit of area at (xd, yd) looks at."""
-        return self.area_seen(*self.undistort(xd, yd))
+        return self.area_at_direction(*self.undistort(xd, yd))
 
-    def area_seen(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def area_at_direction(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the same as `area` at the place where light from (x, y) lands."""
         xx, xy, yy = self._slopes(x, y)
         seen: np.ndarray = 1.0 / (xx * yy - xy * xy)
@@ -69,7 +69,7 @@ class DistortionPart(Part):
         x, y = np.zeros_like(to_x), np.zeros_like(to_y)
         # Outwards from the axis, each solution starting the next, so that none jumps over a fold.
         for part in np.linspace(0.0, 1.0, 33)[1:]:
-            x, y = self._solved(part * to_x, part * to_y, x, y)
+            x, y = self._solve(part * to_x, part * to_y, x, y)
             xx, xy, yy = self._slopes(x, y)
             if np.min(xx * yy - xy * xy) < _LEAST_SLOPE or np.min(xx + yy) < 0.0:
                 radius = float(np.min(np.hypot(part * to_x, part * to_y)))
@@ -90,7 +90,7 @@ class DistortionPart(Part):
             radial + y * y * slope + 2.0 * p2 * x + 6.0 * p1 * y,
         )
 
-    def _solved(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _solve(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (x, y) with distort(x, y) = (xd, yd), from a first guess."""
         if not any(self.coefficients):
             return xd.copy(), yd.copy()
@@ -154,7 +154,7 @@ class ZemaxDistortion(DistortionPart):
     @property
     def fit(self) -> "Fit":
         """Return the fit, made once for each state of the file."""
-        return _fit(*stamp(self.file))
+        return _fit(*file_stamp(self.file))
 
     def residual_pixels(self, pixel_tangent: float) -> float:
         """Return the rms distance between the listing and the fit, in pixels of pitch / focal length."""

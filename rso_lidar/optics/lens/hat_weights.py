@@ -14,7 +14,7 @@ import numpy as np
 _POINTS = 2**19  # of a kernel, taken at a time
 
 
-class At(NamedTuple):
+class HatGrid(NamedTuple):
     """Where a kernel is wanted: on a grid of `step_m` out to `reach_steps` each way, turned by `turn_rad`."""
 
     step_m: float
@@ -23,7 +23,7 @@ class At(NamedTuple):
     turn_rad: float = 0.0
 
 
-def gaussian_hats(sigma_m: float, at: At) -> np.ndarray:
+def gaussian_hats(sigma_m: float, at: HatGrid) -> np.ndarray:
     """Return the hat weights (row, col) of a Gaussian: its second antiderivative, differenced twice; exact."""
     from scipy.special import erf
 
@@ -35,7 +35,7 @@ def gaussian_hats(sigma_m: float, at: At) -> np.ndarray:
     return hats
 
 
-def halo_hats(radius_m: float, at: At) -> np.ndarray:
+def halo_hats(radius_m: float, at: HatGrid) -> np.ndarray:
     """Return the hat weights of R (R² + r²)^(-3/2) / 2π: its mixed fourth antiderivative, differenced twice each way."""
     x = np.arange(-at.reach_steps - 1, at.reach_steps + 2) * (at.step_m / radius_m)
     y = x[:, None]
@@ -48,7 +48,7 @@ def halo_hats(radius_m: float, at: At) -> np.ndarray:
     return hats.clip(0.0)
 
 
-def encircled(radius_m: np.ndarray, blur_m: float) -> np.ndarray:
+def encircled_energy(radius_m: np.ndarray, blur_m: float) -> np.ndarray:
     """Return the share of an Airy pattern within a radius, `blur_m` being wavelength times f-number (Born & Wolf 8.5).
 
     E(r) = 1 - J0²(v) - J1²(v) with v = π r / (λ N): 83.8 % within the first dark ring.
@@ -60,7 +60,7 @@ def encircled(radius_m: np.ndarray, blur_m: float) -> np.ndarray:
     return share
 
 
-def airy_hats(at: At) -> np.ndarray:
+def airy_hats(at: HatGrid) -> np.ndarray:
     """Return the hat weights of an Airy pattern, from points on rings, each ring with the energy that it has."""
     blur_m, step_m, reach_steps = at.blur_m, at.step_m, at.reach_steps
     edge = math.sqrt(2.0) * (reach_steps + 1) * step_m
@@ -69,7 +69,7 @@ def airy_hats(at: At) -> np.ndarray:
     while radii[-1] < edge:
         radii.append(radii[-1] + min(blur_m / 16.0 + radii[-1] / 32.0, widest))
     bounds = np.array(radii)
-    energy, radius = np.diff(encircled(bounds, blur_m)), 0.5 * (bounds[1:] + bounds[:-1])
+    energy, radius = np.diff(encircled_energy(bounds, blur_m)), 0.5 * (bounds[1:] + bounds[:-1])
     count = np.maximum(8, np.ceil(0.5 * math.pi * radius / widest)).astype(int)  # in one quadrant
     hats = np.zeros((2 * reach_steps + 1,) * 2)
     for some in np.split(np.arange(len(radius)), np.flatnonzero(np.diff(count.cumsum() // _POINTS)) + 1):
@@ -80,7 +80,7 @@ def airy_hats(at: At) -> np.ndarray:
     return 0.25 * (hats + hats[::-1] + hats[:, ::-1] + hats[::-1, ::-1])
 
 
-def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float, at: At) -> np.ndarray:
+def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float, at: HatGrid) -> np.ndarray:
     """Return the hat weights of a table of intensities, each the square about its point, turned by `at.turn_rad`."""
     spacing = spacing_m / at.step_m
     # Squares cut to an eighth of the step or less, and in four unless they are very small, so that points stand for them.

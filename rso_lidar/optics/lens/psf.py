@@ -17,16 +17,16 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.lens.hat_weights import At, airy_hats, gaussian_hats, grid_hats, halo_hats
+from rso_lidar.optics.lens.hat_weights import HatGrid, airy_hats, gaussian_hats, grid_hats, halo_hats
 from rso_lidar.optics.tables import zemax
-from rso_lidar.optics.tables.number_text import matrix, points_for_commas, read_text, stamp
+from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp, parse_matrix, read_text
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Text
 
 MOST_REACH = 16  # pixels to each side
 _LEAST_CAUGHT = 0.5  # a kernel that puts less than this within reach is a mistake in its size
 
 
-class _Kernel(Part):
+class PsfPart(Part):
     """What every kernel may have: a share `halo_fraction` of the light in a wide halo of scattered light.
 
     The halo falls as (1 + (r / `halo_radius_um`)²)^(-3/2), the shape of scatter from polished surfaces whose slope is 3
@@ -39,7 +39,7 @@ class _Kernel(Part):
     )
 
     @model_validator(mode="after")
-    def _both_or_none(self) -> Self:
+    def _check_halo(self) -> Self:
         if self.halo_fraction > 0.0 and self.halo_radius_um is None:
             raise ValueError("halo_fraction needs a halo_radius_um; give the radius of the halo")
         if self.halo_radius_um is not None and self.halo_fraction == 0.0:
@@ -50,10 +50,10 @@ class _Kernel(Part):
         """Read the kernel's file, if it has one, so that what is wrong with it is told."""
 
     @abstractmethod
-    def core(self, at: At) -> np.ndarray:
+    def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the kernel without its halo."""
 
-    def hats(self, at: At) -> np.ndarray:
+    def hats(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the kernel."""
         if self.halo_radius_um is None:
             return self.core(at)
@@ -61,28 +61,28 @@ class _Kernel(Part):
         return (1.0 - self.halo_fraction) * self.core(at) + self.halo_fraction * halo
 
 
-class GaussianPsf(_Kernel):
+class GaussianPsf(PsfPart):
     """A Gaussian blur of standard deviation `sigma_um` on the focal plane, in each axis."""
 
     type: Literal["gaussian"] = "gaussian"
     sigma_um: Positive = Field(description="Standard deviation on the focal plane, along each axis [µm].")
 
-    def core(self, at: At) -> np.ndarray:
+    def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col): exact, by the error function."""
         return gaussian_hats(self.sigma_um * units.UM, at)
 
 
-class AiryPsf(_Kernel):
+class AiryPsf(PsfPart):
     """The diffraction of a round aperture at the laser's wavelength and the receiver's f-number."""
 
     type: Literal["airy"] = "airy"
 
-    def core(self, at: At) -> np.ndarray:
+    def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col), from rings of exactly known energy."""
         return airy_hats(at)
 
 
-class GridPsf(_Kernel):
+class GridPsf(PsfPart):
     """A measured kernel: a table of intensities (rows from the top down) about the middle of its points.
 
     `file` holds rows of numbers, set apart by commas, semicolons, tabs or spaces; `spacing_um` is the distance of its
@@ -95,16 +95,16 @@ class GridPsf(_Kernel):
 
     def read(self) -> None:
         """Read the table."""
-        _table(*stamp(self.file))
+        _table(*file_stamp(self.file))
 
-    def core(self, at: At) -> np.ndarray:
+    def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the table."""
-        values = _table(*stamp(self.file))
+        values = _table(*file_stamp(self.file))
         middle = (0.5 * (values.shape[0] - 1), 0.5 * (values.shape[1] - 1))
         return grid_hats(values, middle, self.spacing_um * units.UM, at)
 
 
-class ZemaxPsf(_Kernel):
+class ZemaxPsf(PsfPart):
     """The kernel of a Zemax Huygens PSF listing, about the listing's center point."""
 
     type: Literal["zemax_huygens"] = "zemax_huygens"
@@ -116,20 +116,22 @@ class ZemaxPsf(_Kernel):
         """Read the listing."""
         zemax.read_huygens_psf(self.file)
 
-    def core(self, at: At) -> np.ndarray:
+    def core(self, at: HatGrid) -> np.ndarray:
         """Return the hat weights (row, col) of the listing."""
         listing = zemax.read_huygens_psf(self.file)
         return grid_hats(listing.values, listing.center, listing.spacing_m, at)
 
 
-Kernel = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf, Field(discriminator="type")]
+SinglePsf = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf, Field(discriminator="type")]
 
 
 class FieldPsf(Part):
     """A kernel at the angle `field_deg` from the axis, taken with its field point towards the top row (Zemax: +y)."""
 
     field_deg: NotNegative = Field(description="Field angle from the optical axis [deg].")
-    psf: Kernel = Field(description="Point spread function at this field angle; its top row points away from the axis.")
+    psf: SinglePsf = Field(
+        description="Point spread function at this field angle; its top row points away from the axis."
+    )
 
 
 class FieldDependentPsf(Part):
@@ -144,7 +146,7 @@ class FieldDependentPsf(Part):
     )
 
     @model_validator(mode="after")
-    def _outwards(self) -> Self:
+    def _check_order(self) -> Self:
         angles = [entry.field_deg for entry in self.fields]
         if any(b <= a for a, b in itertools.pairwise(angles)):
             raise ValueError("the field_deg of fields do not grow; sort them, one kernel for each angle")
@@ -169,14 +171,14 @@ def pixel_shares(
     """Return which share of the light of cell (i, j) of a pixel lands dr rows down and dc columns right of that pixel.
 
     The array is (sub, sub, 2 reach + 1, 2 reach + 1), read-only, and sums to 1 over the last two axes: the light beyond
-    `reach` is shared out over all of it, so that no energy is lost (`reach_of` says how far to go). `field_rad` is the
+    `reach` is shared out over all of it, so that no energy is lost (`find_reach` says how far to go). `field_rad` is the
     angle from the axis and `azimuth_rad` = atan2(y, x) in lidar axes (x right, y down) the side; they matter to a
     `FieldDependentPsf` alone.
     """
     return _shares(psf, _stamps(psf), pitch_m, sub, wavelength_m, f_number, float(field_rad), float(azimuth_rad), reach)
 
 
-def reach_of(
+def find_reach(
     psf: AnyPsf,
     *,
     pitch_m: float,
@@ -192,7 +194,7 @@ def reach_of(
     return int(enough[0]) if len(enough) else MOST_REACH
 
 
-def files_of(psf: AnyPsf) -> tuple[str, ...]:
+def psf_files(psf: AnyPsf) -> tuple[str, ...]:
     """Return the files that a point spread function is read from."""
     return tuple(kernel.file for kernel in _kernels(psf) if isinstance(kernel, GridPsf | ZemaxPsf))
 
@@ -202,7 +204,7 @@ def _kernels(psf: AnyPsf) -> list[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf]:
 
 
 def _stamps(psf: AnyPsf) -> tuple[tuple[str, int, int], ...]:
-    return tuple(stamp(file) for file in files_of(psf))
+    return tuple(file_stamp(file) for file in psf_files(psf))
 
 
 @lru_cache(maxsize=512)
@@ -219,7 +221,7 @@ def _shares(
 ) -> np.ndarray:
     for kernel in _kernels(psf):
         kernel.read()  # each, so that a bad file is told before light falls where it counts
-    at = At(pitch_m / sub, (reach + 1) * sub, wavelength_m * f_number)
+    at = HatGrid(pitch_m / sub, (reach + 1) * sub, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
     offsets = 2 * reach + 1
     # A cell at i moved by m steps lies in the pixel (i + m) // sub: sum the steps that lead to each pixel.
@@ -253,7 +255,7 @@ def _within(
     azimuth_rad: float,
 ) -> np.ndarray:
     """Return the share of an evenly lit pixel's light (reach) that lands within 0, 1 ... 15 pixels to each side."""
-    at = At(pitch_m, MOST_REACH, wavelength_m * f_number)
+    at = HatGrid(pitch_m, MOST_REACH, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
     m = MOST_REACH
     within = np.array([hats[m - n : m + n + 1, m - n : m + n + 1].sum() for n in range(MOST_REACH)])
@@ -261,7 +263,7 @@ def _within(
     return within
 
 
-def _hats(psf: AnyPsf, at: At, field_rad: float, azimuth_rad: float) -> np.ndarray:
+def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.ndarray:
     """Return the hat weights (row, col) at a field angle and azimuth."""
     if not isinstance(psf, FieldDependentPsf):
         return psf.hats(at)
@@ -278,10 +280,10 @@ def _hats(psf: AnyPsf, at: At, field_rad: float, azimuth_rad: float) -> np.ndarr
 @lru_cache(maxsize=32)
 def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
     """Return the intensities (row, col) of a text file of numbers."""
-    text = points_for_commas(read_text(path))
+    text = convert_decimal_commas(read_text(path))
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     lines = [(number, line.replace(",", " ").replace(";", " ")) for number, line in lines if line.strip()[0] != "#"]
-    values = matrix(path, lines)
+    values = parse_matrix(path, lines)
     if min(values.shape) < 2:
         raise ScenarioError(f"{path}: has {values.shape[0]} rows of {values.shape[1]}: a kernel needs rows and columns")
     values.flags.writeable = False

@@ -8,7 +8,7 @@ from rso_lidar.optics.laser import Laser
 from rso_lidar.optics.receiver import Receiver
 
 
-def cut_at_edge(
+def clip_to_beam(
     direction: np.ndarray, pixel: np.ndarray, weight: np.ndarray, laser: Laser, receiver: Receiver
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the rays inside a footprint with an edge; where sunlight is asked for, those outside as well.
@@ -24,24 +24,24 @@ def cut_at_edge(
     x, y = direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2]
     half_cell = 0.5 * np.sqrt(weight) * receiver.pixel_tangent
     if receiver.distortion is not None:
-        half_cell *= np.sqrt(receiver.distortion.area_seen(x, y))
+        half_cell *= np.sqrt(receiver.distortion.area_at_direction(x, y))
     farthest = [np.abs(v) + (1.0 - 1e-6) * half_cell for v in (x, y)]
-    share, x, y = _in_circle(x, y, half_cell, reach) if circle else _in_square(x, y, half_cell, reach)
+    share, x, y = _clip_to_circle(x, y, half_cell, reach) if circle else _clip_to_square(x, y, half_cell, reach)
     kept = np.flatnonzero(share > 1e-9)  # less is rounding
-    lit = _unit(x[kept], y[kept]), pixel[kept], weight[kept] * share[kept]
+    lit = _unit_vectors(x[kept], y[kept]), pixel[kept], weight[kept] * share[kept]
     if receiver.filter_width_nm is None:
         return lit
     rest = np.flatnonzero(share < 1.0 - 1e-9)
     cut = share[rest] > 1e-9
-    unlit = _taken(direction, rest)
-    unlit[cut] = _unit(*(np.copysign(farthest[axis][rest[cut]], unlit[cut, axis]) for axis in (0, 1)))
+    unlit = _select(direction, rest)
+    unlit[cut] = _unit_vectors(*(np.copysign(farthest[axis][rest[cut]], unlit[cut, axis]) for axis in (0, 1)))
     dark = unlit, pixel[rest], weight[rest] * (1.0 - np.where(cut, share[rest], 0.0))
     direction, pixel, weight = (np.concatenate(column) for column in zip(lit, dark, strict=True))
     order = np.argsort(pixel, kind="stable")
-    return _taken(direction, order), pixel[order], weight[order]
+    return _select(direction, order), pixel[order], weight[order]
 
 
-def _in_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
+def _clip_to_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
     """Return the lit share of square cells about (x, y), and the middle of that share: exact."""
     (left, right), (top, bottom) = (
         (np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)
@@ -50,7 +50,7 @@ def _in_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float
     return share, 0.5 * (left + right), 0.5 * (top + bottom)
 
 
-def _in_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
+def _clip_to_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
     """Return the lit share of square cells about (x, y), and the middle of that share, from 32 x 32 points of each."""
     radius, half_diagonal = np.hypot(x, y), math.sqrt(2.0) * half_cell
     share = (radius < reach).astype(float)
@@ -69,7 +69,7 @@ def _in_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float
     return share, x, y
 
 
-def _unit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _unit_vectors(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     direction = np.empty((x.size, 3), order="F")  # x, y and z each in one piece, as casting wants them
     direction[:, 2] = 1.0 / np.sqrt(1.0 + x * x + y * y)
     direction[:, 0] = x * direction[:, 2]
@@ -77,7 +77,7 @@ def _unit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return direction
 
 
-def _taken(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+def _select(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Return some of the directions, still with x, y and z each in one piece."""
     taken = np.empty((len(chosen), 3), order="F")
     for axis in range(3):

@@ -46,7 +46,7 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
     boxes[empty] = [[1.0, 1.0], [0.0, 0.0]]
     within = np.clip(ends[~empty], -receiver.field_edge, receiver.field_edge)
     corners = np.stack([within[:, [0, 1, 1, 0], 0], within[:, [0, 0, 1, 1], 1]], axis=-1).reshape(-1, 2)
-    cells, off = _bent(corners, np.arange(0, len(corners) + 1, 4), receiver)
+    cells, off = _bend_outlines(corners, np.arange(0, len(corners) + 1, 4), receiver)
     cells = cells.reshape(-1, 4 * _BEND, 2)
     beyond = (ends[~empty] - within)[..., ::-1] * (receiver.rays_per_side / receiver.pixel_tangent)
     boxes[~empty] = np.stack([cells.min(axis=1) - off[:, None], cells.max(axis=1) + off[:, None]], axis=1) + beyond
@@ -85,11 +85,11 @@ def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
             every.extend(outlines)
     bent = receiver.distortion is not None
     if bent:
-        every = [_within(outline, receiver.field_edge) for outline in every]
+        every = [_clip_outline(outline, receiver.field_edge) for outline in every]
     starts = np.array(list(accumulate(map(len, every), initial=0)), np.int64)
     corners = np.concatenate(every) if every else np.empty((0, 2))
     if bent:
-        cells, off = _bent(corners, starts, receiver)
+        cells, off = _bend_outlines(corners, starts, receiver)
         return Outlines(packed(cells), packed(_BEND * starts), packed(off), packed(of))
     return Outlines(packed(_in_cells(corners, receiver)), packed(starts), packed(np.zeros(len(every))), packed(of))
 
@@ -99,11 +99,11 @@ def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.nda
 
     Without distortion x has one row and y one column, for all.
     """
-    return _straight(receiver) if receiver.distortion is None else _bending(receiver).of(rows)
+    return _straight_cells(receiver) if receiver.distortion is None else _bent_cells(receiver).of(rows)
 
 
 @lru_cache(maxsize=8)
-def _straight(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+def _straight_cells(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     middles = _middles(receiver, 0, receiver.n_rows)
     x, y = receiver.tangents_at(*middles)
     return packed(x), packed(y)
@@ -115,7 +115,7 @@ def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.
     return ((np.arange(receiver.n_cols * k) + 0.5) / k)[None, :], ((np.arange(first * k, last * k) + 0.5) / k)[:, None]
 
 
-class _Bending:
+class _BentCells:
     """The directions through the cells of a lens that bends, found block by block of rows when they are first asked for.
 
     A block is always found as a whole, so that its bits do not depend on what was asked; threads may both find one.
@@ -138,18 +138,18 @@ class _Bending:
                 x, y = self.receiver.tangents_at(*np.broadcast_arrays(*_middles(self.receiver, first, last)))
                 self.x[at], self.y[at] = x, y
                 self.found[block] = True
-        return tuple(_locked(values) for values in (self.x, self.y))  # type: ignore[return-value]
+        return tuple(_read_only(values) for values in (self.x, self.y))  # type: ignore[return-value]
 
 
-def _locked(values: np.ndarray) -> np.ndarray:
+def _read_only(values: np.ndarray) -> np.ndarray:
     view = values.view()
     view.flags.writeable = False
     return view
 
 
 @lru_cache(maxsize=2)
-def _bending(receiver: Receiver) -> _Bending:
-    return _Bending(receiver)
+def _bent_cells(receiver: Receiver) -> _BentCells:
+    return _BentCells(receiver)
 
 
 def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
@@ -170,7 +170,7 @@ def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
     return cells
 
 
-def _bent(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
+def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
     """Return outlines (corner, right_down) in cells (point, row_col), `_BEND` a corner, and how far off each may be."""
     following = np.arange(1, len(corners) + 1)
     sizes = np.diff(starts)
@@ -186,16 +186,16 @@ def _bent(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[
     return np.ascontiguousarray(cells.reshape(-1, 2)), off
 
 
-def _within(outline: np.ndarray, edge: np.ndarray) -> np.ndarray:
+def _clip_outline(outline: np.ndarray, edge: np.ndarray) -> np.ndarray:
     """Return the part of a convex outline (corner, right_down) with |right| <= edge[0] and |down| <= edge[1]."""
     if (np.abs(outline) <= edge).all():
         return outline
     for axis, side in ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
-        outline = _cut(outline, axis, side, float(edge[axis]))
+        outline = _clip_edge(outline, axis, side, float(edge[axis]))
     return outline
 
 
-def _cut(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
+def _clip_edge(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
     """Return the part of a convex outline (corner, right_down) with side * coordinate <= edge (Sutherland & Hodgman)."""
     if not len(outline):
         return outline

@@ -6,7 +6,7 @@ import numpy as np
 
 from rso_lidar.kernels import packed
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.rays.beam_edge import cut_at_edge
+from rso_lidar.optics.rays.beam_edge import clip_to_beam
 from rso_lidar.optics.rays.cells import boxes_in_cells, outlines_in_cells, tangents_of_cells
 from rso_lidar.optics.rays.coverage import find_fineness, find_owners, mark_parts
 from rso_lidar.optics.rays.ray_grid import make_rays, normalise
@@ -41,7 +41,7 @@ def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
         )
         direction, pixel, weight = _rays(receiver, owner, first_row, first_col, single, *parts)
     if laser.footprint != "gaussian" and laser.offset is None:
-        direction, pixel, weight = cut_at_edge(direction, pixel, weight, laser, receiver)
+        direction, pixel, weight = clip_to_beam(direction, pixel, weight, laser, receiver)
     return Rays(shape, direction, pixel, weight)
 
 

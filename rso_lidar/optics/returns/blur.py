@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.kernels import packed
 from rso_lidar.optics.laser import Laser
-from rso_lidar.optics.lens.psf import FieldDependentPsf, pixel_shares, reach_of
+from rso_lidar.optics.lens.psf import FieldDependentPsf, find_reach, pixel_shares
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.light import Light
 from rso_lidar.optics.returns.spread import find_subcells, gather_returns, group_by_delay, spread_groups
@@ -237,7 +237,7 @@ def _shares(receiver: Receiver, wavelength_m: float, side: int, field_rad: float
         [entry.psf for entry in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
     )
     has_halo = any(kernel.halo_fraction > 0.0 for kernel in kernels)
-    reach = reach_of(receiver.psf, missed=_MISSED_OF_HALO if has_halo else _MISSED, **optics)
+    reach = find_reach(receiver.psf, missed=_MISSED_OF_HALO if has_halo else _MISSED, **optics)
     return pixel_shares(receiver.psf, sub=side, reach=reach, **optics)
 
 

@@ -78,7 +78,7 @@ def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light,
     area = hits.weight
     if receiver.distortion is not None:
         toward = hits.rays.direction[hits.ray]
-        area = area * receiver.distortion.area_seen(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
+        area = area * receiver.distortion.area_at_direction(toward[:, 0] / toward[:, 2], toward[:, 1] / toward[:, 2])
     delay_s, photons, spread_s, cells, hit, is_lit = return_light(
         packed(hits.ray),
         packed(hits.rays.direction.T),
@@ -161,7 +161,7 @@ def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[L
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
     area = hits.weight
     if receiver.distortion is not None:
-        area = area * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
+        area = area * receiver.distortion.area_at_direction(x / cos_axis, y / cos_axis)
     if laser.offset is None:
         density = laser.density(x / cos_axis, y / cos_axis)
         toward = cos_axis / hits.range_m**2

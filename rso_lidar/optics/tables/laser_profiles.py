@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
-from rso_lidar.optics.tables.number_text import points_for_commas, stamp
+from rso_lidar.optics.tables.number_text import convert_decimal_commas, file_stamp
 
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 
@@ -23,7 +23,7 @@ def read_pattern(file: str) -> np.ndarray:
 
     It fills the square of the beam's full angle, row 0 at the top, as the lidar sees it.
     """
-    return _pattern(*stamp(file))
+    return _pattern(*file_stamp(file))
 
 
 @lru_cache(maxsize=8)
@@ -73,7 +73,7 @@ def _table(path: Path) -> np.ndarray:
         text = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
         raise ScenarioError(f"{path.name}: is no text; give numbers in UTF-8, or an image") from None
-    rows = [line.replace(",", " ").replace(";", " ").split() for line in points_for_commas(text).splitlines()]
+    rows = [line.replace(",", " ").replace(";", " ").split() for line in convert_decimal_commas(text).splitlines()]
     rows = [row for row in rows if row and not row[0].startswith("#")]
     if rows and any(not _is_number(word) for word in rows[0]):
         rows = rows[1:]  # a heading
@@ -101,7 +101,7 @@ def read_pulse(file: str) -> tuple[np.ndarray, np.ndarray]:
 
     The file has two columns, time in ns and power in any unit; the power is straight between rows and 0 outside.
     """
-    return _pulse(*stamp(file))
+    return _pulse(*file_stamp(file))
 
 
 @lru_cache(maxsize=8)
@@ -132,7 +132,7 @@ def _straight(time_s: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.nda
     return area, area * time_s[:-1] + width**2 * (a + 2.0 * b) / 6.0
 
 
-def full_width_s(time_s: np.ndarray, power: np.ndarray) -> float:
+def find_full_width_s(time_s: np.ndarray, power: np.ndarray) -> float:
     """Return the time [s] from the first to the last place where a curve passes half its greatest value."""
     above = np.flatnonzero(power >= 0.5 * power.max())
     ends = []

@@ -14,7 +14,7 @@ from rso_lidar.files import MOST_BYTES, check_regular, read_bytes
 _NOT_A_NUMBER = re.compile(r"[-+]?\d*[.,]?\d*#(?:IND|INF|QNAN|SNAN)\w*", re.IGNORECASE)  # as Windows prints them
 
 
-def stamp(path: str | Path) -> tuple[str, int, int]:
+def file_stamp(path: str | Path) -> tuple[str, int, int]:
     """Return path, time of change [ns] and size [bytes] of a file: what a cache of its content goes by."""
     status = check_regular(Path(path), MOST_BYTES, ScenarioError, "text file")
     return str(path), status.st_mtime_ns, status.st_size
@@ -42,7 +42,7 @@ def read_text(path: str) -> str:
     return text
 
 
-def points_for_commas(text: str) -> str:
+def convert_decimal_commas(text: str) -> str:
     """Return a text with decimal commas made points, if that is what its commas are.
 
     They are where a comma stands between digits only, numbers are set apart by something else, and no number has a
@@ -55,13 +55,13 @@ def points_for_commas(text: str) -> str:
     return text
 
 
-def matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
+def parse_matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
     """Return the numbers of (line number, text) as an array (row, col): all finite, none negative, not all zero."""
     if not lines:
         raise ScenarioError(f"{path}: holds no rows of numbers: name a listing with its data, not the header alone")
     rows: list[list[float]] = []
     for number, line in lines:
-        row = numbers(line)
+        row = parse_numbers(line)
         if row is None:
             raise ScenarioError(f"{path}: line {number}: is not a row of numbers ({line.strip()[:30]!r}): mend it")
         if rows and len(row) != len(rows[0]):
@@ -86,7 +86,7 @@ def matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
     return intensity
 
 
-def numbers(line: str) -> list[float] | None:
+def parse_numbers(line: str) -> list[float] | None:
     """Return the numbers of a line, or None if anything else stands in it."""
     if "#" in line:
         line = _NOT_A_NUMBER.sub("nan", line)

@@ -17,7 +17,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.tables.number_text import matrix, numbers, points_for_commas, read_text, stamp
+from rso_lidar.optics.tables.number_text import (
+    convert_decimal_commas,
+    file_stamp,
+    parse_matrix,
+    parse_numbers,
+    read_text,
+)
 
 _NUMBER = r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?"
 _UNIT = r"([a-zA-Zµμ�?]+)"
@@ -62,19 +68,19 @@ def read_huygens_psf(path: str | Path) -> HuygensPsf:
     hands out starts at the bottom left instead; a listing made from it has to be turned over first.) Without a `Center
     point` line the middle is point n/2 + 1 of each axis, where the program puts it.
     """
-    return _huygens(*stamp(path))
+    return _huygens(*file_stamp(path))
 
 
 def read_grid_distortion(path: str | Path) -> GridDistortion:
     """Return the points of a Grid Distortion listing, less those whose chief ray failed."""
-    return _grid(*stamp(path))
+    return _grid(*file_stamp(path))
 
 
 @lru_cache(maxsize=32)
 def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
-    lines = list(enumerate(points_for_commas(read_text(path)).splitlines(), start=1))
+    lines = list(enumerate(convert_decimal_commas(read_text(path)).splitlines(), start=1))
     lines = [(number, line) for number, line in lines if line.strip()]
-    first = next((k for k, (_, line) in enumerate(lines) if len(numbers(line) or ()) > 1), len(lines))
+    first = next((k for k, (_, line) in enumerate(lines) if len(parse_numbers(line) or ()) > 1), len(lines))
     header = "\n".join(line for _, line in lines[:first])
     kind = re.search(r"Listing of ([^\r\n]*?)(?: Data)?\s*$", header, re.MULTILINE)
     if kind and ("psf" not in kind[1].lower() or "cross section" in kind[1].lower()):
@@ -82,7 +88,7 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
     pair = re.search(r"Image grid size\s*:?\s*(\d+)\s*(?:by|x)\s*(\d+)", header, re.IGNORECASE)
     if first == len(lines) and not pair and not re.search(r"spacing|psf", header, re.IGNORECASE):
         raise ScenarioError(f"{path}: is not a Huygens PSF listing: save that analysis as text")
-    values = matrix(path, lines[first:])
+    values = parse_matrix(path, lines[first:])
     n_rows, n_cols = values.shape
     stated = sorted(map(int, pair.groups())) if pair else [n_cols, n_cols]
     if sorted(values.shape) != stated:
@@ -141,7 +147,7 @@ def _wavelength_m(header: str) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=16)
 def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
-    text = points_for_commas(read_text(path))
+    text = convert_decimal_commas(read_text(path))
     if not re.search(r"Grid Distortion|Predicted\s*X", text, re.IGNORECASE):
         raise ScenarioError(f"{path}: is not a Grid Distortion listing: save that analysis as text")
     if re.search(r"Field units are (?!deg)", text, re.IGNORECASE):
@@ -154,7 +160,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
         if len(tokens) < 3 or not all(re.fullmatch(r"[-+]?\d+", token) for token in tokens[:2]):
             continue  # a line of header or footer
         indices.append((int(tokens[0]), int(tokens[1])))
-        values = numbers(" ".join(tokens[2:]))
+        values = parse_numbers(" ".join(tokens[2:]))
         if values is None:
             continue  # words in place of numbers: this chief ray failed
         if len(values) not in (7, 8):
@@ -165,7 +171,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
         if not np.all(np.isfinite(values)):
             raise ScenarioError(f"{path}: line {number}: holds a value that is not finite: save the listing again")
         rows.append(values[:7])
-    _whole_grid(path, indices)
+    _check_grid(path, indices)
     if len(rows) < 9:
         raise ScenarioError(f"{path}: has {len(rows)} points that the lens images: list a grid of 3 by 3 or more")
     table = np.array(rows)
@@ -180,7 +186,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
     )
 
 
-def _whole_grid(path: str, indices: list[tuple[int, int]]) -> None:
+def _check_grid(path: str, indices: list[tuple[int, int]]) -> None:
     """Check that the listing has all points of its grid, whose indices run from -n to n."""
     if not indices:
         raise ScenarioError(f"{path}: holds no points: name a listing with its data, not the header alone")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.optics.link_budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.screening.close_approach import CloseApproach
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
@@ -121,7 +121,7 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
     (filled up to where the pixel is larger than the plate, then with its share), is the threshold of detection [photons].
     """
     detector, receiver = lidar.detector.traits, lidar.receiver
-    at_1_m = filled_pixel(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
+    at_1_m = filled_pixel_photons(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
     filled = math.sqrt(at_1_m)
     alone = math.sqrt(plate_m2) / receiver.pixel_tangent  # beyond this the pixel is larger than the plate
     far = filled if filled <= alone else math.sqrt(filled * alone)

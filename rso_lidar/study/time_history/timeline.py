@@ -16,7 +16,7 @@ import numpy as np
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import free, write_columns
-from rso_lidar.optics.link_budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, cross, dot, turned
@@ -214,7 +214,7 @@ def _light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[st
     range_m = np.linalg.norm(np.broadcast_to(truth.poses.link("lidar", name).translation_m, (time_s.size, 3)), axis=-1)
     white = np.array(
         [
-            filled_pixel(one.laser, one.receiver, _WHITE_PER_SR, max(r, 1e-3))
+            filled_pixel_photons(one.laser, one.receiver, _WHITE_PER_SR, max(r, 1e-3))
             for one, r in zip(lidars, range_m, strict=True)
         ]
     )

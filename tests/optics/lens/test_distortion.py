@@ -75,7 +75,7 @@ def test_area_is_the_jacobian():
     assert np.abs(WIDE.area(xd, yd) - determinant).max() < 1e-7
     assert np.abs(WIDE.area(xd, yd) - 1).max() > 0.05
     x, y = WIDE.undistort(xd, yd)
-    assert np.allclose(WIDE.area_seen(x, y), WIDE.area(xd, yd), rtol=0, atol=1e-14)
+    assert np.allclose(WIDE.area_at_direction(x, y), WIDE.area(xd, yd), rtol=0, atol=1e-14)
 
 
 def test_area_integrates_to_what_the_focal_plane_sees():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.optics.lens.hat_weights import encircled
+from rso_lidar.optics.lens.hat_weights import encircled_energy
 from rso_lidar.optics.lens.psf import (
     AiryPsf,
     FieldDependentPsf,
@@ -12,9 +12,9 @@ from rso_lidar.optics.lens.psf import (
     GaussianPsf,
     GridPsf,
     ZemaxPsf,
-    files_of,
+    find_reach,
     pixel_shares,
-    reach_of,
+    psf_files,
 )
 
 SEED = {"pitch_m": 100e-6, "wavelength_m": 1064e-9, "f_number": 2.8}  # the lens of Fuller et al., sec. 5
@@ -58,9 +58,9 @@ def test_airy_encircled_energy():
     """83.8 % within the first dark ring, at 1.22 λN = 3.6 um for f/2.8 and 1064 nm; 91.0 % within the second."""
     first = 1.21967 * BLUR_M  # Born & Wolf 8.5, table 8.2
     assert first == pytest.approx(3.6e-6, abs=0.05e-6)
-    assert encircled(first, BLUR_M) == pytest.approx(0.838, abs=5e-4)
-    assert encircled(2.23313 * BLUR_M, BLUR_M) == pytest.approx(0.910, abs=5e-4)
-    assert encircled(np.zeros(1), BLUR_M) == 0
+    assert encircled_energy(first, BLUR_M) == pytest.approx(0.838, abs=5e-4)
+    assert encircled_energy(2.23313 * BLUR_M, BLUR_M) == pytest.approx(0.910, abs=5e-4)
+    assert encircled_energy(np.zeros(1), BLUR_M) == 0
 
 
 def airy_by_transform(pitch_m, sub, reach, n_pixels=64):
@@ -138,16 +138,16 @@ def test_the_halo():
 
 
 def test_reach():
-    assert reach_of(GaussianPsf(sigma_um=1.0), missed=1e-2, **SEED) == 1  # light at the edge leaves, 2 x 2 x 0.4 um
-    assert reach_of(GaussianPsf(sigma_um=1e-3), missed=1e-4, **SEED) == 0
+    assert find_reach(GaussianPsf(sigma_um=1.0), missed=1e-2, **SEED) == 1  # light at the edge leaves, 2 x 2 x 0.4 um
+    assert find_reach(GaussianPsf(sigma_um=1e-3), missed=1e-4, **SEED) == 0
     wide = GaussianPsf(sigma_um=200.0)
     # Averaged over a pixel the light is spread as a Gaussian of variance 200² + 2 * 100²/12, roughly: n + 1/2 pixels.
-    reach = reach_of(wide, **SEED)
+    reach = find_reach(wide, **SEED)
     sigma = math.sqrt(200**2 + 100**2 / 12)
     lost = [1 - math.erf((n + 0.5) * 100 / sigma / math.sqrt(2)) ** 2 for n in (reach - 1, reach)]
     assert lost[1] < 1.1e-4 and lost[0] > 0.9e-4
-    assert reach_of(GaussianPsf(sigma_um=5.0, **HALO), missed=1e-9, **SEED) == 16
-    reaches = [reach_of(AiryPsf(), missed=missed, **SEED) for missed in (1e-2, 2e-3, 5e-4)]
+    assert find_reach(GaussianPsf(sigma_um=5.0, **HALO), missed=1e-9, **SEED) == 16
+    reaches = [find_reach(AiryPsf(), missed=missed, **SEED) for missed in (1e-2, 2e-3, 5e-4)]
     assert reaches == sorted(reaches) and reaches[0] == 1 and reaches[-1] > 3
 
 
@@ -182,7 +182,7 @@ def test_tables_in_other_hands(tmp_path, text):
     shares = pixel_shares(psf, sub=2, reach=1, **SEED)
     assert shares[0, 0, 1, 1] == pytest.approx(0.75**2, abs=1e-3)
     assert shares[0, 0, 0, 1] == pytest.approx(0.25 * 0.75, abs=1e-3)
-    assert files_of(psf) == (str(file),)
+    assert psf_files(psf) == (str(file),)
 
 
 def spot(path, row, col, n=41, spacing="5.0"):
@@ -226,8 +226,8 @@ def test_field_dependence(tmp_path):
     # Half-way between right and down, the spot 100 um off lies 71 um right and down: light of the last cell goes there.
     assert at(1.5, 45)[2, 2, 3, 3] == pytest.approx(1, abs=1e-9)
     assert np.abs(at(1.1, 33).sum(axis=(2, 3)) - 1).max() < 1e-12
-    assert files_of(psf) == (corner.file,)
-    assert reach_of(psf, field_rad=0.03, **SEED) >= 1
+    assert psf_files(psf) == (corner.file,)
+    assert find_reach(psf, field_rad=0.03, **SEED) >= 1
 
 
 def test_a_changed_file_is_read_again(tmp_path):

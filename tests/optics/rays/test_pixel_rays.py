@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.optics import BrownConrady, Laser, Receiver, pixel_rays
 from rso_lidar.records import Extent
-from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, place, plate, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, PAPER_RECEIVER, place, plate, surface, truth_of
 
 HALF = math.tan(math.radians(1.25))
 
@@ -42,11 +42,11 @@ def test_one_ray_a_pixel_goes_through_its_centre():
 
 
 def test_every_cell_of_the_grid_has_its_ray():
-    rays = pixel_rays(SEED_RECEIVER, SEED_LASER, EVERYWHERE)
+    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, EVERYWHERE)
     assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
     assert np.allclose(np.linalg.norm(rays.direction, axis=1), 1, rtol=0, atol=1e-15)
     x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
-    cells = np.stack([y, x]) / SEED_RECEIVER.pixel_tangent + 64
+    cells = np.stack([y, x]) / PAPER_RECEIVER.pixel_tangent + 64
     assert np.array_equal(np.floor(cells[0]) * 128 + np.floor(cells[1]), rays.pixel)
     steps = np.unique(np.round(np.mod(cells, 1) * 8, 6))
     assert steps.tolist() == [1, 3, 5, 7]  # centres of quarters
@@ -56,15 +56,15 @@ def test_every_cell_of_the_grid_has_its_ray():
     "box", [((-3, -3), (-2, -2)), ((1.001, 0), (1.2, 0.1)), ((np.inf, np.inf), (-np.inf, -np.inf))]
 )
 def test_nothing_in_the_field_no_rays(box):
-    assert len(pixel_rays(SEED_RECEIVER, SEED_LASER, extent(box)).pixel) == 0
+    assert len(pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(box)).pixel) == 0
 
 
 def test_no_targets_no_rays():
-    assert len(pixel_rays(SEED_RECEIVER, SEED_LASER, Extent(np.zeros((0, 2)), np.zeros((0, 2)))).pixel) == 0
+    assert len(pixel_rays(PAPER_RECEIVER, PAPER_LASER, Extent(np.zeros((0, 2)), np.zeros((0, 2)))).pixel) == 0
 
 
 def test_a_target_half_out_of_the_field():
-    rays = pixel_rays(SEED_RECEIVER, SEED_LASER, extent(((0.9, -0.1), (2, 0.1))))
+    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(((0.9, -0.1), (2, 0.1))))
     x, y = rays.direction[:, 0] / rays.direction[:, 2] / HALF, rays.direction[:, 1] / rays.direction[:, 2] / HALF
     cell = 2 / 512
     assert x.max() < 1 and x.min() > 0.9 - cell and np.abs(y).max() < 0.1 + cell
@@ -75,7 +75,7 @@ def test_a_target_half_out_of_the_field():
 def test_a_small_target_gets_enough_rays_inside_its_bounds(side):
     """`min_rays_per_target` is kept down to a target of 3e-5 half fields, 0.002 pixel across."""
     box = ((0.1234, -0.4321), (0.1234 + side, -0.4321 + side))
-    rays = pixel_rays(SEED_RECEIVER, SEED_LASER, extent(box))
+    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(box))
     x, y = rays.direction[:, 0] / rays.direction[:, 2] / HALF, rays.direction[:, 1] / rays.direction[:, 2] / HALF
     inside = (x >= box[0][0]) & (x <= box[1][0]) & (y >= box[0][1]) & (y <= box[1][1])
     assert 3800 <= inside.sum()  # whole rows and columns: one of 64 each may fall on the edge
@@ -86,8 +86,8 @@ def test_a_small_target_gets_enough_rays_inside_its_bounds(side):
 
 
 def test_min_rays_can_be_switched_off():
-    receiver = SEED_RECEIVER.replace(min_rays_per_target=0)
-    rays = pixel_rays(receiver, SEED_LASER, extent(((0.1234, -0.4321), (0.1235, -0.432))))
+    receiver = PAPER_RECEIVER.replace(min_rays_per_target=0)
+    rays = pixel_rays(receiver, PAPER_LASER, extent(((0.1234, -0.4321), (0.1235, -0.432))))
     assert len(rays.pixel) <= 4 and np.all(rays.weight == 1 / 16)
 
 
@@ -97,7 +97,7 @@ def test_a_small_target_before_a_large_one_costs_no_second_frame(range_km, small
     field_m = 2 * HALF * range_km * 1e3
     small, large = 0.5 * small_m / field_m, 30 / field_m
     both = extent(((-large, -large), (large, large)), ((0.11 * large, 0.1 * large), (0.11 * large + 2 * small,) * 2))
-    made = len(pixel_rays(SEED_RECEIVER, SEED_LASER, both).pixel)
+    made = len(pixel_rays(PAPER_RECEIVER, PAPER_LASER, both).pixel)
     assert made <= 2 * 128 * 128 * 16, f"{made:,} rays"
 
 
@@ -155,7 +155,7 @@ def test_shares_of_a_pixel_never_exceed_it_and_no_ray_is_made_twice(boxes, rays_
 @pytest.mark.parametrize("footprint", ["square", "circle", "gaussian", "as_printed"])
 def test_only_what_is_lit_gets_rays(footprint):
     laser = Laser(divergence_deg=0.3, footprint=footprint)
-    rays = pixel_rays(SEED_RECEIVER, laser, EVERYWHERE)
+    rays = pixel_rays(PAPER_RECEIVER, laser, EVERYWHERE)
     x, y = rays.direction[:, 0] / rays.direction[:, 2], rays.direction[:, 1] / rays.direction[:, 2]
     assert np.all(laser.density(x, y) > 0) or footprint == "gaussian"
     assert exact_sums(rays).max() <= 1 + 1e-12
@@ -234,7 +234,11 @@ def test_a_small_target_behind_a_bent_lens_gets_enough_rays(name, side_pixels):
     across, down = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
     inside = (across >= low[0, 0]) & (across <= high[0, 0]) & (down >= low[0, 1]) & (down <= high[0, 1])
     assert 3000 <= inside.sum() and len(rays.pixel) <= 8 * 4096
-    seen = (high - low).prod() / receiver.distortion.area_seen(across.mean(), down.mean()) / receiver.pixel_tangent**2
+    seen = (
+        (high - low).prod()
+        / receiver.distortion.area_at_direction(across.mean(), down.mean())
+        / receiver.pixel_tangent**2
+    )
     assert rays.weight[inside].sum() == pytest.approx(seen, rel=0.07)  # a row and a column of 64 each
 
 
@@ -259,7 +263,7 @@ def test_a_narrow_beam_behind_a_bent_lens_lights_its_area(name, footprint):
     rays = pixel_rays(receiver, laser, EVERYWHERE)
     x, y = (rays.direction[:, axis] / rays.direction[:, 2] for axis in (0, 1))
     assert np.all(laser.density(x, y) > 0)
-    area = np.sum(rays.weight * receiver.distortion.area_seen(x, y)) * receiver.pixel_tangent**2
+    area = np.sum(rays.weight * receiver.distortion.area_at_direction(x, y)) * receiver.pixel_tangent**2
     t = laser.half_width_tangent
     assert area == pytest.approx(math.pi * t * t if footprint == "circle" else 4 * t * t, rel=2e-3)
 
@@ -272,7 +276,7 @@ def test_a_narrow_beam_behind_a_bent_lens_lights_its_area(name, footprint):
 def test_for_sunlight_the_whole_field_has_rays_and_the_beam_its_share(footprint, distortion):
     """Under a narrow beam every pixel is covered whole, and what is lit is exactly what it is without sunlight."""
     laser = Laser(divergence_deg=0.7, footprint=footprint)
-    receiver = SEED_RECEIVER.replace(distortion=distortion)
+    receiver = PAPER_RECEIVER.replace(distortion=distortion)
     dark = pixel_rays(receiver, laser, EVERYWHERE)
     sunlit = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
     assert np.all(np.diff(sunlit.pixel) >= 0)
@@ -290,7 +294,7 @@ def test_for_sunlight_the_whole_field_has_rays_and_the_beam_its_share(footprint,
 
 
 def test_a_beam_wider_than_the_field_makes_no_more_rays_for_sunlight():
-    for receiver in (SEED_RECEIVER, SEED_RECEIVER.replace(distortion=BrownConrady(k1=2.0))):
+    for receiver in (PAPER_RECEIVER, PAPER_RECEIVER.replace(distortion=BrownConrady(k1=2.0))):
         laser = Laser(divergence_deg=4.0)
         with_sun = pixel_rays(receiver.replace(filter_width_nm=1.0), laser, EVERYWHERE)
         without = pixel_rays(receiver, laser, EVERYWHERE)
@@ -300,7 +304,7 @@ def test_a_beam_wider_than_the_field_makes_no_more_rays_for_sunlight():
 
 def test_a_laser_beside_the_lens_gets_the_whole_field():
     """Where its light falls depends on the range: every cell that may hit has its ray."""
-    rays = pixel_rays(SEED_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
+    rays = pixel_rays(PAPER_RECEIVER, Laser(divergence_deg=0.3, offset_m=(0.5, 0.0, 0.0)), EVERYWHERE)
     assert np.bincount(rays.pixel).tolist() == [16] * 128 * 128
 
 
@@ -320,7 +324,7 @@ def crafts():
 def test_outlines_lose_no_ray_that_hits(distortion):
     """Against all rays within the bounds, from filling the field down to a tenth of a pixel: the same rays hit."""
     rng = np.random.default_rng(9)
-    receiver = SEED_RECEIVER.replace(n_rows=64, n_cols=64, distortion=distortion)
+    receiver = PAPER_RECEIVER.replace(n_rows=64, n_cols=64, distortion=distortion)
     laser, hit, made, before = Laser(divergence_deg=4.0), 0, 0, 0
     for target in crafts():
         size = 2 * target.sphere[1]
@@ -339,9 +343,9 @@ def test_outlines_lose_no_ray_that_hits(distortion):
 
 def test_a_small_target_on_a_large_focal_plane_and_many_of_them():
     """Rays follow from what is seen, not from the number of pixels or of other targets."""
-    large = SEED_RECEIVER.replace(n_rows=1024, n_cols=1024, rays_per_pixel=1)
-    assert len(pixel_rays(large, SEED_LASER, extent(((0.1, 0.1), (0.11, 0.11)))).pixel) < 6 * 4096
+    large = PAPER_RECEIVER.replace(n_rows=1024, n_cols=1024, rays_per_pixel=1)
+    assert len(pixel_rays(large, PAPER_LASER, extent(((0.1, 0.1), (0.11, 0.11)))).pixel) < 6 * 4096
     corner = np.random.default_rng(4).uniform(-0.9, 0.9, (50, 2))
     boxes = [((x, y), (x + 0.002, y + 0.002)) for x, y in corner]
-    rays = pixel_rays(SEED_RECEIVER, SEED_LASER, extent(*boxes))
+    rays = pixel_rays(PAPER_RECEIVER, PAPER_LASER, extent(*boxes))
     assert 40 * 4096 < len(rays.pixel) < 50 * 6 * 4096 and exact_sums(rays).max() <= 1 + 1e-12

@@ -268,7 +268,7 @@ def test_a_black_plate_blurs_into_nothing():
 
 def test_the_oversampled_image_is_from_before_the_lens():
     sharp, blurred = (seen(3.3, 2.2, 0.4, -0.7, with_psf(p)) for p in (None, SOFT))
-    images = [optics.oversampled(s.hits, LASER, lens) for s, lens in ((sharp, LENS), (blurred, with_psf(SOFT)))]
+    images = [optics.oversample(s.hits, LASER, lens) for s, lens in ((sharp, LENS), (blurred, with_psf(SOFT)))]
     assert np.array_equal(images[0].range_m, images[1].range_m, equal_nan=True)
     assert np.array_equal(images[0].photons, images[1].photons)
 

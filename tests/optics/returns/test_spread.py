@@ -11,7 +11,7 @@ from rso_lidar.optics.returns import spread
 from rso_lidar.optics.returns.sorting import sort_by
 from rso_lidar.scene import Lambertian
 from rso_lidar.scene.materials.retro import RetroReflector
-from tests.optics.bench_for_tests import SEED_LASER, box, place, plate, see, sphere, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, box, place, plate, see, sphere, surface, truth_of
 from tests.reference.optics import radiometry as oracle
 
 LENS = Receiver(focal_length_mm=300, f_number=2.8, n_rows=40, n_cols=48)
@@ -55,8 +55,8 @@ def agree(hits, lens):
     Far light comes by a Fourier transform, whose rounding is 1e-16 of the brightest pixel; the depth spread is a difference
     of squares of delays that are known to their last digit, 4e-22 s.
     """
-    reference = oracle.collect(hits, SEED_LASER, lens)
-    ours = collect(hits, SEED_LASER, lens)
+    reference = oracle.collect(hits, PAPER_LASER, lens)
+    ours = collect(hits, PAPER_LASER, lens)
     for name in ("pixel", "hit", "cluster", "cluster_pixel"):
         assert np.array_equal(getattr(ours, name), getattr(reference, name)), name
     brightest = reference.photons.max(initial=0.0)

@@ -11,7 +11,7 @@ import rso_lidar as rl
 from rso_lidar.cli import main
 from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser
-from rso_lidar.optics.tables.laser_profiles import full_width_s, read_pattern, read_pulse
+from rso_lidar.optics.tables.laser_profiles import find_full_width_s, read_pattern, read_pulse
 
 # ------------------------------------------------------------------------------------------------------------ patterns
 
@@ -115,7 +115,7 @@ def test_a_triangle_in_three_rows(tmp_path):
     """Rise 2 ns, fall 6 ns: width at half 4 ns, centroid (2 + 8)/3 ns after the first row, by geometry."""
     laser = write_pulse(tmp_path / "t.csv", [10, 12, 18], [0, 5, 0])
     time_s, power = read_pulse(laser.pulse_file)
-    assert full_width_s(time_s, power) == pytest.approx(4e-9, rel=1e-12)
+    assert find_full_width_s(time_s, power) == pytest.approx(4e-9, rel=1e-12)
     assert time_s == pytest.approx(np.array([-10 / 3, -4 / 3, 14 / 3]) * 1e-9, rel=1e-12)
     assert power.max() == pytest.approx(1 / 4e-9, rel=1e-12)
     step_s, taps = laser.pulse

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rso_lidar.optics.rays.beam_edge import cut_at_edge
+from rso_lidar.optics.rays.beam_edge import clip_to_beam
 from rso_lidar.optics.rays.cells import Outlines, boxes_in_cells, outlines_in_cells, tangents_of_cells
 from rso_lidar.optics.rays.coverage import BEYOND, FINEST, SLACK, STEP
 from rso_lidar.records import Rays
@@ -31,7 +31,7 @@ def pixel_rays(receiver, laser, extent):
     ]
     direction, pixel, weight = _rays(owner, window, fine, receiver)
     if laser.footprint != "gaussian" and laser.offset is None:
-        direction, pixel, weight = cut_at_edge(direction, pixel, weight, laser, receiver)
+        direction, pixel, weight = clip_to_beam(direction, pixel, weight, laser, receiver)
     return Rays(receiver.shape, direction, pixel, weight)
 
 

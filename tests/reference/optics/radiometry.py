@@ -45,7 +45,7 @@ def _light_of_hits(hits, laser, receiver):
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
     seen = hits.weight
     if receiver.distortion is not None:
-        seen = seen * receiver.distortion.area_seen(x / cos_axis, y / cos_axis)
+        seen = seen * receiver.distortion.area_at_direction(x / cos_axis, y / cos_axis)
     density = laser.density(x / cos_axis, y / cos_axis)
     toward = cos_axis / hits.range_m**2
     path_m = 2.0 * hits.range_m

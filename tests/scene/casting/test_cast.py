@@ -12,7 +12,7 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD
-from tests.optics.bench_for_tests import SEED_LASER, box, look, place, plate, see, sphere, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, box, look, place, plate, see, sphere, surface, truth_of
 
 SMALL = Receiver(fov_deg=20, f_number=2, n_rows=12, n_cols=12, rays_per_pixel=4, min_rays_per_target=0)
 WIDE = Laser(divergence_deg=170)
@@ -108,7 +108,7 @@ def test_no_ray_slips_through_an_edge(n, rays_per_pixel):
     """Rays through corners and along the diagonals of a wall of squares: a wall has no holes."""
     lens = Receiver(fov_deg=2.5, f_number=2.8, n_rows=32, n_cols=32, rays_per_pixel=rays_per_pixel)
     width = 32 * lens.pixel_tangent * 1000.0
-    seen = look(plate(width * 2, n=2 * n), place((0, 0, 1000.0)), lens, SEED_LASER)
+    seen = look(plate(width * 2, n=2 * n), place((0, 0, 1000.0)), lens, PAPER_LASER)
     assert len(seen.hits.ray) == len(seen.rays.pixel) == 32 * 32 * rays_per_pixel
 
 

@@ -210,7 +210,7 @@ def test_kernels_run_as_python():
     program = """
 from tests.optics.bench_for_tests import *
 target, truth = surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900)))
-rays = optics.pixel_rays(SEED_RECEIVER.replace(rays_per_pixel=1), SEED_LASER, scene.extent([target], truth))
+rays = optics.pixel_rays(PAPER_RECEIVER.replace(rays_per_pixel=1), PAPER_LASER, scene.extent([target], truth))
 print(len(rays.pixel), scene.cast(rays, [target], truth, 1, laser_from_m=(0.1, 0, 0)).range_m.sum().hex())
 """
     said = [

@@ -13,7 +13,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part
 from rso_lidar.scene import Crinkled, Lambertian, Phong, RetroReflector, complete
 from rso_lidar.study import budget
-from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, place, plate, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, PAPER_RECEIVER, place, plate, surface, truth_of
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "seams" / "own_material.py"
 
@@ -81,7 +81,7 @@ class Delegating(Own):
 def hits_of(material, laser_from_m=None):
     turned = place((0.3, 0.2, 40.0), Rotation.from_euler("xyz", (20.0, 30.0, 0.0), degrees=True))
     truth, target = truth_of(target=turned), surface("target", plate(2.0, n=4), material)
-    rays = optics.pixel_rays(SEED_RECEIVER, SEED_LASER, scene.extent([target], truth))
+    rays = optics.pixel_rays(PAPER_RECEIVER, PAPER_LASER, scene.extent([target], truth))
     return scene.cast(rays, [target], truth, 1, laser_from_m=laser_from_m)
 
 

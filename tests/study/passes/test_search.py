@@ -12,7 +12,7 @@ from matplotlib.text import Text
 import rso_lidar as rl
 from rso_lidar import motion, orbit
 from rso_lidar.errors import CatalogError, RecordingError, ScenarioError
-from rso_lidar.optics.link_budget import filled_pixel
+from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.orbit.sets import teme
 from rso_lidar.orbit.sets.catalog import Catalog
 from rso_lidar.orbit.sets.element_set import ElementSet
@@ -107,7 +107,7 @@ def test_reach_is_where_a_plate_gives_the_threshold():
         lidar = Lidar(preset=preset)
         near, far = reach_m(lidar)
         assert near == lidar.detector.sees_from_m
-        photons = filled_pixel(lidar.laser, lidar.receiver, 0.30 / math.pi, far)
+        photons = filled_pixel_photons(lidar.laser, lidar.receiver, 0.30 / math.pi, far)
         share = min(1.0, 1.0 / (far * lidar.receiver.pixel_tangent) ** 2)  # of the pixel that 1 m2 fills
         if far < lidar.detector.sees_to_m:
             assert photons * share == pytest.approx(lidar.detector.threshold_photons, rel=1e-9)

@@ -8,7 +8,7 @@ from rso_lidar.optics.returns.radiometry import collect
 from rso_lidar.records import Hits, Oversampled
 
 
-def oversampled(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
+def oversample(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
     """Return range and photon image (fine_row, fine_col), k x k cells to a pixel, before any PSF.
 
     Where rays are finer than cells their photons add, and the nearest gives the range.

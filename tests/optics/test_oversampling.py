@@ -6,11 +6,11 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import optics
 from rso_lidar.optics import BrownConrady, GaussianPsf, Laser, Receiver
-from tests.optics.bench_for_tests import SEED_LASER, SEED_RECEIVER, box, look, place, plate, see, surface, truth_of
+from tests.optics.bench_for_tests import PAPER_LASER, PAPER_RECEIVER, box, look, place, plate, see, surface, truth_of
 
 
-def made(scene, receiver, laser=SEED_LASER):
-    return optics.oversampled(scene.hits, laser, receiver)
+def made(scene, receiver, laser=PAPER_LASER):
+    return optics.oversample(scene.hits, laser, receiver)
 
 
 def binned(image, k):
@@ -22,7 +22,7 @@ def binned(image, k):
 @pytest.mark.parametrize("rays_per_pixel", [1, 4, 16])
 @pytest.mark.parametrize("distortion", [None, BrownConrady(k1=5.0)], ids=["straight", "bent"])
 def test_cells_add_up_to_pixels(rays_per_pixel, distortion):
-    receiver = SEED_RECEIVER.replace(rays_per_pixel=rays_per_pixel, distortion=distortion)
+    receiver = PAPER_RECEIVER.replace(rays_per_pixel=rays_per_pixel, distortion=distortion)
     k = receiver.rays_per_side
     for triangles, pose in ((plate(40.0), place((3, -5, 3000))), (plate(0.3), place((10.2, 7.1, 3000)))):
         scene = look(triangles, pose, receiver)
@@ -37,11 +37,11 @@ def test_the_seed_s_figures_are_512_by_512():
     """Fuller et al., sec. 3: 128 x 128 pixels, 4 x 4 rays each. The picture lies as the lidar sees it, and shows depth."""
     near = surface("near", box(8.0, 8.0, 4.0))
     far = surface("far", plate(60.0, 30.0))
-    receiver = SEED_RECEIVER.replace(min_rays_per_target=0)
+    receiver = PAPER_RECEIVER.replace(min_rays_per_target=0)
     scene = see([near, far], truth_of(near=place((-10, -6, 2980)), far=place((5, 5, 3000))), receiver)
     image = made(scene, receiver)
     assert image.photons.shape == (512, 512)
-    pixel_m = 3000 * SEED_RECEIVER.pixel_tangent / 4
+    pixel_m = 3000 * PAPER_RECEIVER.pixel_tangent / 4
     at = lambda x, y: (256 + round(y / pixel_m), 256 + round(x / pixel_m))  # noqa: E731
     assert image.range_m[at(-10 * 2978 / 3000, -6)] == pytest.approx(2978, abs=0.1)
     assert image.range_m[at(20, 10)] == pytest.approx(3000, abs=0.2)
@@ -60,14 +60,14 @@ def test_the_nearest_of_several_rays_gives_the_range_and_their_photons_add():
     wall = surface("wall", plate(90.0))
     scene = see([small, wall], truth_of(small=place((0.7, 0.7, 2000)), wall=place((0, 0, 3000))))
     assert scene.hits.weight.min() < 1 / 100
-    image = made(scene, SEED_RECEIVER)
+    image = made(scene, PAPER_RECEIVER)
     assert image.photons.sum(dtype=float) == pytest.approx(scene.photons.photons.sum(), rel=1e-5)
     row, col = np.unravel_index(np.nanargmin(image.range_m), image.range_m.shape)
     assert image.range_m[row, col] == pytest.approx(2000, abs=1e-3)
     assert binned(image.photons, 4) == pytest.approx(scene.by_pixel, rel=1e-5)
     # Cell by cell: on the border of the small target rays of both fall into one cell, in any order.
     direction = scene.hits.rays.direction[scene.hits.ray]
-    at = SEED_RECEIVER.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
+    at = PAPER_RECEIVER.image_of(direction[:, 0] / direction[:, 2], direction[:, 1] / direction[:, 2])
     nearest: dict[tuple[int, int], float] = {}
     for col, row, range_m in zip(*(np.floor(4 * x).astype(int) for x in at), scene.hits.range_m, strict=True):
         nearest[row, col] = min(range_m, nearest.get((row, col), np.inf))
@@ -78,7 +78,7 @@ def test_the_nearest_of_several_rays_gives_the_range_and_their_photons_add():
 
 def test_dark_hits_have_range_and_no_photons():
     """Beside a narrow beam, where sunlight is asked for, the scene is there and sends nothing."""
-    receiver = SEED_RECEIVER.replace(filter_width_nm=1.0)
+    receiver = PAPER_RECEIVER.replace(filter_width_nm=1.0)
     laser = Laser(divergence_deg=0.5)
     scene = look(plate(140.0), place((0, 0, 3000)), receiver, laser)
     image = made(scene, receiver, laser)
@@ -88,7 +88,7 @@ def test_dark_hits_have_range_and_no_photons():
 
 def test_nothing_seen():
     scene = look(plate(1.0), place((500, 0, 3000)))
-    image = made(scene, SEED_RECEIVER)
+    image = made(scene, PAPER_RECEIVER)
     assert np.all(np.isnan(image.range_m)) and np.all(image.photons == 0)
 
 
