@@ -34,7 +34,7 @@ from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.scenario.mission.surfaces import surface_of
+from rso_lidar.scenario.mission.surfaces import build_whole_surface
 from rso_lidar.scene.surfaces.portrait import portrait
 from rso_lidar.study.time_history.open_loop import course
 
@@ -686,7 +686,9 @@ def _shape(name: str) -> tuple[np.ndarray, float]:
     from PIL import Image
 
     entry, known = rl.scene.library.model(name), rl.scene.library.materials()
-    surface = surface_of(rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9)
+    surface = build_whole_surface(
+        rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9
+    )
     toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7))) / np.linalg.norm(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
     view = portrait(surface, tuple(toward.tolist()), (0.0, 0.0, 1.0), cells=1200)
     right = np.cross((0.0, 0.0, 1.0), toward) / math.hypot(toward[0], toward[1])

@@ -452,7 +452,7 @@ def _rate(per_s: float) -> str:
 
 def presets() -> str:
     """Return the shipped cameras by name, with what in them is sourced and what assumed."""
-    from rso_lidar.scenario.tables.presets import presets as shipped
+    from rso_lidar.scenario.tables.presets import load_presets as shipped
 
     rows = [(f"`{name}`", " ".join(table["what"].split())) for name, table in shipped().items()]
     return _table(("`[lidar] preset`", "what it is"), rows)

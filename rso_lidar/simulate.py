@@ -15,7 +15,7 @@ from rso_lidar import detector, motion, optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.processes import Processes
 from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
-from rso_lidar.scenario import Lidar, Scenario, need_scenario
+from rso_lidar.scenario import Lidar, Scenario, require_scenario
 
 Controller = Callable[[Observation], Command | None]
 
@@ -45,7 +45,7 @@ def simulate(
         them keeps its own work under ``if __name__ == "__main__":``. It does not change a bit either.
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, waveforms, oversampled.
     """
-    need_scenario(scenario, "simulate")
+    require_scenario(scenario, "simulate")
     kept = _known(keep, scenario)
     for name, count in (("threads", threads), ("workers", workers)):
         if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
@@ -148,7 +148,7 @@ def flash(
 
     `lidar` is the instrument with what is in force (None: as planned for this instant).
     """
-    need_scenario(scenario, "flash")
+    require_scenario(scenario, "flash")
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
     receiver = lidar.receiver
     laser, late_s = lidar.laser.fire(rng)

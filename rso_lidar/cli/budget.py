@@ -14,8 +14,8 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import free
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.mission.validation import validated
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.mission.validation import validate_toml
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import budget as worked_out
 from rso_lidar.study.budgets.range_budget import SUFFIXES
 
@@ -66,7 +66,7 @@ def budget(
         target_m=None if target_m is None else _sides_m(target_m),
         facet_m2=facet_m2,
     )
-    if settings and camera in presets():
+    if settings and camera in load_presets():
         made = replace(made, camera=f"{camera} with {', '.join(settings)}")  # it is not the camera of that name
     if output is not None:
         made.save(output, overwrite=overwrite)
@@ -76,12 +76,13 @@ def budget(
 
 
 def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
-    if text in presets():
-        return validated(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
+    if text in load_presets():
+        return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
         return Scenario.load(text, settings)
     raise ScenarioError(
-        f"{text}: no camera of that name{did_you_mean(text, presets())} (known: {', '.join(presets())}; or a scenario file)"
+        f"{text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
+        "or a scenario file)"
     )
 
 

@@ -7,7 +7,7 @@ from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import RsoLidarError
 from rso_lidar.export.registry import FORMATS
 from rso_lidar.orbit.sets.catalog import REGIMES
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene.library.catalogue import models, own_models
 from rso_lidar.shipped import shipped
 
@@ -18,7 +18,7 @@ def _begins(words: Iterable[str], incomplete: str) -> list[str]:
 
 def camera_names(incomplete: str) -> list[str]:
     """Return the shipped cameras; where none fits, the shell offers files."""
-    return _begins(presets(), incomplete)
+    return _begins(load_presets(), incomplete)
 
 
 def example_names(incomplete: str) -> list[str]:

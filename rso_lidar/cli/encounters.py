@@ -18,7 +18,7 @@ from rso_lidar.files import check_suffix, free, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Constraints, Lidar, Scenario
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
 from rso_lidar.study.passes.search import MAX_SLEW_DEG_S, counted
@@ -228,12 +228,12 @@ def _constraints(
 
 def _lidar(text: str) -> tuple[Lidar, Constraints | None]:
     """Return the camera of that name, or that of a scenario file and what the file asks of its geometry."""
-    if text in presets():
+    if text in load_presets():
         return Lidar(preset=text), None  # type: ignore[call-arg]
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
         scenario = Scenario.load(text)
         return scenario.instrument, scenario.constraints
     raise ScenarioError(
-        f"--lidar {text}: no camera of that name{did_you_mean(text, presets())} (known: {', '.join(presets())}; or a "
-        "scenario file)"
+        f"--lidar {text}: no camera of that name{did_you_mean(text, load_presets())} (known: {', '.join(load_presets())}; "
+        "or a scenario file)"
     )

@@ -1,6 +1,6 @@
 """What a user describes, joined: Time, World, Target, Follower, Lidar, Scenario."""
 
-from rso_lidar.scenario.scenario import Scenario, need_scenario
+from rso_lidar.scenario.scenario import Scenario, require_scenario
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.hinges import Joint
@@ -24,5 +24,5 @@ __all__ = [
     "Target",
     "Time",
     "World",
-    "need_scenario",
+    "require_scenario",
 ]

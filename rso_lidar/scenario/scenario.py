@@ -1,4 +1,4 @@
-"""Scenario: a mission in one file, and what is asked of it."""
+"""Scenario: a mission in one file, with its description and its record of origin."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.records import Source
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.mission.provenance import arithmetic_in_words, source_of
-from rso_lidar.scenario.review.advice import advice
+from rso_lidar.scenario.mission.provenance import build_source, describe_arithmetic
+from rso_lidar.scenario.review.advice import advise
 from rso_lidar.scenario.review.description import describe
 
 
@@ -17,14 +17,26 @@ class Scenario(Mission):
     """Everything that a simulation needs, as its TOML file says it.
 
     Relative paths are looked up beside the scenario file, then among the shipped data.
+
+    >>> scenario = Scenario.loads('''
+    ... version = 1
+    ... name = "a plate on a bench"
+    ... world = { axes = "local" }
+    ... time = { start_utc = 2024-09-17T12:00:00Z, duration_s = 2, frame_rate_hz = 5 }
+    ... follower = { motion = { type = "fixed", position_m = [0, 0, 0] } }
+    ... lidar = { preset = "gsfl_1064" }
+    ... target = [{ name = "plate", model = "plate", motion = { type = "fixed", position_m = [1000, 0, 0] } }]
+    ... ''')
+    >>> scenario.time.n_frames
+    10
     """
 
     @property
     def source(self) -> Source:
         """Record of where frames come from, which every frame carries; it names the arithmetic in force."""
-        made_by = arithmetic_in_words()
+        made_by = describe_arithmetic()
         if made_by not in self._sources:
-            self._sources[made_by] = source_of(self)
+            self._sources[made_by] = build_source(self)
         return self._sources[made_by]
 
     @cached_property
@@ -49,10 +61,10 @@ class Scenario(Mission):
 
     def advice(self) -> list[str]:
         """Return one warning for each setting that is allowed but probably not intended."""
-        return advice(self)
+        return advise(self)
 
 
-def need_scenario(given: object, asked_by: str) -> None:
-    """Raise `ScenarioError` for what is no scenario."""
+def require_scenario(given: object, asked_by: str) -> None:
+    """Raise `ScenarioError` for an object that is not a scenario; `asked_by` begins the message."""
     if not isinstance(given, Scenario):
         raise ScenarioError(f"{asked_by}: needs a Scenario, not {given!r:.60}; Scenario.load reads one from a file")

@@ -16,7 +16,7 @@ from rso_lidar.picture.style.output import save_figure
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Target
-from rso_lidar.scenario.mission.surfaces import surface_of, taxonomy_of
+from rso_lidar.scenario.mission.surfaces import build_whole_surface, find_taxonomy
 from rso_lidar.scene import Surface
 from rso_lidar.scene.library.catalogue import materials, model
 from rso_lidar.scene.surfaces.portrait import portrait, viewer_axes
@@ -100,7 +100,7 @@ def model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool =
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
-    surface = surface_of(target, file, WAVELENGTHS_NM[0] * units.NM)
+    surface = build_whole_surface(target, file, WAVELENGTHS_NM[0] * units.NM)
     seen = tuple(_side_return(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
     words, colours = _finishes(target, surface)
     parts = surface.part
@@ -151,7 +151,7 @@ def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[
 def _side_return(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
-    surface = surface_of(target, file, lidar.laser.wavelength_m)
+    surface = build_whole_surface(target, file, lidar.laser.wavelength_m)
     links = {"lidar": Link.still(), target.name: Link.still(_lidar_from_body(*SIDES[side], RANGE_M))}
     poses = PoseTree({"lidar": "inertial", target.name: "lidar"}, links)
     truth = Truth(0.0, poses, {}, np.full(3, np.nan))
@@ -184,7 +184,7 @@ def _counted(photons: float) -> str:
 
 def _lines(target: Target, surface: Surface) -> list[str]:
     sides = surface.mesh.size_m
-    kind = taxonomy_of(target)
+    kind = find_taxonomy(target)
     lines = [kind.in_words] if kind else []
     lines.append(
         f"{' × '.join(f'{side:.4g}' for side in sides)} m, {surface.mesh.source_facets:,} facets, "

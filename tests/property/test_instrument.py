@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import rso_lidar as rl
 from rso_lidar.scenario import Schedule
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.tables.presets import load_presets
 
 GATED = {"type": "gsfl", "gate": {"delay_ns": 100.0}}
 LISTS = {
@@ -45,7 +45,10 @@ def test_a_plan_stays_between_its_values_and_meets_them(plan, time_s):
 
 @settings(max_examples=40)
 @given(
-    plan=plans(), name=st.sampled_from(sorted(presets())), energy_mj=st.floats(1e-3, 1e3), fov_deg=st.floats(0.1, 100)
+    plan=plans(),
+    name=st.sampled_from(sorted(load_presets())),
+    energy_mj=st.floats(1e-3, 1e3),
+    fov_deg=st.floats(0.1, 100),
 )
 def test_an_instrument_written_out_is_the_same(plan, name, energy_mj, fov_deg):
     lidar = rl.Lidar(

@@ -1,4 +1,4 @@
-"""Whether an instrument can be simulated: its files can be read, and its detector fits into memory."""
+"""The check whether an instrument can be simulated."""
 
 from rso_lidar import detector
 from rso_lidar.optics import read_files

@@ -17,9 +17,9 @@ from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs, Tle
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.instrument import check_instrument
-from rso_lidar.scenario.mission.named_files import dynamics_of, with_files
-from rso_lidar.scenario.mission.surfaces import surfaces_of
-from rso_lidar.scenario.mission.validation import read_toml, validated
+from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
+from rso_lidar.scenario.mission.surfaces import build_surfaces
+from rso_lidar.scenario.mission.validation import read_toml, validate_toml
 from rso_lidar.scenario.tables.constraints import Constraints
 from rso_lidar.scenario.tables.lidar import Lidar
 from rso_lidar.scenario.tables.target import Follower, Target
@@ -57,9 +57,19 @@ class Mission(Part):
 
     @classmethod
     def load(cls, path: str | Path, settings: tuple[str, ...] = ()) -> Self:
-        """Return the scenario of a TOML file, with some fields set anew, such as ``"lidar.laser.energy_mj=20"``.
+        """Load a scenario from a TOML file.
 
-        Python code that the file names as `dynamics` is run when the scenario is flown.
+        Python code that the file names as `dynamics` runs when the scenario is flown.
+
+        Parameters
+        ----------
+        path : of the file.
+        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that cannot be read, and for content that is not a valid scenario.
         """
         path = path_of(path, ScenarioError)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings, trust_code=True)
@@ -74,23 +84,28 @@ class Mission(Part):
         settings: tuple[str, ...] = (),
         trust_code: bool = False,
     ) -> Self:
-        """Return the scenario of a TOML text, such as a recording's.
+        """Load a scenario from a TOML text, such as that of a recording.
 
         Parameters
         ----------
         text : the TOML.
-        folder : where its relative paths begin; None is the working folder.
-        where : its name in errors.
-        settings : fields set anew, such as ``"lidar.laser.energy_mj=20"``.
-        trust_code : run the Python code that the text names as `dynamics` when the scenario is flown. Otherwise such a
-            scenario is read and not flown, for its text may come from somebody else.
+        folder : start of relative paths (None: the working folder).
+        where : name of the text in error messages.
+        settings : fields to change, such as ``"lidar.laser.energy_mj=20"``.
+        trust_code : whether Python code that the text names as `dynamics` may run when the scenario is flown. Otherwise
+            such a scenario can be read but not flown, because its text may come from somebody else.
+
+        Raises
+        ------
+        ScenarioError
+            For a text that is not a valid scenario.
         """
-        scenario = validated(cls, text, where, settings)
+        scenario = validate_toml(cls, text, where, settings)
         scenario._folder, scenario._where, scenario._trust_code = folder, where, trust_code
         return scenario
 
     def __eq__(self, other: object) -> bool:
-        """Two scenarios are equal where they say the same, wherever their files lie."""
+        """Compare the content of two scenarios, wherever their files are."""
         return (
             isinstance(other, Mission)
             and self.model_dump() == other.model_dump()
@@ -124,15 +139,15 @@ class Mission(Part):
 
     @property
     def local(self) -> bool:
-        """Return whether the root axes have no Earth."""
+        """Whether the root axes have no Earth."""
         return self.world.axes == "local"
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
-        """Return targets and follower, with the files of their motions found."""
-        return tuple(self._found(body) for body in (*self.target, self.follower))
+        """Targets and follower, with the paths of their motions' files."""
+        return tuple(self._find_files_of(body) for body in (*self.target, self.follower))
 
-    def _found(self, body: Body) -> Body:
+    def _find_files_of(self, body: Body) -> Body:
         changes = {}
         for place in ("motion", "attitude"):
             part = getattr(body, place)
@@ -140,35 +155,35 @@ class Mission(Part):
                 continue
             with self.placed(f"{body.name}.{place}"):
                 self._check_code(part)
-                found = with_files(part, self.file)
+                found = find_named_files(part, self.file)
                 if isinstance(found, Tle):
-                    found.elements(self.time.start_utc)  # a bad set is told now, with its place
+                    found.elements(self.time.start_utc)  # so that a bad element set is reported here, with its place
             if found is not part:
                 changes[place] = found
         return body.replace(**changes) if changes else body
 
     @cached_property
     def pan_tilt(self) -> Ptu | None:
-        """Return the PTU with the files that it names found."""
+        """PTU with the paths of the files that it names."""
         with self.placed("ptu"):
             self._check_code(self.ptu)
-            found: Ptu | None = with_files(self.ptu, self.file) if self.ptu else None
+            found: Ptu | None = find_named_files(self.ptu, self.file) if self.ptu else None
         return found
 
     def _check_code(self, part: Part | None) -> None:
-        """Refuse Python code that a part names, unless the scenario's text is trusted."""
-        if not self._trust_code and part is not None and (named := dynamics_of(part)):
+        """Raise `ScenarioError` for a part that names Python code, unless the scenario's text is trusted."""
+        if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(
                 f"dynamics: names the Python code '{named[0]}', and the code that a text names is not run; "
                 "load the scenario from a file, or give trust_code=True to Scenario.loads where you trust it"
             )
 
     def placed(self, place: str = "") -> AbstractContextManager[None]:
-        """Return a context that puts the scenario's name, and a place in it, before the messages of errors."""
+        """Return a context that prefixes the messages of errors with the scenario's name and a place in it."""
         return placed(f"{self._where}: {place}" if place else self._where)
 
     def file(self, name: str) -> Path:
-        """Return the path of a file that the scenario names, or raise `ScenarioError`."""
+        """Find a file that the scenario names, or raise `ScenarioError`."""
         path = find(name, self._folder)
         if path is None:
             beside = f"beside the scenario ({self._folder})" if self._folder else "in the working folder"
@@ -177,38 +192,38 @@ class Mission(Part):
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """Return the targets' surfaces: meshes in body axes, with materials; what a hinge carries is one of its own."""
+        """Surfaces of the targets: meshes in body axes, with materials. Each hinge carries a surface of its own."""
         surfaces: list[Surface] = []
         for number, target in enumerate(self.target):
             with self.placed(f"target {target.name}"):
-                surfaces += surfaces_of(target, number, self.file, self.lidar.laser.wavelength_m)
+                surfaces += build_surfaces(target, number, self.file, self.lidar.laser.wavelength_m)
         return tuple(surfaces)
 
     def surfaces_of(self, number: int) -> tuple[Surface, ...]:
-        """Return the surfaces of one target by number: its body's first, then those of its hinges."""
+        """Return the surfaces of one target by number: that of its body, then those of its hinges."""
         return tuple(surface for surface in self.surfaces if surface.target == number)
 
     def corners_of(self, number: int) -> np.ndarray:
-        """Return the corners (facet, 3, xyz) f8 [m] of one target by number in body axes, its hinges unturned."""
+        """Return the corners (facet, 3, xyz) f8 [m] of one target by number in body axes, with all hinges at zero."""
         seats = [(0.0, 0.0, 0.0), *(joint.position_m for joint in self.target[number].joints)]
         surfaces = self.surfaces_of(number)
         return np.concatenate([one.corners + np.array(at) for one, at in zip(surfaces, seats, strict=True)])
 
     @cached_property
     def instrument(self) -> Lidar:
-        """Return the lidar with the files that it names found and read."""
+        """Lidar with the paths of the files that it names, all of them read."""
         with self.placed("lidar"):
-            found: Lidar = with_files(self.lidar, self.file)
+            found: Lidar = find_named_files(self.lidar, self.file)
             check_instrument(found)
         return found
 
     @property
     def span(self) -> tuple[datetime.datetime, float]:
-        """Return start_utc and the instant of the last frame [s]."""
+        """Start in UTC, and time of the last frame [s since start_utc]."""
         return self.time.start_utc, (self.time.n_frames - 1) / self.time.frame_rate_hz
 
     def epochs(self, frames: np.ndarray | None = None) -> Epochs:
-        """Return the instants of all frames, or of some by number."""
+        """Return the epochs of all frames, or of some by number."""
         numbers = np.arange(self.time.n_frames) if frames is None else frames
         return Epochs(self.time.start_utc, self.time.seconds(numbers))
 

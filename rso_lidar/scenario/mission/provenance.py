@@ -1,4 +1,4 @@
-"""Where frames come from: the scenario resolved so that a recording can be flown again."""
+"""The record of where frames come from, from which a recording can be flown again."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from rso_lidar.orbit import Tle, format_utc
 from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.mission.named_files import files_of
-from rso_lidar.scenario.mission.surfaces import placed_in, taxonomy_of
-from rso_lidar.scenario.tables.library_model import of_library
+from rso_lidar.scenario.mission.named_files import list_named_files
+from rso_lidar.scenario.mission.surfaces import find_taxonomy, place_mesh
+from rso_lidar.scenario.tables.library_model import describe_library_model
 from rso_lidar.scenario.tables.target import Target
 from rso_lidar.scene import Lambertian, Material, Named, Surface
 from rso_lidar.scene.embree.engine import engine
@@ -28,16 +28,16 @@ from rso_lidar.scene.library.catalogue import model
 _LIBRARIES = ("numpy", "scipy", "skyfield", "sgp4", "trimesh", "embreex", "h5py")
 
 
-def source_of(mission: Mission) -> Source:
-    """Return the source record of a scenario."""
+def build_source(mission: Mission) -> Source:
+    """Build the Source record of a mission."""
     return Source(
-        scenario=resolve(mission),
+        scenario=resolve_toml(mission),
         title=mission.name,
         start_utc=format_utc(mission.time.start_utc, 0.0),
         seed=mission.seed,
         versions={"rso_lidar": importlib.metadata.version("rso-lidar"), "python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in _LIBRARIES}
-        | {"arithmetic": arithmetic_in_words()},
+        | {"arithmetic": describe_arithmetic()},
         targets=tuple(
             TargetEntry(
                 name=target.name,
@@ -46,33 +46,33 @@ def source_of(mission: Mission) -> Source:
                 parts=surface.mesh.part_names,
                 materials=tuple(material.summarize() for material in surface.materials[: len(surface.mesh.part_names)]),
                 facets=surface.mesh.source_facets,
-                taxonomy=taxonomy_of(target),
+                taxonomy=find_taxonomy(target),
             )
-            for target, surface in _meshes(mission)
+            for target, surface in _pair_meshes(mission)
         ),
     )
 
 
-def arithmetic_in_words() -> str:
+def describe_arithmetic() -> str:
     """Return how the busiest stages are worked out, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
     return f"{arithmetic.name()} with {engine().summary}"
 
 
-def resolve(mission: Mission) -> str:
-    """Return the scenario as TOML with every default written out and element sets inline."""
+def resolve_toml(mission: Mission) -> str:
+    """Write a mission as TOML, with every default written out and element sets inline."""
     import tomli_w
 
-    _warn_of_nameless(mission)
-    meshes = _meshes(mission)
+    _warn_of_unnamed_dynamics(mission)
+    meshes = _pair_meshes(mission)
     tree: dict[str, Any] = mission.model_dump(exclude_none=True)
     for table, target in zip(tree["target"], mission.target, strict=True):
         if target.joint:
             table["joint"] = [joint.model_dump(exclude_none=True) for joint in target.joints]
-        table |= _of_library(target)
+        table |= _resolve_library_model(target)
         table |= {key: table.pop(key) for key in type(target).model_fields if key in table}  # in order again
     tables = [*tree["target"], tree["follower"]]
     for table, body in zip(tables, mission.bodies, strict=True):
-        written = _inline(body.motion, mission.time.start_utc)
+        written = _inline_element_sets(body.motion, mission.time.start_utc)
         if written is not body.motion:
             table["motion"] = written.model_dump(exclude_none=True)
     sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in meshes]
@@ -80,31 +80,34 @@ def resolve(mission: Mission) -> str:
         (body.name, part) for body in mission.bodies for part in (body.motion, body.attitude) if part is not None
     ]
     parts += [("the ptu", mission.pan_tilt)] if mission.pan_tilt else []
-    listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in files_of(part)]
-    sums += [f"# file {Path(file).name} of {name}: SHA-256 {_sha256(file)}" for name, file in listed]
+    listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in list_named_files(part)]
+    sums += [f"# file {Path(file).name} of {name}: SHA-256 {_hash_file(file)}" for name, file in listed]
     sums += [
-        f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_sha256(str(mission.file(labels.file)))}"
+        f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_hash_file(str(mission.file(labels.file)))}"
         for target in mission.target
         if (labels := target.facet_materials)
     ]
-    sums += [f"# file {Path(file).name} of the lidar: SHA-256 {_sha256(file)}" for file in files_of(mission.instrument)]
+    sums += [
+        f"# file {Path(file).name} of the lidar: SHA-256 {_hash_file(file)}"
+        for file in list_named_files(mission.instrument)
+    ]
     return "\n".join([*sums, "", tomli_w.dumps(tree)])
 
 
-def _inline(part: Any, start_utc: datetime.datetime) -> Any:
-    """Return a motion with the element sets that it, or a part in it, names written out."""
+def _inline_element_sets(part: Any, start_utc: datetime.datetime) -> Any:
+    """Return a motion with all element sets that it or a part in it names written out."""
     if isinstance(part, Tle):
         return part.inline(start_utc)
     changes = {}
     for name in type(part).model_fields:
         value = getattr(part, name)
-        if isinstance(value, Part) and (written := _inline(value, start_utc)) is not value:
+        if isinstance(value, Part) and (written := _inline_element_sets(value, start_utc)) is not value:
             changes[name] = written
     return part.replace(**changes) if changes else part
 
 
-def _warn_of_nameless(mission: Mission) -> None:
-    """Warn of dynamics that no recording can find again."""
+def _warn_of_unnamed_dynamics(mission: Mission) -> None:
+    """Warn of dynamics without a name by which a recording could find them again."""
     parts = [
         (f"{body.name}.{place}", getattr(body, place)) for body in mission.bodies for place in ("motion", "attitude")
     ]
@@ -118,26 +121,26 @@ def _warn_of_nameless(mission: Mission) -> None:
             )
 
 
-def _sha256(file: str) -> str:
+def _hash_file(file: str) -> str:
     return hashlib.sha256(read_bytes(Path(file), 2 * MOST_BYTES, ScenarioError)).hexdigest()  # meshes are the largest
 
 
-def _meshes(mission: Mission) -> list[tuple[Target, Surface]]:
+def _pair_meshes(mission: Mission) -> list[tuple[Target, Surface]]:
     return [(target, mission.surfaces_of(number)[0]) for number, target in enumerate(mission.target)]
 
 
-def _of_library(target: Target) -> dict[str, Any]:
-    """Return what a target takes from the user's own library, by key; nothing for a shipped model, or a path.
+def _resolve_library_model(target: Target) -> dict[str, Any]:
+    """Return what a target takes from the user's own library, by key; nothing for a shipped model or a path.
 
-    A target that says it already, as one of a recording does, takes nothing more.
+    A target of a recording states this already and takes nothing.
     """
     entry = None if target.is_path or target.library is not None else model(target.shape)
     if entry is None or not entry.own:
         return {}
     mesh, kind = entry.mesh, target.taxonomy or entry.taxonomy
     found = {
-        "library": of_library(entry).model_dump(),
-        "center_of_mass_m": placed_in(target, mesh, entry)[1],
+        "library": describe_library_model(entry).model_dump(),
+        "center_of_mass_m": place_mesh(target, mesh, entry)[1],
         "taxonomy": kind.model_dump(),
     }
     if target.material is None:

@@ -1,4 +1,4 @@
-"""From a target to its surface: the model found, scaled, and given its materials."""
+"""Surfaces of targets: the model, scaled and with materials."""
 
 import warnings
 from collections.abc import Callable, Mapping
@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.errors import RsoLidarWarning
-from rso_lidar.scenario.tables.facet_materials import coloured, finished
+from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scenario.tables.target import Target
-from rso_lidar.scenario.tables.terrain import mesh_of, taxonomy_of_terrain
+from rso_lidar.scenario.tables.terrain import build_terrain_mesh, classify_terrain
 from rso_lidar.scene import (
     Hinged,
     Material,
@@ -25,19 +25,36 @@ from rso_lidar.scene import (
 from rso_lidar.scene.library.catalogue import ModelEntry, model
 
 
-def surfaces_of(target: Target, number: int, file: Callable[[str], Path], wavelength_m: float) -> tuple[Surface, ...]:
-    """Return the surfaces of the target of that number: what stands still in its body axes, and what each hinge carries."""
-    whole = replace(surface_of(target, file, wavelength_m), target=number)
+def build_surfaces(
+    target: Target, number: int, file: Callable[[str], Path], wavelength_m: float
+) -> tuple[Surface, ...]:
+    """Build the surfaces of a target: the parts that are fixed in body axes, and those that each hinge carries.
+
+    Parameters
+    ----------
+    target : the target.
+    number : its index in the scenario.
+    file : finds a file that the scenario names.
+    wavelength_m : of the laser [m].
+    """
+    whole = replace(build_whole_surface(target, file, wavelength_m), target=number)
     hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
     return articulated(whole, hinged)
 
 
-def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:
-    """Return the surface of a target as light of `wavelength_m` sees it; `file` finds a mesh that the scenario names."""
+def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:
+    """Build the surface of a target with all hinges at zero.
+
+    Parameters
+    ----------
+    target : the target.
+    file : finds a mesh that the scenario names.
+    wavelength_m : of the laser, for the materials [m].
+    """
     entry: ModelEntry | None = None
     own: Mapping[str, Material] = {}
     if target.terrain is not None:
-        mesh = mesh_of(target.terrain, file)
+        mesh = build_terrain_mesh(target.terrain, file)
     elif target.is_path:
         path = file(target.shape)
         if target.center_of_mass_m is None:
@@ -54,9 +71,9 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
         if target.library is not None:
             target.library.check(entry)
         mesh = entry.mesh
-        if target.material is None and target.library is None:  # else they stand in the target
+        if target.material is None and target.library is None:  # otherwise the target lists its materials
             own = {part: Named(name=name) for part, name in entry.parts.items()}
-    scale, center_of_mass_m = placed_in(target, mesh, entry)
+    scale, center_of_mass_m = place_mesh(target, mesh, entry)
     surface = build_surface(
         target.name,
         mesh,
@@ -71,14 +88,21 @@ def surface_of(target: Target, file: Callable[[str], Path], wavelength_m: float)
     if target.terrain is None:
         warn_of_size(mesh, scale, target.name)
     if target.color_materials:
-        surface = coloured(surface, target.color_materials, wavelength_m)
+        surface = apply_color_materials(surface, target.color_materials, wavelength_m)
     if target.facet_materials is not None:
-        return finished(surface, target.facet_materials, file, wavelength_m)
+        return apply_facet_materials(surface, target.facet_materials, file, wavelength_m)
     return surface
 
 
-def placed_in(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:
-    """Return the scale of a target's mesh, and its centre of mass [m] in the mesh's axes after scaling."""
+def place_mesh(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[float, tuple[float, float, float]]:
+    """Return the scale of a target's mesh, and its centre of mass [m] in the mesh's axes after scaling.
+
+    Parameters
+    ----------
+    target : the target.
+    mesh : its mesh.
+    entry : its model in the catalogue, None for a path or terrain.
+    """
     scale = target.scale or (target.size_m / float(mesh.size_m.max()) if target.size_m else 1.0)
     if target.center_of_mass_m is not None:
         return scale, target.center_of_mass_m
@@ -86,8 +110,8 @@ def placed_in(target: Target, mesh: Mesh, entry: ModelEntry | None) -> tuple[flo
     return scale, (scale * x, scale * y, scale * z)
 
 
-def taxonomy_of(target: Target) -> Taxonomy | None:
-    """Return where a target belongs: what the scenario says, else its catalogue; None where nobody has said."""
+def find_taxonomy(target: Target) -> Taxonomy | None:
+    """Return the taxonomy of a target from the scenario, or from the catalogue; None where neither gives it."""
     if target.taxonomy is None and target.terrain is not None:
-        return taxonomy_of_terrain(target.terrain)
+        return classify_terrain(target.terrain)
     return target.taxonomy or (None if target.is_path else model(target.shape).taxonomy)

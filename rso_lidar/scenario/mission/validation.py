@@ -1,4 +1,4 @@
-"""From a TOML file to a validated scenario, and the one line that a bad one gets."""
+"""Validation of a TOML text, with one line of explanation for a bad one."""
 
 import re
 from pathlib import Path
@@ -15,26 +15,31 @@ AnyPart = TypeVar("AnyPart", bound=Part)
 
 
 def read_toml(path: Path) -> str:
-    """Return the text of a scenario file, or raise `ScenarioError` for one that cannot be read."""
+    """Read the text of a scenario file, or raise `ScenarioError`."""
     return read_text(path, MOST_BYTES, ScenarioError, "scenario file (.toml)")
 
 
-def validated(
+def validate_toml(
     part: type[AnyPart], text: str, where: str, settings: tuple[str, ...] = (), *, table: str = ""
 ) -> AnyPart:
-    """Build the part that a TOML text fills, some of its fields set anew.
+    """Build a part from a TOML text, with some fields changed.
 
     Parameters
     ----------
     part : class of the part.
     text : TOML.
-    where : what messages begin with, such as the file's name.
-    settings : ``place=value`` texts.
-    table : name of the only table of the text, where that, not the whole text, fills the part.
+    where : start of error messages, such as the file's name.
+    settings : changes as ``place=value``.
+    table : name of the table that fills the part, where it is the only one of the text; empty for the whole text.
+
+    Raises
+    ------
+    ScenarioError
+        For a text that is not TOML, a setting that names no field, and values that the part refuses.
     """
     tree = parse_toml(text, where, ScenarioError)
     for setting in settings:
-        _apply(tree, setting)
+        _apply_setting(tree, setting)
         if table and set(tree) != {table}:
             raise SettingError(f"--set {setting}: {where} has only the table {table}; set a field of that")
     if table:
@@ -46,7 +51,7 @@ def validated(
         raise FieldError(f"{where}: {explain(error, part, tree)}", problems) from None
 
 
-def _apply(tree: dict[str, Any], setting: str) -> None:
+def _apply_setting(tree: dict[str, Any], setting: str) -> None:
     """Set one field of a TOML tree: ``lidar.laser.energy_mj=20``, ``target.0.model=juno``, ``target.tdrs.model=juno``."""
     place, equals, text = setting.partition("=")
     steps = [step.strip() for step in re.sub(r"\[(\w+)\]", r".\1", place).split(".")]
@@ -60,22 +65,29 @@ def _apply(tree: dict[str, Any], setting: str) -> None:
         value = text.strip()  # a bare word is a text
     here: Any = tree
     for step in steps[:-1]:
-        here = _descend(here, step, setting)
+        here = _descend_to(here, step, setting)
     if isinstance(here, list):
-        here[_position(here, steps[-1], setting)] = value
+        here[_find_entry(here, steps[-1], setting)] = value
     else:
         here[steps[-1]] = value
 
 
-def _descend(here: Any, step: str, setting: str) -> Any:
-    inner = here[_position(here, step, setting)] if isinstance(here, list) else here.setdefault(step, {})
+def _descend_to(here: Any, step: str, setting: str) -> Any:
+    inner = here[_find_entry(here, step, setting)] if isinstance(here, list) else here.setdefault(step, {})
     if not isinstance(inner, dict | list):
         raise SettingError(f"--set {setting}: '{step}' holds a value, not a table; shorten the place")
     return inner
 
 
-def _position(entries: list[Any], step: str, setting: str) -> int:
-    """Return which entry of a list is meant, by number or by name."""
+def _find_entry(entries: list[Any], step: str, setting: str) -> int:
+    """Return the index of an entry of a list.
+
+    Parameters
+    ----------
+    entries : the list.
+    step : number or name of the entry.
+    setting : the whole setting, for error messages.
+    """
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:
         return names.index(step)

@@ -1,4 +1,4 @@
-"""Attitudes that a target shows to the lidar over a run, as truths of single epochs."""
+"""Attitudes of a target relative to the lidar over a run, as truths of single epochs."""
 
 from __future__ import annotations
 
@@ -11,49 +11,58 @@ from rso_lidar.records import Truth
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 
-_SAME_ATTITUDE_RAD = 2e-3  # 0.1 deg: below this, a turn changes the light by less than the sampling does
-_SAME_RANGE = 0.05  # share of the range within which a frame shows an attitude of the instant that is asked for
+_SAME_ATTITUDE_RAD = 2e-3  # 0.1 deg: a smaller rotation changes the light by less than the sampling error
+_SAME_RANGE = 0.05  # relative difference in range up to which the attitude of another epoch is used
 
 
-def attitude_truths(mission: Mission, seen: Preview, number: int, row: int, most: int) -> list[Truth]:
-    """Return the truth of one instant, once for each attitude of the target about then."""
+def collect_attitudes(mission: Mission, preview: Preview, number: int, row: int, most: int) -> list[Truth]:
+    """Collect the attitudes that a target has near one epoch, each as a truth with the place of that epoch.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    preview : its preview.
+    number : of the target.
+    row : of the preview's epochs.
+    most : number of attitudes at most.
+    """
     name = mission.target[number].name
-    here = seen.truth.at(row)
-    range_m = seen.sights[number].range_m
+    here = preview.truth.at(row)
+    range_m = preview.targets[number].range_m
     if most == 1 or not range_m[row] > 0.0:
         return [here]
     off = np.flatnonzero(np.abs(range_m - range_m[row]) > _SAME_RANGE * range_m[row])
     first, last = int(off[off < row].max(initial=-1)) + 1, int(off[off > row].min(initial=len(range_m)))
     near = np.arange(first, last)
     rows = np.unique(near[np.linspace(0, len(near) - 1, most).round().astype(int)])
-    turns = np.broadcast_to(seen.truth.poses.place("lidar", name)[1], (len(range_m), 3, 3))
-    places = np.broadcast_to(seen.truth.poses.place("lidar", name)[0], (len(range_m), 3))
+    turns = np.broadcast_to(preview.truth.poses.place("lidar", name)[1], (len(range_m), 3, 3))
+    places = np.broadcast_to(preview.truth.poses.place("lidar", name)[0], (len(range_m), 3))
     found: list[np.ndarray] = []
     truths = []
     for at in [row, *(int(one) for one in rows if one != row)]:
-        turned = turn_between(places[at], places[row]) @ turns[at]
-        # The trace of a turn is 1 + 2 cos of its angle.
+        turned = rotation_between(places[at], places[row]) @ turns[at]
+        # The trace of a rotation matrix is 1 + 2 cos(angle).
         if any(np.trace(one.T @ turned) > 1.0 + 2.0 * math.cos(_SAME_ATTITUDE_RAD) for one in found):
             continue
         found.append(turned)
-        links = surface_links(mission, number, seen.truth.at(at), places[row], turned)
+        links = link_surfaces(mission, number, preview.truth.at(at), places[row], turned)
         for surface in mission.surfaces:
             if surface.name not in links:
                 links[surface.name] = Link(here.poses.place("lidar", surface.name), np.zeros(3), np.zeros(3))
-        truths.append(seen_truth(here.time_s, links))
+        truths.append(build_truth(here.time_s, links))
     return truths
 
 
-def surface_links(
+def link_surfaces(
     mission: Mission, number: int, there: Truth, place_m: np.ndarray, turned: np.ndarray
 ) -> dict[str, Link]:
-    """Return lidar_from_surface of each surface of a target that is put elsewhere, with its hinges as they stand.
+    """Compute lidar_from_surface of each surface of a target that is moved to another pose, its hinges unchanged.
 
     Parameters
     ----------
     mission : what is flown.
     number : of the target.
-    there : the truth whose hinges count.
+    there : the truth that gives the hinge angles.
     place_m, turned : lidar_from_target, as translation (3) [m] and matrix (3, 3).
     """
     name = mission.target[number].name
@@ -64,17 +73,17 @@ def surface_links(
     }
 
 
-def seen_truth(time_s: float, links: dict[str, Link]) -> Truth:
-    """Return a truth of the lidar and of surfaces in its axes, without bodies and without a Sun."""
+def build_truth(time_s: float, links: dict[str, Link]) -> Truth:
+    """Build a truth that holds only the lidar and surfaces in its axes, without bodies and without a Sun."""
     parents = dict.fromkeys(links, "lidar") | {"lidar": "inertial"}
     return Truth(time_s, PoseTree(parents, {"lidar": Link.still(), **links}), {}, np.full(3, np.nan))
 
 
-def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the least rotation (3, 3) that turns the direction of `a` into that of `b`."""
+def rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the smallest rotation matrix (3, 3) that turns the direction of `a` into that of `b`."""
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     axis, cosine = np.cross(a, b), float(a @ b)
-    if cosine < -1.0 + 1e-9:  # opposite: no axis is the least; the lidar sees nothing behind it in any case
+    if cosine < -1.0 + 1e-9:  # opposite: the axis is undefined, and the lidar sees nothing behind it
         return np.eye(3)
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

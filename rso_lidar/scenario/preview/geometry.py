@@ -1,4 +1,4 @@
-"""A scenario seen without casting a ray: geometry at a few hundred epochs, for the description and the advice."""
+"""Geometry of a mission at a few hundred of its epochs, computed without casting rays."""
 
 from __future__ import annotations
 
@@ -23,74 +23,85 @@ _MOST_EPOCHS = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """How the lidar sees one target, over the epochs of a preview."""
+class TargetGeometry:
+    """Geometry of one target as the lidar sees it, at the epochs (time) of a preview.
+
+    `range_m`, `range_rate_m_s`, `off_boresight_rad` and `in_field` are those of the target's origin. `all_in_field` states
+    whether its whole hull is in the field. `across_m` is the wider side of the projected hull, `nearest_m` and
+    `farthest_m` are the ranges of the hull's nearest and farthest points. `radius_m` is that of the bounding sphere.
+    """
 
     name: str
     range_m: np.ndarray
     range_rate_m_s: np.ndarray
     off_boresight_rad: np.ndarray
-    in_field: np.ndarray  # its origin
-    wholly: np.ndarray  # whether all of its hull is in the field
-    across_m: np.ndarray  # the wider side of its hull as it is seen
+    in_field: np.ndarray
+    all_in_field: np.ndarray
+    across_m: np.ndarray
     radius_m: float
-    nearest_m: np.ndarray  # of the target's hull
+    nearest_m: np.ndarray
     farthest_m: np.ndarray
 
     @property
     def light_time_m(self) -> float:
-        """Return by how much light time would change the range at most [m]: range rate times range over c."""
+        """Greatest change of range that light time would cause [m]: range rate times range over c."""
         return float(np.abs(self.range_rate_m_s * self.range_m).max()) / SPEED_OF_LIGHT_M_S
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """Geometry of a scenario at some of its epochs, the first and the last among them."""
+    """Geometry of a mission at some of its epochs, the first and the last among them.
+
+    `truth` is a batch that includes the PTU and the lidar. `warnings` are the messages of the warnings that building it
+    raised. `pointing_lag_rad` (time) is the angle between the PTU's demand and its actual direction. It is None where the
+    drive was not simulated and the PTU is taken to stand on its demand.
+    """
 
     epochs: Epochs
-    sights: tuple[Sight, ...]
-    truth: Truth  # with ptu and lidar
-    warned: tuple[str, ...]
-    behind_rad: np.ndarray | None  # (time) of the PTU from what it is asked; None: as if it stood on that
+    targets: tuple[TargetGeometry, ...]
+    truth: Truth
+    warnings: tuple[str, ...]
+    pointing_lag_rad: np.ndarray | None
 
     @property
     def time_s(self) -> np.ndarray:
-        """Return the instants (time) [s]."""
+        """Times of the epochs (time) [s since start_utc]."""
         return self.epochs.time_s
 
     @property
     def states(self) -> Mapping[str, BodyState]:
-        """Return the inertial states of the bodies, batched."""
+        """Inertial states of the bodies, batched over the epochs."""
         return self.truth.states
 
 
-def preview(mission: Mission) -> Preview:
-    """Return the geometry of a scenario at up to 400 of its frames."""
+def preview_mission(mission: Mission) -> Preview:
+    """Compute the geometry of a mission at up to 400 of its frames."""
     numbers = np.unique(np.linspace(0, mission.time.n_frames - 1, _MOST_EPOCHS).round().astype(int))
     epochs = mission.epochs(numbers)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
-        _ = mission.surfaces  # what building them warns of is told too
+        _ = mission.surfaces  # warnings of their construction belong to the preview
         with mission.placed():
             course = motion.truth(
                 mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
             )
-            angles, rates, behind_rad = _pointed(mission, course)
+            angles, rates, lag_rad = _point_lidar(mission, course)
     poses = motion.with_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
     receivers = [mission.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
     half_field = np.array([receiver.field_edge for receiver in receivers])
-    sights = [
-        _sight(target.name, mission.surfaces_of(number), poses, half_field, len(epochs))
+    targets = [
+        _trace_target(target.name, mission.surfaces_of(number), poses, half_field, len(epochs))
         for number, target in enumerate(mission.target)
     ]
     lines = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, RsoLidarWarning))
-    return Preview(epochs, tuple(sights), replace(course, poses=poses), tuple(lines), behind_rad)
+    return Preview(epochs, tuple(targets), replace(course, poses=poses), tuple(lines), lag_rad)
 
 
-def _pointed(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return pan and tilt (time, 2) [rad] of the PTU, their rates [rad/s], and how far (time) they are behind what is asked.
+def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Compute pan and tilt (time, 2) [rad] of the PTU, their rates [rad/s], and the pointing lag (time) [rad].
 
-    The drive's own where the run is short enough to step it in a second or two; else its demand, and None for the last.
+    The drive is simulated where the run is short enough for that to take a second or two. Otherwise the PTU stands on its
+    demand, and the lag is None.
     """
     ptu = mission.pan_tilt
     if ptu is None:
@@ -105,13 +116,24 @@ def _pointed(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarray, n
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])
 
 
-def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int) -> Sight:
-    """Return how the lidar sees one target, of one surface or several; `half_field` (time, 2) is the lens's edge."""
+def _trace_target(
+    name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: np.ndarray, n_epochs: int
+) -> TargetGeometry:
+    """Compute how the lidar sees one target.
+
+    Parameters
+    ----------
+    name : of the target.
+    surfaces : of the target: its body's, and one for each hinge.
+    poses : tree with the lidar and the surfaces in it.
+    half_field : (time, 2) tangents of the half field to the right and down.
+    n_epochs : number of epochs.
+    """
     seen, _ = poses.place("lidar", name)
-    # The rate of range, without the PTU's own turning, which changes no distance.
+    # The range rate from the follower: the PTU's rotation changes no distance.
     link = poses.link("follower", name)
     apart = np.linalg.norm(link.translation_m, axis=-1, keepdims=True)
-    toward = link.translation_m / np.where(apart > 0.0, apart, np.inf)  # at the target itself there is no rate
+    toward = link.translation_m / np.where(apart > 0.0, apart, np.inf)  # the rate is zero at the target itself
     rate = np.einsum("...i,...i->...", toward, link.velocity_m_s)
     range_m = np.linalg.norm(seen, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,11 +153,13 @@ def _sight(name: str, surfaces: Sequence[Surface], poses: PoseTree, half_field: 
     across_m = np.ptp(there[..., :2], axis=0).max(axis=-1)
     hull_m = np.linalg.norm(there, axis=-1)
     range_m, rate, off, in_field = (np.broadcast_to(values, (n_epochs,)) for values in (range_m, rate, off, in_field))
-    return Sight(name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0))
+    return TargetGeometry(
+        name, range_m, rate, off, in_field, wholly, across_m, radius_m, hull_m.min(axis=0), hull_m.max(axis=0)
+    )
 
 
-def parallax_share(laser: Laser, range_m: float) -> float:
-    """Return the light on the boresight at `range_m` [m] over that of a laser at the lens: 0 where its beam passes by."""
+def boresight_light_fraction(laser: Laser, range_m: float) -> float:
+    """Return the light on the boresight at `range_m` [m], relative to a laser at the lens; 0 where the beam misses it."""
     right, down, ahead = laser.offset_m
     middle = float(laser.density(np.array(0.0), np.array(0.0)))
     if laser.offset is None or middle == 0.0:

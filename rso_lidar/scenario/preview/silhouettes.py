@@ -1,4 +1,4 @@
-"""Silhouettes of a target, attitude by attitude: area, and the largest square inside."""
+"""Silhouettes of a target at the attitudes of a run: area, and the largest square inside."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 from rso_lidar import optics, scene, units
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.attitudes import seen_truth, surface_links, turn_between
+from rso_lidar.scenario.preview.attitudes import build_truth, link_surfaces, rotation_between
 from rso_lidar.scenario.preview.geometry import Preview
 
 _MOST_ATTITUDES = 24
 _CELLS = 160  # along a side of each silhouette
-_AWAY = 200.0  # radii from which it is seen: perspective changes it by half a per cent
+_AWAY = 200.0  # distance in radii: perspective then changes the silhouette by half a per cent
 
 
-def silhouettes(mission: Mission, seen: Preview, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cast the silhouettes of a target as the lidar sees it over a run.
+def cast_silhouettes(mission: Mission, preview: Preview, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cast rays at a target to find its silhouettes as the lidar sees them over a run.
 
     Parameters
     ----------
     mission : what is flown.
-    seen : its preview.
+    preview : its preview.
     number : of the target.
 
     Returns
@@ -31,8 +31,8 @@ def silhouettes(mission: Mission, seen: Preview, number: int) -> tuple[np.ndarra
     """
     from scipy.ndimage import distance_transform_cdt
 
-    sight = seen.sights[number]
-    away_m = _AWAY * sight.radius_m
+    geometry = preview.targets[number]
+    away_m = _AWAY * geometry.radius_m
     fov_deg = 2.04 * float(np.arctan(1.0 / _AWAY)) / units.DEG
     receiver = Receiver(
         fov_deg=fov_deg, f_number=2.8, n_rows=_CELLS, n_cols=_CELLS, rays_per_pixel=1, min_rays_per_target=0
@@ -41,15 +41,15 @@ def silhouettes(mission: Mission, seen: Preview, number: int) -> tuple[np.ndarra
     name = mission.target[number].name
     ahead_m = np.array([0.0, 0.0, away_m])
     areas, squares = [], []
-    rows = np.flatnonzero(sight.range_m > 0.0)
+    rows = np.flatnonzero(geometry.range_m > 0.0)
     for row in np.unique(rows[np.linspace(0, len(rows) - 1, min(_MOST_ATTITUDES, len(rows))).round().astype(int)]):
-        there = seen.truth.at(int(row))
+        there = preview.truth.at(int(row))
         place_m, turn = there.poses.place("lidar", name)
-        links = surface_links(mission, number, there, ahead_m, turn_between(place_m, ahead_m) @ turn)
-        truth = seen_truth(there.time_s, links)
+        links = link_surfaces(mission, number, there, ahead_m, rotation_between(place_m, ahead_m) @ turn)
+        truth = build_truth(there.time_s, links)
         surfaces = mission.surfaces_of(number)
         hits = scene.cast(optics.pixel_rays(receiver, laser, scene.extent(surfaces, truth)), surfaces, truth, 1)
-        covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # a rim of sky
+        covered = np.zeros((_CELLS + 2, _CELLS + 2), dtype=bool)  # with a border of sky
         covered[1 + hits.pixel // _CELLS, 1 + hits.pixel % _CELLS] = True
         cell_m = away_m * receiver.pixel_tangent
         areas.append(float(hits.weight.sum()) * cell_m**2)

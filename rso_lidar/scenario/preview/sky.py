@@ -1,7 +1,6 @@
-"""Sun, Moon, Earth and shadow over a scenario: as a table, as lines for a person, and as advice where it was not asked for.
+"""Sun, Moon and Earth about the lidar over a run.
 
-The boresight is that of a lidar whose PTU stands on its demand. In a local world there is no Earth and no Moon, and a Sun
-only where the scenario says so.
+In a local world there is no Earth and no Moon, and there is a Sun only where the scenario gives its direction.
 """
 
 from __future__ import annotations
@@ -31,10 +30,12 @@ from rso_lidar.scenario.preview.geometry import Preview
 
 @dataclass(frozen=True, eq=False)
 class SkyGeometry:
-    """What the lidar has about it at the epochs of a preview; vectors (time, 3) in root axes, None where there is none.
+    """Sun, Moon and Earth about the lidar at the epochs of a preview.
 
-    `position_m` is the follower's, `root_from_lidar` (…, 3, 3) the lidar's turn, `half_field` (time, 2) the tangents of the
-    half field to the right and down; `sun_seen` says where the Earth does not hide the Sun whole.
+    `position_m`, `sun_m` and `moon_m` (time, 3) are positions of the follower, the Sun and the Moon in root axes [m]. They
+    are None for a body that does not exist. `root_from_lidar` (…, 3, 3) are rotation matrices. `half_field` (time, 2)
+    holds the tangents of the half field to the right and down. `sun_seen` (time) states whether the Earth leaves any part
+    of the Sun visible.
     """
 
     position_m: np.ndarray
@@ -47,28 +48,28 @@ class SkyGeometry:
 
     @cached_property
     def boresight(self) -> np.ndarray:
-        """Return the unit vectors along the boresight."""
+        """Unit vectors along the boresight (time, 3) in root axes."""
         ahead = turned(self.root_from_lidar, np.array([0.0, 0.0, 1.0]))
         return np.broadcast_to(ahead, self.position_m.shape)
 
     @cached_property
     def sun_angle_rad(self) -> np.ndarray | None:
-        """Return the angle (time) [rad] from the boresight to the Sun's centre."""
+        """Angle (time) [rad] from the boresight to the Sun's centre."""
         return None if self.sun_m is None else angle_rad(self.boresight, self.sun_m - self.position_m)
 
     @cached_property
     def moon_angle_rad(self) -> np.ndarray | None:
-        """Return the angle (time) [rad] from the boresight to the Moon's centre, as the follower sees it."""
+        """Angle (time) [rad] from the boresight to the Moon's centre, as seen from the follower."""
         return None if self.moon_m is None else angle_rad(self.boresight, self.moon_m - self.position_m)
 
     @cached_property
     def earth_limb_angle_rad(self) -> np.ndarray | None:
-        """Return the angle (time) [rad] from the boresight to the Earth's limb, negative where the boresight meets it."""
+        """Angle (time) [rad] from the boresight to the Earth's limb, negative where the boresight meets the Earth."""
         return earth_limb_angle_rad(self.boresight, self.position_m) if self.earth else None
 
     @cached_property
     def earth_in_field(self) -> np.ndarray:
-        """Return whether (time) the Earth's disk cuts the field of view; never from below its surface."""
+        """Whether (time) the Earth's disk overlaps the field of view; false below its surface."""
         if not self.earth:
             return np.full(len(self.position_m), False)
         covers: np.ndarray = self.outside_field_rad(-self.position_m) <= earth_angular_radius_rad(self.position_m)
@@ -76,7 +77,7 @@ class SkyGeometry:
 
     @property
     def earth_side(self) -> str:
-        """Return in words which side of the Earth is in the field while its disk is."""
+        """Words for the side of the Earth that is in the field while its disk is."""
         assert self.sun_m is not None
         lit = is_earth_lit(self.boresight, self.position_m, self.sun_m)[self.earth_in_field]
         if lit.all():
@@ -84,34 +85,37 @@ class SkyGeometry:
         return f"its day side {np.mean(lit):.0%} of that" if lit.any() else "its night side"
 
     def outside_field_rad(self, direction: np.ndarray) -> np.ndarray:
-        """Return by how much (time) [rad] directions in root axes lie outside of the field of view."""
+        """Return the angle (time) [rad] between directions in root axes and the edge of the field of view."""
         return angle_outside_field_rad(turned(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
 
 
-def sky_geometry(mission: Mission, seen: Preview) -> SkyGeometry:
-    """Return what the lidar has about it at the epochs of a preview."""
-    shape = (len(seen.time_s), 3)
-    position_m = np.broadcast_to(seen.states["follower"].position_m, shape)
-    half_field = np.array([mission.instrument.at(float(time_s)).receiver.field_edge for time_s in seen.time_s])
-    _, turn = seen.truth.poses.place(ROOT, "lidar")
+def compute_sky_geometry(mission: Mission, preview: Preview) -> SkyGeometry:
+    """Compute Sun, Moon and Earth about the lidar at the epochs of a preview."""
+    shape = (len(preview.time_s), 3)
+    position_m = np.broadcast_to(preview.states["follower"].position_m, shape)
+    half_field = np.array([mission.instrument.at(float(time_s)).receiver.field_edge for time_s in preview.time_s])
+    _, turn = preview.truth.poses.place(ROOT, "lidar")
     if mission.local:
         sun_m = None
         if mission.world.sun_direction is not None:
-            sun_m = position_m + units.ASTRONOMICAL_UNIT_M * seen.truth.sun_direction  # one direction from everywhere
+            sun_m = (
+                position_m + units.ASTRONOMICAL_UNIT_M * preview.truth.sun_direction
+            )  # the direction is the same everywhere
         return SkyGeometry(position_m, turn, half_field, sun_m, None, False, np.full(shape[0], True))
-    sun_m, moon_m = sun_position_m(seen.epochs), moon_position_m(seen.epochs)
-    return SkyGeometry(position_m, turn, half_field, sun_m, moon_m, True, seen.truth.sunlit["follower"] > 0.0)
+    sun_m, moon_m = sun_position_m(preview.epochs), moon_position_m(preview.epochs)
+    return SkyGeometry(position_m, turn, half_field, sun_m, moon_m, True, preview.truth.sunlit["follower"] > 0.0)
 
 
-def environment_table(mission: Mission, seen: Preview) -> dict[str, np.ndarray]:
-    """Return columns (time) by name at the epochs of a preview, each name with its unit; what is not there has no column.
+def tabulate_environment(mission: Mission, preview: Preview) -> dict[str, np.ndarray]:
+    """Tabulate the environment at the epochs of a preview as columns (time) by name, each name with its unit.
 
-    The boresight's angles to Sun, Moon and limb; the Earth's angular radius; for each body in orbit beta and the share of
-    the Sun that it sees; for each target its distance, phase angle, and how high the line to it passes over the Earth.
+    The columns are the boresight's angles to Sun, Moon and limb, and the Earth's angular radius. Each body in orbit adds
+    its beta angle and the fraction of the Sun that it sees. Each target adds its distance, its phase angle, and the height
+    at which the line to it passes the Earth. A quantity that does not exist has no column.
     """
-    around = sky_geometry(mission, seen)
+    around = compute_sky_geometry(mission, preview)
     columns: dict[str, np.ndarray | None] = {
-        "time_s": seen.time_s,
+        "time_s": preview.time_s,
         "sun_angle_rad": around.sun_angle_rad,
         "moon_angle_rad": around.moon_angle_rad,
         "earth_limb_angle_rad": around.earth_limb_angle_rad,
@@ -119,32 +123,35 @@ def environment_table(mission: Mission, seen: Preview) -> dict[str, np.ndarray]:
     }
     for body in mission.bodies:
         if body.orbits and around.sun_m is not None:
-            columns[f"{body.name}_beta_rad"] = beta_angle_rad(seen.states[body.name], around.sun_m)
+            columns[f"{body.name}_beta_rad"] = beta_angle_rad(preview.states[body.name], around.sun_m)
         if around.earth:
-            columns[f"{body.name}_sunlit_fraction"] = np.asarray(seen.truth.sunlit[body.name])
+            columns[f"{body.name}_sunlit_fraction"] = np.asarray(preview.truth.sunlit[body.name])
     for target in mission.target:
-        line_m = _line_m(seen, target.name)
+        line_m = _line_m(preview, target.name)
         columns[f"{target.name}_range_m"] = np.sqrt(np.sum(line_m**2, axis=-1))
         if around.sun_m is not None:
             columns[f"{target.name}_phase_angle_rad"] = phase_angle_rad(
                 line_m,
                 np.zeros_like(line_m),
-                around.sun_m - around.position_m,  # all seen from the follower
+                around.sun_m - around.position_m,  # relative to the follower
             )
         if around.earth:
-            columns[f"{target.name}_line_height_m"] = line_of_sight_height_m(seen, target.name)
+            columns[f"{target.name}_line_height_m"] = line_of_sight_height_m(preview, target.name)
     return {name: values for name, values in columns.items() if values is not None}
 
 
-def _line_m(seen: Preview, target: str) -> np.ndarray:
-    """Return the vector (time, 3) [m] from the follower's origin to a target's, in root axes."""
-    poses = seen.truth.poses
+def _line_m(preview: Preview, target: str) -> np.ndarray:
+    """Return the vector (time, 3) [m] from the follower's origin to that of a target, in root axes."""
+    poses = preview.truth.poses
     line = turned(poses.place(ROOT, "follower")[1], poses.place("follower", target)[0])
-    return np.broadcast_to(line, (len(seen.time_s), 3))
+    return np.broadcast_to(line, (len(preview.time_s), 3))
 
 
-def line_of_sight_height_m(seen: Preview, target: str) -> np.ndarray:
-    """Return how high [m] the line from follower to target passes; NaN where an end of it is below the Earth's surface."""
-    ends = [seen.states[name].position_m for name in ("follower", target)]
+def line_of_sight_height_m(preview: Preview, target: str) -> np.ndarray:
+    """Return the height (time) [m] at which the line from follower to target passes the Earth.
+
+    It is NaN where an end of the line is below the Earth's surface.
+    """
+    ends = [preview.states[name].position_m for name in ("follower", target)]
     buried = np.isnan(earth_angular_radius_rad(ends[0])) | np.isnan(earth_angular_radius_rad(ends[1]))
     return np.where(buried, np.nan, line_altitude_m(*ends))

@@ -1,4 +1,4 @@
-"""Trials of a detector: many copies of one pixel's light through the whole chain."""
+"""Trials of a detector: the light of one pixel, copied many times, through the whole chain."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.returns import TargetReturns
 from rso_lidar.scenario.tables.lidar import Lidar
 
-_BINS_PER_PULSE = 8  # returns of a pixel are merged within an eighth of the pulse (0.15 m at 8 ns)
+_BINS_PER_PULSE = 8  # returns of a pixel closer than an eighth of the pulse are merged (0.15 m at 8 ns)
 _TRIALS, _FEWEST_TRIALS = 4000, 200
-_MOST_SAMPLES = 4_000_000  # that a trial may take, so that a long gate is described in seconds
-_MOST_LOADS = 6  # attitudes for which it is simulated how the pixels of the array disturb each other
+_MOST_SAMPLES = 4_000_000  # of a trial, so that a detector with a long gate is described in seconds
+_MOST_LOADS = 6  # attitudes for which the effects of the array on a pixel are simulated
 
 
 def copy_pixels(
     casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int, shift_m: np.ndarray
 ) -> tuple[Photons, np.ndarray]:
-    """Copy the light of one pixel of each flash, in turn, to `n` pixels in a row; also return their true ranges (n) [m].
+    """Copy the light of one pixel of each flash, cyclically, to `n` pixels in a row; return their true ranges (n) [m] too.
 
-    Returns of a pixel are merged where they lie within an eighth of the pulse. The true range is that of the labels, the
-    photon-weighted mean of the pixel's brightest cluster; NaN where there is no pixel.
+    Returns of a pixel that are closer than an eighth of the pulse are merged. The true range is that of the labels: the
+    photon-weighted mean of the pixel's brightest cluster. It is NaN where there is no pixel.
 
     Parameters
     ----------
-    casts : flashes, each for as many copies as the others.
+    casts : flashes; each one gives the same number of copies.
     pixels : one pixel of each flash, None for a pixel without light.
-    n : number of copies in all.
-    shift_m : (n) range [m] by which each copy is moved, so that no phase of the clock is favoured.
+    n : total number of copies.
+    shift_m : (n) range shift of each copy [m], so that the copies cover all phases of the clock.
     """
-    merged = [_merged(one.light, pixel) for one, pixel in zip(casts, pixels, strict=True)]
+    merged = [_merge_returns(one.light, pixel) for one, pixel in zip(casts, pixels, strict=True)]
     of = np.arange(n) % len(casts)
     length, clusters, true_m = (
         np.array(column)[of] for column in zip(*((len(m.photons), m.clusters, m.range_m) for m in merged), strict=True)
@@ -68,15 +68,17 @@ def copy_pixels(
     return made, true_m + shift_m
 
 
-def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int) -> Surroundings:
-    """Estimate the effects of the flashes on the pixels of `copy_pixels`: array current, common latches, laser jitter.
+def estimate_surroundings(
+    lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[int | None], n: int
+) -> Surroundings:
+    """Estimate the effects on the pixels of `copy_pixels` of array current, simultaneous triggers and laser jitter.
 
     Parameters
     ----------
     lidar : the instrument that is in force.
-    casts : flashes, each for as many copies as the others; the effects are computed for at most `_MOST_LOADS` of them.
+    casts : flashes; each one gives the same number of copies. At most `_MOST_LOADS` of them are simulated.
     pixels : one pixel of each flash, None for a pixel without light.
-    n : number of copies in all.
+    n : total number of copies.
     """
     few = np.unique(np.linspace(0, len(casts) - 1, _MOST_LOADS).round().astype(int))
     gains, together = [], []
@@ -95,29 +97,31 @@ def surroundings(lidar: Lidar, casts: Sequence[TargetReturns], pixels: Sequence[
 
 
 def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, time_s: float) -> Trial:
-    """Simulate up to 4000 pixels with the light of one pixel of each flash, through the whole chain; the same draws.
+    """Simulate up to 4000 pixels with the light of one pixel of each flash, through the whole chain.
+
+    The random seed is fixed, so that repeated calls give the same result.
 
     Parameters
     ----------
     mission : what is flown.
     casts : flashes.
-    share : place of the pixel in the order by photons, from 0 (the dimmest) to 1 (the brightest).
-    time_s : instant whose instrument counts.
+    share : quantile of the pixel in the order by photons, from 0 (dimmest) to 1 (brightest).
+    time_s : time whose instrument settings apply [s since start_utc].
     """
     lidar = mission.instrument.at(time_s)
-    traits = lidar.detector.traits  # many pulses, and many samples, take their time
+    traits = lidar.detector.traits  # trials of many pulses or samples are slow
     n = max(min(_TRIALS // traits.pulses, _MOST_SAMPLES // traits.samples), _FEWEST_TRIALS)
     pixels = [one.pixel_at(share) for one in casts]
-    # Copies of one flash are a multiple of the golden ratio apart, over the range of two samples of the default.
+    # A golden-ratio sequence spreads the copies of one flash evenly over two samples of the default readout.
     shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
     photons, true_m = copy_pixels(casts, pixels, n, shift_m)
-    around = surroundings(lidar, casts, pixels, n)
+    around = estimate_surroundings(lidar, casts, pixels, n)
     return trial(lidar.detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
 
 
 @dataclass(frozen=True, eq=False)
-class _Merged:
-    """The returns of one pixel, those of about the same delay merged, in `clusters` clusters from 0."""
+class _MergedReturns:
+    """Returns of one pixel, merged where their delays are about equal, in `clusters` clusters numbered from 0."""
 
     delay_s: np.ndarray
     photons: np.ndarray
@@ -128,11 +132,11 @@ class _Merged:
     range_m: float
 
 
-def _merged(light: Photons, pixel: int | None) -> _Merged:
+def _merge_returns(light: Photons, pixel: int | None) -> _MergedReturns:
     on = np.flatnonzero(light.pixel == (-1 if pixel is None else pixel))
     if not on.size:
         none = np.empty(0)
-        return _Merged(none, none, none, none, none.astype(int), 0, math.nan)
+        return _MergedReturns(none, none, none, none, none.astype(int), 0, math.nan)
     delay_s, photons = light.delay_s[on], light.photons[on]
     cluster = np.unique(light.cluster[on], return_inverse=True)[1]
     step = np.floor((delay_s - delay_s.min()) * (_BINS_PER_PULSE / light.pulse_fwhm_s)).astype(int)
@@ -149,7 +153,7 @@ def _merged(light: Photons, pixel: int | None) -> _Merged:
     in_cluster = np.bincount(cluster, photons)
     best = cluster == in_cluster.argmax()
     share = photons[best] if in_cluster.max() > 0.0 else np.ones(best.sum())
-    return _Merged(
+    return _MergedReturns(
         mean_s,
         np.bincount(group, photons, n),
         spread_s + late_s - early_s,

@@ -1,4 +1,4 @@
-"""What is allowed and probably not meant: the warnings that `check` prints."""
+"""Warnings about settings that are allowed but probably not intended, as `check` prints them."""
 
 from __future__ import annotations
 
@@ -15,48 +15,51 @@ from rso_lidar.orbit import Numerical
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.geometry import Preview, Sight, parallax_share, preview
+from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, boresight_light_fraction, preview_mission
 from rso_lidar.scenario.preview.returns import cast_attitudes
 from rso_lidar.scenario.preview.trials import try_pixels
-from rso_lidar.scenario.review.compliance import broken
-from rso_lidar.scenario.review.environment import environment_advice
-from rso_lidar.scenario.review.separations import separation_advice
+from rso_lidar.scenario.review.compliance import list_violations
+from rso_lidar.scenario.review.environment import advise_on_environment
+from rso_lidar.scenario.review.separations import advise_on_separations
 from rso_lidar.ties import first_least
 
 _LIGHT_TIME_M = 0.01
-_BEHIND = 0.5  # of half the field: what is off by so much begins to leave it
-_WHOLLY = 0.75  # of the time: less is more than the end of an approach
-_LOUDER = 1.05  # times the noise in the dark
-_SELDOM = 0.5  # probability of detection below which even the brightest pixel is missed more often than found
-_DIM = 0.01  # of the light that a laser at the lens would send to the boresight
+_MOST_LAG = 0.5  # pointing lag over half the field, from which a target begins to leave the field
+_WHOLLY = 0.75  # fraction of the run: an approach may leave the field at its end without a warning
+_LOUDER = 1.05  # noise in sunlight over noise in the dark, from which a warning is given
+_SELDOM = 0.5  # detection probability of the brightest pixel below which a warning is given
+_DIM = 0.01  # light on the boresight, relative to a laser at the lens, below which a warning is given
 
 
-def advice(mission: Mission, seen: Preview | None = None) -> list[str]:
-    """Return one line for each thing that is allowed and probably not meant."""
-    seen = seen or preview(mission)
-    lines = list(seen.warned)
-    lines += _drive(mission, seen)
-    lines += _field(mission, seen)
-    lines += _plans(mission)
-    lines += _window(mission, seen)
+def advise(mission: Mission, preview: Preview | None = None) -> list[str]:
+    """List one warning for each setting that is allowed but probably not intended.
+
+    `preview` is the mission's preview, where the caller has one already.
+    """
+    preview = preview or preview_mission(mission)
+    lines = list(preview.warnings)
+    lines += _advise_on_drive(mission, preview)
+    lines += _advise_on_field(mission, preview)
+    lines += _advise_on_plans(mission)
+    lines += _advise_on_window(mission, preview)
     lines += detector.advise(mission.lidar.detector, mission.instrument.laser.pulse_fwhm_s)
-    lines += separation_advice(mission, seen)
-    lines += _lens(mission)
-    lines += _sun_noise(mission)
-    lines += _sun(mission)
-    lines += _beam(mission, seen)
-    lines += _brightness(mission, seen)
-    lines += _light_time(seen)
-    lines += environment_advice(mission, seen, mission.constraints)
+    lines += advise_on_separations(mission, preview)
+    lines += _advise_on_lens(mission)
+    lines += _advise_on_sunlight(mission)
+    lines += _advise_on_missing_sun(mission)
+    lines += _advise_on_parallax(mission, preview)
+    lines += _advise_on_brightness(mission, preview)
+    lines += _advise_on_light_time(preview)
+    lines += advise_on_environment(mission, preview, mission.constraints)
     if mission.constraints is not None:
-        lines += broken(mission.constraints, mission, seen)
-    lines += _python_objects(mission)
+        lines += list_violations(mission.constraints, mission, preview)
+    lines += _advise_on_python_objects(mission)
     if not mission.target:
         lines.append("there is no [[target]]: frames will hold false triggers only")
     return lines
 
 
-def _python_objects(mission: Mission) -> list[str]:
+def _advise_on_python_objects(mission: Mission) -> list[str]:
     """List the Python objects of a mission, which a recording names but does not contain."""
     return [
         f"{name_object(given)} is a Python object: a recording names it and cannot rebuild it; to fly the recorded "
@@ -65,21 +68,22 @@ def _python_objects(mission: Mission) -> list[str]:
     ]
 
 
-def _drive(mission: Mission, seen: Preview) -> list[str]:
-    """Return where the PTU's drive does not keep up with what it is asked."""
+def _advise_on_drive(mission: Mission, preview: Preview) -> list[str]:
+    """Warn of a PTU whose drive does not keep up with its demand."""
     half_rad = 0.5 * min(mission.lidar.receiver.fov_rad, mission.lidar.laser.divergence_rad)
-    if seen.behind_rad is None or not seen.behind_rad.max() > _BEHIND * half_rad:
+    if preview.pointing_lag_rad is None or not preview.pointing_lag_rad.max() > _MOST_LAG * half_rad:
         return []
-    at = int(np.argmax(seen.behind_rad))
+    at = int(np.argmax(preview.pointing_lag_rad))
+    lag_deg = preview.pointing_lag_rad[at] / units.DEG
     return [
-        f"ptu: the drive is up to {seen.behind_rad[at] / units.DEG:.3g}° behind what it is asked, at {seen.time_s[at]:g} s, "
+        f"ptu: the drive is up to {lag_deg:.3g}° behind its demand, at {preview.time_s[at]:g} s, "
         f"and half the field or beam is {half_rad / units.DEG:.3g}°; give the response a higher max_rate_deg_s, "
         "max_acceleration_deg_s2 or bandwidth, or turn the follower"
     ]
 
 
-def _plans(mission: Mission) -> list[str]:
-    """Return what is doubtful about plans: failures that lead into the keep-out sphere, turns that never come."""
+def _advise_on_plans(mission: Mission) -> list[str]:
+    """Warn of plans that a failure leads into the keep-out sphere, and of slews and maneuvers that never begin."""
     lines = []
     end_s = mission.span[1]
     for body in mission.bodies:
@@ -106,60 +110,70 @@ def _plans(mission: Mission) -> list[str]:
     return lines
 
 
-def _field(mission: Mission, seen: Preview) -> list[str]:
+def _advise_on_field(mission: Mission, preview: Preview) -> list[str]:
+    """Warn of targets outside the field of view, and of a lidar inside a target's bounding sphere."""
     lines = []
-    for target, sight in zip(mission.target, seen.sights, strict=True):
-        share = float(np.mean(sight.in_field))
+    for target, geometry in zip(mission.target, preview.targets, strict=True):
+        share = float(np.mean(geometry.in_field))
         if share < 1.0:
-            first = float(seen.time_s[np.argmin(sight.in_field)])
+            first = float(preview.time_s[np.argmin(geometry.in_field)])
             how = (
                 "never in the field of view"
                 if share == 0.0
                 else f"out of the field of view {1 - share:.0%} of the time"
             )
-            lines.append(f"target {sight.name}: {how}, first at {first:g} s; turn the follower, or track it with [ptu]")
-        elif float(np.mean(sight.wholly)) < _WHOLLY and target.terrain is None:
-            first = int(np.argmin(sight.wholly))
             lines.append(
-                f"target {sight.name}: part of it is outside the field of view {np.mean(~sight.wholly):.0%} of the time, "
-                f"first at {seen.time_s[first]:g} s, {sight.range_m[first]:.0f} m away; if all of it is to be seen, "
-                "stay farther off or widen the field"
+                f"target {geometry.name}: {how}, first at {first:g} s; turn the follower, or track it with [ptu]"
             )
-        if float(sight.range_m.min()) < sight.radius_m and target.terrain is None:
-            lines.append(f"target {sight.name}: the lidar comes within its bounding sphere; mind the trajectory")
+        elif float(np.mean(geometry.all_in_field)) < _WHOLLY and target.terrain is None:
+            first = int(np.argmin(geometry.all_in_field))
+            lines.append(
+                f"target {geometry.name}: part of it is outside the field of view "
+                f"{np.mean(~geometry.all_in_field):.0%} of the time, first at {preview.time_s[first]:g} s, "
+                f"{geometry.range_m[first]:.0f} m away; if all of it is to be seen, stay farther off or widen the field"
+            )
+        if float(geometry.range_m.min()) < geometry.radius_m and target.terrain is None:
+            lines.append(f"target {geometry.name}: the lidar comes within its bounding sphere; mind the trajectory")
     return lines
 
 
-def _window(mission: Mission, seen: Preview) -> list[str]:
+def _advise_on_window(mission: Mission, preview: Preview) -> list[str]:
+    """Warn of targets outside the ranges at which the detector sees anything."""
     lines = []
-    for sight in seen.sights:
-        traits = [mission.lidar.at(float(time_s)).detector.traits for time_s in seen.time_s]
+    for geometry in preview.targets:
+        traits = [mission.lidar.at(float(time_s)).detector.traits for time_s in preview.time_s]
         opens, closes = (np.array([getattr(one, name) for one in traits]) for name in ("sees_from_m", "sees_to_m"))
-        outside = (sight.range_m < opens) | (sight.range_m > closes)
-        near, far = float(sight.range_m.min()), float(sight.range_m.max())
+        outside = (geometry.range_m < opens) | (geometry.range_m > closes)
+        near, far = float(geometry.range_m.min()), float(geometry.range_m.max())
         if traits[0].is_gated:
-            lines += _gate(sight, opens, closes)
+            lines += _advise_on_gate(geometry, opens, closes)
         elif outside.any():
             lines.append(
-                f"target {sight.name}: its range ({near:.0f} to {far:.0f} m) leaves the armed window "
+                f"target {geometry.name}: its range ({near:.0f} to {far:.0f} m) leaves the armed window "
                 f"({opens[0]:g} to {closes[0]:g} m), where nothing is detected; "
                 "set lidar.detector.armed_from_m and armed_to_m"
             )
     return lines
 
 
-def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
-    """Return what a range gate cuts off of a target."""
-    out = (sight.farthest_m < opens) | (sight.nearest_m > closes)
-    cut = (sight.nearest_m < opens) | (sight.farthest_m > closes)
-    where = f"target {sight.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
+def _advise_on_gate(geometry: TargetGeometry, opens: np.ndarray, closes: np.ndarray) -> list[str]:
+    """Warn of a range gate that misses a target or cuts a part of it off.
+
+    Parameters
+    ----------
+    geometry : of the target.
+    opens, closes : (time) ranges at which the gate opens and closes [m].
+    """
+    out = (geometry.farthest_m < opens) | (geometry.nearest_m > closes)
+    cut = (geometry.nearest_m < opens) | (geometry.farthest_m > closes)
+    where = f"target {geometry.name}: the range gate ({opens[0]:.1f} to {closes[0]:.1f} m at first)"
     if out.any():
         return [
             f"{where} misses it {np.mean(out):.0%} of the time; set lidar.detector.gate.delay_ns to 6.671 ns a metre "
             "of range less half the width, plan it in lidar.schedule, or command it"
         ]
     if cut.any():
-        deep_m = float((sight.farthest_m - sight.nearest_m).max())
+        deep_m = float((geometry.farthest_m - geometry.nearest_m).max())
         return [
             f"{where} cannot contain it whole {np.mean(cut):.0%} of the time: it is up to {deep_m:.1f} m deep and the gate "
             f"{closes[0] - opens[0]:.1f} m; widen lidar.detector.gate.width_ns or shift delay_ns"
@@ -167,15 +181,17 @@ def _gate(sight: Sight, opens: np.ndarray, closes: np.ndarray) -> list[str]:
     return []
 
 
-def _sun_noise(mission: Mission) -> list[str]:
-    """Return what sunlight on the brightest material, facing the Sun, does to the noise."""
+def _advise_on_sunlight(mission: Mission) -> list[str]:
+    """Warn of the noise that sunlight on the brightest material causes."""
     lidar = mission.instrument
     receiver = lidar.receiver
     sun = not mission.local or mission.world.sun_direction is not None
     if receiver.filter_width_nm is None or not sun or not mission.surfaces:
         return []
     brdf = max(
-        float(material.mean_brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5)))  # 60 degrees apart, and no glint
+        float(
+            material.mean_brdf_per_sr(np.array(1.0), np.array(0.5), np.array(0.5))
+        )  # Sun and lidar 60 degrees apart, away from a glint
         for surface in mission.surfaces
         for material in surface.materials
     )
@@ -191,23 +207,24 @@ def _sun_noise(mission: Mission) -> list[str]:
     ]
 
 
-def _lens(mission: Mission) -> list[str]:
-    """Return what the lens files say of other wavelengths than the laser's."""
+def _advise_on_lens(mission: Mission) -> list[str]:
+    """Warn of lens files that were exported for another wavelength than the laser's."""
     laser, receiver = mission.instrument.laser, mission.instrument.receiver
     psfs = [one.psf for one in receiver.psf.fields] if isinstance(receiver.psf, FieldDependentPsf) else [receiver.psf]
-    told = [(psf.file, zemax.read_huygens_psf(psf.file).wavelength_m) for psf in psfs if isinstance(psf, ZemaxPsf)]
+    bands = [(psf.file, zemax.read_huygens_psf(psf.file).wavelength_m) for psf in psfs if isinstance(psf, ZemaxPsf)]
     if isinstance(receiver.distortion, ZemaxDistortion):
         one_m = zemax.read_grid_distortion(receiver.distortion.file).wavelength_m
-        told.append((receiver.distortion.file, (one_m, one_m) if one_m else None))
+        bands.append((receiver.distortion.file, (one_m, one_m) if one_m else None))
     return [
         f"lidar.receiver: {Path(file).name} is for {band[0] / units.NM:.0f} to {band[1] / units.NM:.0f} nm and the laser "
         f"is at {laser.wavelength_nm:g} nm; export the lens at the laser's wavelength"
-        for file, band in told
+        for file, band in bands
         if band is not None and not 0.95 * band[0] <= laser.wavelength_m <= 1.05 * band[1]
     ]
 
 
-def _sun(mission: Mission) -> list[str]:
+def _advise_on_missing_sun(mission: Mission) -> list[str]:
+    """Warn of a filter for sunlight in a world without a Sun."""
     if mission.lidar.receiver.filter_width_nm is None or not mission.local or mission.world.sun_direction:
         return []
     return [
@@ -216,55 +233,57 @@ def _sun(mission: Mission) -> list[str]:
     ]
 
 
-def _beam(mission: Mission, seen: Preview) -> list[str]:
-    """Return where a laser beside the lens does not light what the lens looks at."""
+def _advise_on_parallax(mission: Mission, preview: Preview) -> list[str]:
+    """Warn of a laser beside the lens whose beam misses the boresight at the nearest target."""
     lines = []
-    for sight in seen.sights:
-        nearest_m = float(sight.range_m.min())
-        laser = mission.instrument.at(float(seen.time_s[first_least(sight.range_m)])).laser
-        if nearest_m > 0.0 and parallax_share(laser, nearest_m) < _DIM:
+    for geometry in preview.targets:
+        nearest_m = float(geometry.range_m.min())
+        laser = mission.instrument.at(float(preview.time_s[first_least(geometry.range_m)])).laser
+        if nearest_m > 0.0 and boresight_light_fraction(laser, nearest_m) < _DIM:
             lines.append(
-                f"target {sight.name}: at {nearest_m:.1f} m the beam of a laser {np.linalg.norm(laser.offset_m):.3g} m from "
-                "the lens passes beside the boresight; shorten lidar.laser.offset_m or widen divergence_deg"
+                f"target {geometry.name}: at {nearest_m:.1f} m the beam of a laser "
+                f"{np.linalg.norm(laser.offset_m):.3g} m from the lens passes beside the boresight; "
+                "shorten lidar.laser.offset_m or widen divergence_deg"
             )
     return lines
 
 
-def _brightness(mission: Mission, seen: Preview) -> list[str]:
-    """Return which targets are too dim or too bright at their nearest instant, as they stand there."""
+def _advise_on_brightness(mission: Mission, preview: Preview) -> list[str]:
+    """Warn of targets that are too dim or too bright at their nearest epoch, in their attitude there."""
     lines = []
-    for number, sight in enumerate(seen.sights):
-        row = first_least(sight.range_m)
-        nearest_m, time_s = float(sight.range_m[row]), float(seen.time_s[row])
+    for number, geometry in enumerate(preview.targets):
+        row = first_least(geometry.range_m)
+        nearest_m, time_s = float(geometry.range_m[row]), float(preview.time_s[row])
         if nearest_m < 1e-3:
             continue
-        (returns,) = casts = cast_attitudes(mission, seen, number, row, most=1)
+        (returns,) = casts = cast_attitudes(mission, preview, number, row, most=1)
         photons = float(np.median(returns.photons)) if returns.pixel.size else 0.0
         if photons >= mission.lidar.detector.traits.saturation_photons:
             lines.append(
-                f"target {sight.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
+                f"target {geometry.name}: at {nearest_m:.0f} m half of its pixels or more clip the converter "
                 f"({photons:,.0f} photons in the median pixel); lower lidar.laser.energy_mj or the aperture"
             )
             continue
         armed = mission.instrument.at(time_s).detector.traits
         if not returns.pixel.size or not armed.sees_from_m < nearest_m < armed.sees_to_m:
-            continue  # that is said elsewhere
+            continue  # other warnings cover this
         probability = try_pixels(mission, casts, 1.0, time_s).probability
         if probability < _SELDOM:
             lines.append(
-                f"target {sight.name}: at {nearest_m:.0f} m, the nearest, even its brightest pixel is found with a "
+                f"target {geometry.name}: at {nearest_m:.0f} m, the nearest, even its brightest pixel is found with a "
                 f"probability of only {probability:.2f}; come nearer, or raise lidar.laser.energy_mj or the aperture"
             )
     return lines
 
 
-def _light_time(seen: Preview) -> list[str]:
+def _advise_on_light_time(preview: Preview) -> list[str]:
+    """Warn where light time would change a range noticeably."""
     lines = []
-    for sight in seen.sights:
-        shift = sight.light_time_m
+    for geometry in preview.targets:
+        shift = geometry.light_time_m
         if shift > _LIGHT_TIME_M:
             lines.append(
-                f"target {sight.name}: light time would change its range by up to {shift * 100:.1f} cm, "
+                f"target {geometry.name}: light time would change its range by up to {shift * 100:.1f} cm, "
                 "and poses are simultaneous at emission"
             )
     return lines

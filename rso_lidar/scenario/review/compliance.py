@@ -1,4 +1,4 @@
-"""Whether a mission keeps its constraints: one sentence for each that it breaks."""
+"""Whether a mission keeps its constraints: one sentence for each violation."""
 
 from __future__ import annotations
 
@@ -11,28 +11,35 @@ from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
 from rso_lidar.pose import PoseTree
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
-from rso_lidar.scenario.preview.sky import sky_geometry
-from rso_lidar.scenario.review.environment import share_text
+from rso_lidar.scenario.preview.sky import compute_sky_geometry
+from rso_lidar.scenario.review.environment import describe_share
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.ties import first_least
 
 _FEWEST, _MOST, _SCAN_S = 400, 20_000, 60.0
 
 
-def broken(constraints: Constraints, mission: Mission, seen: Preview) -> list[str]:
-    """Return one sentence for each constraint that the scenario breaks: what, when first, by how much, and the cure.
+def list_violations(constraints: Constraints, mission: Mission, preview: Preview) -> list[str]:
+    """List one sentence for each constraint that a mission violates: what, when first, by how much, and the cure.
 
-    Angles are looked at in the frames of the preview; a keep-out sphere in all the time from the first frame to the last.
+    Angles are checked at the epochs of the preview. A keep-out sphere is checked at all times between the first frame and
+    the last.
+
+    Parameters
+    ----------
+    constraints : the constraints to check.
+    mission : what is flown.
+    preview : its preview.
     """
-    lines = _exclusions(constraints, mission, seen)
-    lines += [line for target in mission.target for line in _keep_out(constraints, mission, seen, target.name)]
+    lines = _check_exclusions(constraints, mission, preview)
+    lines += [line for target in mission.target for line in _check_keep_out(constraints, mission, preview, target.name)]
     for k, corridor in enumerate(constraints.corridor):
-        lines += _corridor(f"constraints.corridor[{k}]", corridor, mission, seen)
+        lines += _check_corridor(f"constraints.corridor[{k}]", corridor, mission, preview)
     return lines
 
 
-def _exclusions(constraints: Constraints, mission: Mission, seen: Preview) -> list[str]:
-    around = sky_geometry(mission, seen)
+def _check_exclusions(constraints: Constraints, mission: Mission, preview: Preview) -> list[str]:
+    around = compute_sky_geometry(mission, preview)
     cure = "turn the boresight away, or start at another time"
     lines = []
     for key, what, angle in (
@@ -53,19 +60,27 @@ def _exclusions(constraints: Constraints, mission: Mission, seen: Preview) -> li
             if least_deg < 0.0:
                 how = f"the boresight meets the Earth, {-least_deg:.2f}° inside its limb,"
             lines.append(
-                f"constraints.{key}: {how} at {seen.time_s[worst]:g} s, and {asked_deg:g}° is asked; "
-                f"{share_text(near, seen.time_s)}; {cure}"
+                f"constraints.{key}: {how} at {preview.time_s[worst]:g} s, and {asked_deg:g}° is asked; "
+                f"{describe_share(near, preview.time_s)}; {cure}"
             )
     return lines
 
 
-def _at(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
-    """Return where (time, 3) [m] the origin of axes is, in the axes of an apex."""
+def _locate(poses: PoseTree, apex: str, name: str, n_epochs: int) -> np.ndarray:
+    """Return the position (time, 3) [m] of the origin of some axes.
+
+    Parameters
+    ----------
+    poses : tree of poses, batched over epochs.
+    apex : name of the axes in which the position is given.
+    name : of the axes whose origin it is.
+    n_epochs : number of epochs.
+    """
     place: np.ndarray = np.broadcast_to(poses.place(apex, name)[0], (n_epochs, 3))
     return place
 
 
-def _keep_out(constraints: Constraints, mission: Mission, seen: Preview, target: str) -> list[str]:
+def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview, target: str) -> list[str]:
     radius_m = constraints.radius_m(target)
     if radius_m is None:
         return []
@@ -80,17 +95,17 @@ def _keep_out(constraints: Constraints, mission: Mission, seen: Preview, target:
         return course.poses
 
     def distance_m(time_s: np.ndarray) -> np.ndarray:
-        distance: np.ndarray = np.sqrt(np.sum(_at(poses(time_s), target, "follower", len(time_s)) ** 2, axis=-1))
+        distance: np.ndarray = np.sqrt(np.sum(_locate(poses(time_s), target, "follower", len(time_s)) ** 2, axis=-1))
         return distance
 
     def clear_m(time_s: np.ndarray) -> np.ndarray:
         tree = poses(time_s)
-        clear: np.ndarray = np.sqrt(np.sum(_at(tree, target, "follower", len(time_s)) ** 2, axis=-1)) - radius_m
+        clear: np.ndarray = np.sqrt(np.sum(_locate(tree, target, "follower", len(time_s)) ** 2, axis=-1)) - radius_m
         for corridor in corridors:
-            clear = np.maximum(clear, corridor.margin_m(_at(tree, corridor.apex, "follower", len(time_s))))
+            clear = np.maximum(clear, corridor.margin_m(_locate(tree, corridor.apex, "follower", len(time_s))))
         return clear
 
-    start_s, end_s = float(seen.time_s[0]), float(seen.time_s[-1])
+    start_s, end_s = float(preview.time_s[0]), float(preview.time_s[-1])
     step_s = max((end_s - start_s) / _MOST, min(_SCAN_S, (end_s - start_s) / _FEWEST))
     spans = find_spans_below(clear_m, start_s, end_s, max(step_s, 1e-3))
     if not spans:
@@ -105,8 +120,8 @@ def _keep_out(constraints: Constraints, mission: Mission, seen: Preview, target:
     ]
 
 
-def _corridor(place: str, corridor: Corridor, mission: Mission, seen: Preview) -> list[str]:
-    place_m = _at(seen.truth.poses, corridor.apex, "follower", len(seen.time_s))
+def _check_corridor(place: str, corridor: Corridor, mission: Mission, preview: Preview) -> list[str]:
+    place_m = _locate(preview.truth.poses, corridor.apex, "follower", len(preview.time_s))
     applies = corridor.applies(place_m)
     angle = corridor.angle_rad(place_m)
     out = applies & (angle > corridor.half_angle_deg * units.DEG)
@@ -114,7 +129,8 @@ def _corridor(place: str, corridor: Corridor, mission: Mission, seen: Preview) -
         return []
     worst = int(np.argmax(np.where(out, angle, -np.inf)))
     return [
-        f"{place}: the follower is {angle[worst] / units.DEG:.2f}° off the axis at {seen.time_s[worst]:g} s, "
+        f"{place}: the follower is {angle[worst] / units.DEG:.2f}° off the axis at {preview.time_s[worst]:g} s, "
         f"{np.sqrt(np.sum(place_m[worst] ** 2)):.4g} m from {corridor.apex_name}, and "
-        f"{corridor.half_angle_deg:g}° is asked; {share_text(out, seen.time_s)}; steer into the cone, or turn its axis"
+        f"{corridor.half_angle_deg:g}° is asked; {describe_share(out, preview.time_s)}; "
+        "steer into the cone, or turn its axis"
     ]

@@ -1,4 +1,4 @@
-"""A scenario in some twenty lines for a person."""
+"""The description of a mission in some twenty lines of text."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.rpo.plans.operation import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.preview.geometry import Preview, Sight, preview
+from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
 from rso_lidar.scenario.preview.trials import try_pixels
-from rso_lidar.scenario.review.advice import advice
-from rso_lidar.scenario.review.environment import environment_lines
-from rso_lidar.scenario.review.separations import separation_lines
+from rso_lidar.scenario.review.advice import advise
+from rso_lidar.scenario.review.environment import describe_environment
+from rso_lidar.scenario.review.separations import describe_separations
 from rso_lidar.ties import first_least
 
-_FEWEST_REPORTS = 100  # the noise by quartiles is then known to 12 % (1.17 / sqrt n)
+_FEWEST_REPORTS = 100  # the standard error of a noise from quartiles is then 12 % (1.17 / sqrt n)
 
 
 def describe(mission: Mission) -> str:
-    """Return orbit, geometry, optics, link budget and warnings of a scenario, as lines of text."""
-    seen = preview(mission)
+    """Describe a mission: orbit, geometry, optics, link budget and warnings, one per line."""
+    preview = preview_mission(mission)
     time = mission.time
     lines = [
         f"{mission.name}",
-        f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_span(mission)}; seed {mission.seed}",
+        f"time        {time.n_frames} frames at {time.frame_rate_hz:g} Hz, {_describe_span(mission)}; seed {mission.seed}",
     ]
-    for number, sight in enumerate(seen.sights):
-        lines += _target_lines(mission, number, sight, seen)
-    lines.append(f"follower    {_motion(mission, len(mission.target), seen)}")
-    lines += _plan_lines(mission)
-    lines += environment_lines(mission, seen)
-    lines += _instrument_lines(mission, seen)
-    for number in range(len(seen.sights)):
-        lines += _budget_lines(mission, number, seen)
-    warned = advice(mission, seen)
+    for number, geometry in enumerate(preview.targets):
+        lines += _describe_target(mission, number, geometry, preview)
+    lines.append(f"follower    {_describe_motion(mission, len(mission.target), preview)}")
+    lines += _describe_plans(mission)
+    lines += describe_environment(mission, preview)
+    lines += _describe_instrument(mission, preview)
+    for number in range(len(preview.targets)):
+        lines += _describe_budget(mission, number, preview)
+    warned = advise(mission, preview)
     lines += [f"warning     {line}" for line in warned] or ["warnings    none"]
     return "\n".join(lines)
 
 
-def _span(mission: Mission) -> str:
+def _describe_span(mission: Mission) -> str:
     start, end = mission.span
     return f"{format_utc(start, 0.0)} to {format_utc(start, end)}"
 
 
-def _target_lines(mission: Mission, number: int, sight: Sight, seen: Preview) -> list[str]:
+def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, preview: Preview) -> list[str]:
     target, surfaces = mission.target[number], mission.surfaces_of(number)
     surface = surfaces[0]
     corners = mission.corners_of(number).reshape(-1, 3)
@@ -60,20 +60,20 @@ def _target_lines(mission: Mission, number: int, sight: Sight, seen: Preview) ->
     dropped = f", {surface.mesh.degenerate} degenerate dropped" if surface.mesh.degenerate else ""
     dropped += f", {surface.mesh.left_out} left out" if surface.mesh.left_out else ""
     parts = len(surface.mesh.part_names)
-    off = sight.off_boresight_rad.max() / units.DEG
+    off = geometry.off_boresight_rad.max() / units.DEG
     return [
         f"target      {target.name}: model {target.shape}, {sides} m, {facets:,} facets{dropped}, "
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
-        f"  motion    {_motion(mission, number, seen)}",
-        f"  range     {_ends(sight.range_m, 'm', 1)}, least {sight.range_m.min():.1f} m at "
-        f"{seen.time_s[first_least(sight.range_m)]:g} s; rate {_ends(sight.range_rate_m_s, 'm/s', 3)}, "
-        f"light time {sight.light_time_m / units.MM:.3f} mm",
-        f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(sight.in_field):.0%} of the "
-        f"time, all of it {np.mean(sight.wholly):.0%}",
+        f"  motion    {_describe_motion(mission, number, preview)}",
+        f"  range     {_format_ends(geometry.range_m, 'm', 1)}, least {geometry.range_m.min():.1f} m at "
+        f"{preview.time_s[first_least(geometry.range_m)]:g} s; rate {_format_ends(geometry.range_rate_m_s, 'm/s', 3)}, "
+        f"light time {geometry.light_time_m / units.MM:.3f} mm",
+        f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(geometry.in_field):.0%} of the "
+        f"time, all of it {np.mean(geometry.all_in_field):.0%}",
     ]
 
 
-def _motion(mission: Mission, number: int, seen: Preview) -> str:
+def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     body = mission.bodies[number]
     flown = body.motion
     text: str = flown.type
@@ -84,10 +84,10 @@ def _motion(mission: Mission, number: int, seen: Preview) -> str:
     if getattr(flown, "relative_to", None):
         text += f" relative to {flown.relative_to}"  # type: ignore[union-attr]
     if isinstance(flown, Numerical):
-        text += f" from {flown.initial.type}; {_forces(flown)}"
+        text += f" from {flown.initial.type}; {_describe_forces(flown)}"
     attitude = body.attitude.type if body.attitude else "as its motion"
     if body.orbits:
-        state = seen.states[body.name]
+        state = preview.states[body.name]
         orbit = elements_from_state(state.position_m[0], state.velocity_m_s[0])
         text += (
             f"; a {orbit.semi_major_axis_m / units.KM:.1f} km, e {orbit.eccentricity:.5f}, "
@@ -96,8 +96,8 @@ def _motion(mission: Mission, number: int, seen: Preview) -> str:
     return f"{text}; attitude {attitude}"
 
 
-def _forces(flown: Numerical) -> str:
-    """Return the forces and maneuvers of an integrated motion in words."""
+def _describe_forces(flown: Numerical) -> str:
+    """Describe the forces and maneuvers of a numerically integrated motion."""
     forces = flown.forces
     zonals = f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
     words = [
@@ -111,8 +111,8 @@ def _forces(flown: Numerical) -> str:
     return ", ".join(words)
 
 
-def _plan_lines(mission: Mission) -> list[str]:
-    """Return what the proximity operations of a scenario cost, and how safe they are."""
+def _describe_plans(mission: Mission) -> list[str]:
+    """Describe the cost and the passive safety of the mission's proximity operations."""
     lines = []
     for body in mission.bodies:
         if isinstance(body.motion, ProximityOperation):
@@ -122,39 +122,39 @@ def _plan_lines(mission: Mission) -> list[str]:
     return lines
 
 
-def _ends(values: np.ndarray, unit: str, digits: int) -> str:
+def _format_ends(values: np.ndarray, unit: str, digits: int) -> str:
     first, last = (round(float(value), digits) + 0.0 for value in (values[0], values[-1]))  # no minus before a zero
     return f"{first:.{digits}f} -> {last:.{digits}f} {unit}"
 
 
-def _instrument_lines(mission: Mission, seen: Preview) -> list[str]:
+def _describe_instrument(mission: Mission, preview: Preview) -> list[str]:
     laser, receiver = mission.lidar.laser, mission.lidar.receiver
     ptu = "none, the lidar looks along the follower's +x"
     if mission.ptu:
         point = mission.ptu.point
         ptu = f"{point.type}{' ' + point.at if point.type == 'track' else ''}, response {mission.ptu.response.type}"
     return [
-        f"ptu         {ptu}{_behind(seen)}",
+        f"ptu         {ptu}{_describe_pointing_lag(preview)}",
         f"laser       {laser.wavelength_nm:g} nm, {laser.energy_mj:g} mJ ({laser.photons:.3g} photons), "
         f"{mission.instrument.laser.pulse_fwhm_s / units.NS:.3g} ns, {laser.divergence_deg:g}° {laser.footprint}",
         f"receiver    {receiver.n_rows} x {receiver.n_cols} pixels, field {receiver.fov_rad / units.DEG:.3f}°, "
         f"IFOV {receiver.ifov_rad / units.UM:.1f} µrad, f {receiver.focal_length_m / units.MM:.1f} mm, "
         f"aperture {receiver.aperture_m / units.MM:.1f} mm, transmission {receiver.transmission:g}, "
         f"{receiver.rays_per_pixel} rays per pixel",
-        *_more_optics(mission),
-        *_detector_lines(mission),
+        *_describe_optional_optics(mission),
+        *_describe_detector(mission),
     ]
 
 
-def _behind(seen: Preview) -> str:
-    """Return how far the drive is behind, or that it has not been asked."""
-    if seen.behind_rad is None:
+def _describe_pointing_lag(preview: Preview) -> str:
+    """Describe the greatest pointing lag of the drive; nothing where the drive was not simulated."""
+    if preview.pointing_lag_rad is None:
         return ""
-    return f", at most {seen.behind_rad.max() / units.DEG:.3f}° behind what it is asked"
+    return f", at most {preview.pointing_lag_rad.max() / units.DEG:.3f}° behind its demand"
 
 
-def _more_optics(mission: Mission) -> list[str]:
-    """Return lines on what not every instrument has: offset, jitter, files, PSF, distortion, filter, and a plan."""
+def _describe_optional_optics(mission: Mission) -> list[str]:
+    """Describe optional optics: laser offset, jitter, files, PSF, distortion, filter and schedule."""
     lidar = mission.lidar
     laser, receiver, schedule = lidar.laser, lidar.receiver, lidar.schedule
     beam, lens = [], []
@@ -184,63 +184,70 @@ def _more_optics(mission: Mission) -> list[str]:
     return lines
 
 
-def _detector_lines(mission: Mission) -> list[str]:
-    """Describe the detector, and before the last line, which says when it looks, what it lists of several returns."""
+def _describe_detector(mission: Mission) -> list[str]:
+    """Describe the detector. Separations of listed returns stand before the last line, which is about its window."""
     receiver = mission.lidar.receiver
     lines = detector.describe(mission.lidar.detector, receiver.n_rows * receiver.n_cols)
     first = max(len(lines) - 1, 1)
-    return [*lines[:first], *separation_lines(mission), *lines[first:]]
+    return [*lines[:first], *describe_separations(mission), *lines[first:]]
 
 
-def _budget_lines(mission: Mission, number: int, seen: Preview) -> list[str]:
-    """Return what the median and the brightest pixel of a target get of one flash, and what the detector makes of that."""
-    sight = seen.sights[number]
+def _describe_budget(mission: Mission, number: int, preview: Preview) -> list[str]:
+    """Describe photons, detection and range noise of the median and the brightest pixel of a target.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    number : of the target.
+    preview : the mission's preview.
+    """
+    geometry = preview.targets[number]
     lines = [
-        f"budget      {sight.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
+        f"budget      {geometry.name}, of flashes cast onto it as it stands about these instants, median to brightest pixel:"
     ]
-    for place, row in (("first", 0), ("last", len(seen.time_s) - 1)):
-        range_m, time_s = float(sight.range_m[row]), float(seen.time_s[row])
+    for place, row in (("first", 0), ("last", len(preview.time_s) - 1)):
+        range_m, time_s = float(geometry.range_m[row]), float(preview.time_s[row])
         if range_m < 1e-3:
             lines.append(f"  {place:<9} the lidar is at the target's origin")
             continue
         pixel_m = range_m * mission.lidar.at(time_s).receiver.pixel_tangent
-        across = sight.across_m[row] / pixel_m
+        across = geometry.across_m[row] / pixel_m
         size = f"{across:.0f}" if across >= 10.0 else f"{across:.1f}"
-        casts = cast_attitudes(mission, seen, number, row)
+        casts = cast_attitudes(mission, preview, number, row)
         fill = float(np.mean([one.brightest_fill for one in casts]))
         chosen = [try_pixels(mission, casts, share, time_s) for share in (0.5, 1.0)]
-        probability = _ends_of([f"{one.probability:.3f}" for one in chosen])
-        noise = _ends_of([_noise(one) for one in chosen])
-        shift = _shift(chosen[1])
+        probability = _join_ends([f"{one.probability:.3f}" for one in chosen])
+        noise = _join_ends([_format_range_noise(one) for one in chosen])
+        shift = _format_range_bias(chosen[1])
         alike = f"mean of {len(casts)} attitudes" if len(casts) > 1 else "one attitude"
         lines.append(
             f"  {place:<9} {range_m:.0f} m: pixel {pixel_m:.3f} m, target {size} pixels across, fills {fill:.0%} of its "
-            f"brightest pixel; {_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
+            f"brightest pixel; {_format_photons(casts)}, P(detect) {probability}, range noise {noise}{shift} ({alike})"
         )
     return lines
 
 
-def _photons(casts: Sequence[TargetReturns]) -> str:
-    """Return the photons of the median and the brightest pixel in words: medians over attitudes, and how these spread."""
+def _format_photons(casts: Sequence[TargetReturns]) -> str:
+    """Format the photons of the median and the brightest pixel: medians over attitudes, and their spread."""
     median, brightest = (np.array([one.photons_at(share) for one in casts]) for share in (0.5, 1.0))
-    text = _ends_of([f"{np.median(values):,.0f}" for values in (median, brightest)]) + " photons"
+    text = _join_ends([f"{np.median(values):,.0f}" for values in (median, brightest)]) + " photons"
     if len(casts) < 2:
         return text
     low, high = np.quantile(brightest, [0.1, 0.9])
     return f"{text} (brightest {low:,.0f} to {high:,.0f} in 8 of 10 attitudes)"
 
 
-def _ends_of(texts: Sequence[str]) -> str:
+def _join_ends(texts: Sequence[str]) -> str:
     return " to ".join(dict.fromkeys(texts))
 
 
-def _noise(made: Trial) -> str:
-    """Return the range noise in words; of few reports the quartiles say nothing, and most of them are false alarms."""
+def _format_range_noise(made: Trial) -> str:
+    """Format the range noise, or "none" for few reports, most of which are false alarms."""
     return f"{made.range_noise_m / units.CM:.1f} cm" if len(made.range_error_m) >= _FEWEST_REPORTS else "none"
 
 
-def _shift(made: Trial) -> str:
-    """Return in words the mean range error of the brightest pixel, where it is more than a tenth of the range noise."""
+def _format_range_bias(made: Trial) -> str:
+    """Format the mean range error where it exceeds a tenth of the range noise and four standard errors; else nothing."""
     if len(made.range_error_m) < _FEWEST_REPORTS:
         return ""
     standard_error_m = made.range_noise_m / math.sqrt(len(made.range_error_m))

@@ -1,4 +1,4 @@
-"""Separations at which the detector lists two returns of a pixel, and parts of targets whose depth is outside them."""
+"""Separations at which the detector lists both of two returns, and parts of targets whose depth is outside them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from rso_lidar.detector.separation import OVER, listed_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 
-_OFTEN = 0.9  # probability that both are listed, from which a separation counts
-_BRIGHT = 100.0  # times the threshold: a near target's light, which latches earlier and leaves less behind the latch
-_MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 12, 20_000, 3  # enough for a depth in words, to a tenth of a metre
+_LISTED_PROBABILITY = 0.9  # that both returns are listed, from which a separation counts
+_BRIGHT_OVER_THRESHOLD = 100.0  # over the threshold: a near target triggers earlier in its pulse
+_MOST_EPOCHS, _MOST_CORNERS, _MOST_NAMED = 12, 20_000, 3  # enough for a depth to a tenth of a metre
 
 
-def separation_lines(mission: Mission) -> list[str]:
-    """Return in words the separations at which the detector lists two returns of a pixel; empty where it lists only one."""
+def describe_separations(mission: Mission) -> list[str]:
+    """Describe the separations at which the detector lists both of two returns; nothing where it lists only one."""
     traits = mission.lidar.detector.traits
     if traits.max_returns == 1:
         return []
-    listed = [(over, _listed_m(mission, over)) for over in (OVER, _BRIGHT)]
+    listed = [(over, _find_listed_interval_m(mission, over)) for over in (OVER, _BRIGHT_OVER_THRESHOLD)]
     words = [
-        f"{_span(one)} with {over * traits.threshold_photons:,.0f} photons each" if one else "" for over, one in listed
+        f"{_format_interval(one)} with {over * traits.threshold_photons:,.0f} photons each" if one else ""
+        for over, one in listed
     ]
     text = "; ".join(word for word in words if word)
     if not text:
@@ -31,11 +32,11 @@ def separation_lines(mission: Mission) -> list[str]:
     return [f"  returns   two of a pixel are both listed, 9 times in 10 and equally bright, {text}"]
 
 
-def separation_advice(mission: Mission, seen: Preview) -> list[str]:
-    """Return a warning where the stored samples of a pixel lose returns, with the parts of the targets that are affected.
+def advise_on_separations(mission: Mission, preview: Preview) -> list[str]:
+    """Warn where the stored samples of a pixel lose returns, and name the parts of the targets that are affected.
 
-    A pixel that triggers itself stores little behind its latch, so it always has one where more than the first return is
-    asked for. Under a gate there is one where a part is deeper than the gate lists two returns of.
+    A self-triggering pixel stores little behind its trigger. The warning is therefore given whenever more than the first
+    return is asked for. Under a gate it is given where a part is deeper than two returns that the gate lists both.
     """
     traits = mission.lidar.detector.traits
     if traits.returns == "first" and traits.max_returns == 1:
@@ -43,44 +44,63 @@ def separation_advice(mission: Mission, seen: Preview) -> list[str]:
     words = describe_storage(mission.lidar.detector)
     if traits.max_returns == 1:
         return words
-    listed = _listed_m(mission, OVER)
+    listed = _find_listed_interval_m(mission, OVER)
     if listed is None:
         return ["; ".join([*words, "two returns of a pixel are never both listed; shorten lidar.laser.pulse_fwhm_ns"])]
-    apart = f"two returns of a pixel are both listed {_span(listed)} apart in depth"
-    found, lost = zip(*(_outside(mission, seen, number, listed) for number in range(len(mission.target))), strict=True)
+    apart = f"two returns of a pixel are both listed {_format_interval(listed)} apart in depth"
+    found, lost = zip(
+        *(_describe_affected_parts(mission, preview, number, listed) for number in range(len(mission.target))),
+        strict=True,
+    )
     if not traits.is_gated or any(lost):
         words.append("; ".join([apart, *(text for text in found if text)]))
     return ["; ".join(words)] if words else []
 
 
-def _outside(mission: Mission, seen: Preview, number: int, listed: tuple[float, float]) -> tuple[str, bool]:
-    """Return in words the parts of a target whose depth is outside the separations, and whether any part is too deep."""
-    target = mission.target[number]
-    if target.terrain is not None:
-        return "", False
-    deepest = {name: float(deep.max()) for name, deep in part_depths_m(mission, seen, number).items()}
-    merged = {name: deep for name, deep in deepest.items() if deep < listed[0]}
-    lost = {name: deep for name, deep in deepest.items() if deep > listed[1]}
-    words = [f"{_named(merged)} merge" if merged else "", f"{_named(lost)} can be parted too far" if lost else ""]
-    text = " and of ".join(word for word in words if word)
-    return (f"the two edges of {target.name}'s {text}" if text else ""), bool(lost)
-
-
-def part_depths_m(mission: Mission, seen: Preview, number: int) -> Mapping[str, np.ndarray]:
-    """Return the depth [m] along the line of sight of each part of a target, at some instants of a preview (time).
+def _describe_affected_parts(
+    mission: Mission, preview: Preview, number: int, listed: tuple[float, float]
+) -> tuple[str, bool]:
+    """Describe the parts of a target whose depth is outside the separations, and return whether any part is too deep.
 
     Parameters
     ----------
     mission : what is flown.
-    seen : its preview.
+    preview : its preview.
+    number : of the target.
+    listed : least and greatest separation at which two returns are both listed [m].
+    """
+    target = mission.target[number]
+    if target.terrain is not None:
+        return "", False
+    deepest = {name: float(deep.max()) for name, deep in measure_part_depths_m(mission, preview, number).items()}
+    merged = {name: deep for name, deep in deepest.items() if deep < listed[0]}
+    lost = {name: deep for name, deep in deepest.items() if deep > listed[1]}
+    words = [
+        f"{_name_deepest(merged)} merge" if merged else "",
+        f"{_name_deepest(lost)} can be parted too far" if lost else "",
+    ]
+    text = " and of ".join(word for word in words if word)
+    return (f"the two edges of {target.name}'s {text}" if text else ""), bool(lost)
+
+
+def measure_part_depths_m(mission: Mission, preview: Preview, number: int) -> Mapping[str, np.ndarray]:
+    """Measure the depth [m] of each part of a target along the line of sight, at some epochs (time) of a preview.
+
+    Parameters
+    ----------
+    mission : what is flown.
+    preview : its preview.
     number : of the target.
     """
-    rows = np.unique(np.linspace(0, len(seen.time_s) - 1, _MOST_EPOCHS).round().astype(int))
+    rows = np.unique(np.linspace(0, len(preview.time_s) - 1, _MOST_EPOCHS).round().astype(int))
     near: dict[str, np.ndarray] = {}
     far: dict[str, np.ndarray] = {}
     for surface in mission.surfaces_of(number):
-        place, turn = seen.truth.poses.place("lidar", surface.name)
-        place, turn = np.broadcast_to(place, (len(seen.time_s), 3)), np.broadcast_to(turn, (len(seen.time_s), 3, 3))
+        place, turn = preview.truth.poses.place("lidar", surface.name)
+        place, turn = (
+            np.broadcast_to(place, (len(preview.time_s), 3)),
+            np.broadcast_to(turn, (len(preview.time_s), 3, 3)),
+        )
         order = np.argsort(surface.part, kind="stable")
         every = max(3 * len(order) // _MOST_CORNERS, 1)
         kept = np.unique(
@@ -97,19 +117,22 @@ def part_depths_m(mission: Mission, seen: Preview, number: int) -> Mapping[str, 
     return {name: far[name] - near[name] for name in near}
 
 
-def _listed_m(mission: Mission, over: float) -> tuple[float, float] | None:
+def _find_listed_interval_m(mission: Mission, over: float) -> tuple[float, float] | None:
+    """Return the separations [m] at which two returns with `over` times the threshold are both listed; None without any."""
     lidar = mission.instrument
     if lidar.detector.traits.max_returns == 1:
         return None
-    return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(_OFTEN)
+    return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(
+        _LISTED_PROBABILITY
+    )
 
 
-def _span(listed: tuple[float, float]) -> str:
+def _format_interval(listed: tuple[float, float]) -> str:
     return f"{listed[0]:.1f} to {listed[1]:.1f} m"
 
 
-def _named(depths: Mapping[str, float]) -> str:
-    """Return the deepest parts with their depths in words, and how many there are besides."""
+def _name_deepest(depths: Mapping[str, float]) -> str:
+    """Name the deepest parts with their depths, and count the others."""
     names: Sequence[str] = sorted(depths, key=lambda name: -depths[name])
     text = ", ".join(f"{name} ({depths[name]:.1f} m)" for name in names[:_MOST_NAMED])
     return text + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")

@@ -1,4 +1,4 @@
-"""What a mission asks of its geometry: how near the boresight may come to Sun, Moon and Earth, and where not to fly."""
+"""Constraints on the geometry of a mission: exclusion angles, keep-out spheres and corridors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Exclusion = Annotated[Positive, Field(lt=180)]
 
 
 def _radii(given: Any) -> Any:
-    """Return what was given for `keep_out_m`, or say in one sentence what is wrong with it, whichever form it has."""
+    """Check the value of `keep_out_m`, a number or a table, with one sentence for a bad one."""
     for name, radius in given.items() if isinstance(given, dict) else [("", given)]:
         number = isinstance(radius, int | float) and not isinstance(radius, bool)
         if given is not None and not (number and 1e-12 <= radius <= GREATEST):
@@ -61,12 +61,12 @@ class Corridor(Part):
 
     @property
     def apex(self) -> str:
-        """Return the name of the axes whose origin is the apex, as the tree of poses knows them."""
+        """Name, in the tree of poses, of the axes whose origin is the apex."""
         return f"{self.target}.rtn" if self.axes == "rtn" else self.axes or self.target
 
     @property
     def apex_name(self) -> str:
-        """Return what a person calls the apex."""
+        """Name of the apex for messages."""
         return self.target if self.axes in (None, "rtn") else f"{self.target}'s {self.axes}"
 
     def angle_rad(self, place_m: np.ndarray) -> np.ndarray:
@@ -74,13 +74,13 @@ class Corridor(Part):
         return angle_off_axis_rad(place_m, np.array(self.axis))
 
     def applies(self, place_m: np.ndarray) -> np.ndarray:
-        """Return whether (time) places are as far from the apex as the corridor is long."""
+        """Return whether (time) the distance of places from the apex is within the corridor's length."""
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         there: np.ndarray = (distance >= self.from_m) & (distance <= (self.to_m or np.inf))
         return there
 
     def margin_m(self, place_m: np.ndarray) -> np.ndarray:
-        """Return how deep (time) [m] places are inside the corridor; negative outside."""
+        """Return the distance (time) [m] of places from the corridor's boundary, negative outside."""
         distance = np.sqrt(np.sum(place_m**2, axis=-1))
         aside = distance * (self.half_angle_deg * units.DEG - self.angle_rad(place_m))
         margin: np.ndarray = np.minimum(np.minimum(aside, distance - self.from_m), (self.to_m or np.inf) - distance)
@@ -88,11 +88,11 @@ class Corridor(Part):
 
 
 class Constraints(Part):
-    """What `check` holds a scenario to; nothing is asked that is left out.
+    """Constraints that `check` applies to a scenario; those that are left out do not apply.
 
-    Exclusions are angles from the lidar's boresight: to the centre of the Sun while any of it is seen, to the Moon's centre,
-    and to the Earth's limb. `keep_out_m` is the radius of a sphere about each target, or about those it names, into which
-    the follower's origin comes in a corridor of that target only.
+    Exclusion angles are measured from the lidar's boresight: to the Sun's centre while any of the Sun is visible, to the
+    Moon's centre, and to the Earth's limb. `keep_out_m` is the radius of a sphere about each target, or about those that a
+    table names. The follower's origin may enter it only inside a corridor of that target.
     """
 
     sun_exclusion_deg: Exclusion | None = Field(
@@ -121,11 +121,18 @@ class Constraints(Part):
     )
 
     def radius_m(self, target: str) -> float | None:
-        """Return the radius of the sphere about a target that is kept out of, or None."""
+        """Return the radius [m] of the keep-out sphere about a target, or None."""
         return self.keep_out_m.get(target) if isinstance(self.keep_out_m, dict) else self.keep_out_m
 
     def check(self, targets: Sequence[Body], *, local: bool, sun: bool) -> None:
-        """Raise `ScenarioError` where something is asked about what the scenario has not."""
+        """Raise `ScenarioError` for constraints on targets, axes or bodies that the scenario does not have.
+
+        Parameters
+        ----------
+        targets : of the scenario.
+        local : whether the world has no Earth.
+        sun : whether the world has a Sun.
+        """
         by_name = {target.name: target for target in targets}
         named = list(self.keep_out_m) if isinstance(self.keep_out_m, dict) else []
         for place, name in [

@@ -1,4 +1,4 @@
-"""Materials of single facets: by the colours of a mesh's file, or by a file that says which facet is of what."""
+"""Materials of single facets, given by colours of the mesh's file or by a file of their own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rso_lidar.part import Part, Text
 from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
 from rso_lidar.scene.meshes.colours import facet_colours, hexed
 
-_DIGITS = 12  # of a facet's number; no mesh has so many
+_DIGITS = 12  # of a facet's number at most, far more than any mesh needs
 
 
 class FacetMaterials(Part):
@@ -37,8 +37,15 @@ class FacetMaterials(Part):
     )
 
 
-def coloured(surface: Surface, color_materials: Mapping[str, Material], wavelength_m: float) -> Surface:
-    """Return the surface with the facets of some colours of another material, as light of `wavelength_m` [m] sees it."""
+def apply_color_materials(surface: Surface, color_materials: Mapping[str, Material], wavelength_m: float) -> Surface:
+    """Assign materials to the facets of some colours.
+
+    Parameters
+    ----------
+    surface : the surface.
+    color_materials : material by colour, such as ``#c0c0c0``.
+    wavelength_m : of the laser [m].
+    """
     with placed("color_materials"):
         colour = hexed(facet_colours(surface.mesh))[surface.mesh.source_facet]
         of_colour = {word.lower(): material for word, material in color_materials.items()}
@@ -47,22 +54,40 @@ def coloured(surface: Surface, color_materials: Mapping[str, Material], waveleng
             if word not in there:
                 some = ", ".join(there[:8]) + (", ..." if len(there) > 8 else "")
                 raise ScenarioError(f"no facet of {surface.mesh.path.name} has the colour '{word}' (there are {some})")
-        return _painted(surface, colour, of_colour, wavelength_m)
+        return _assign_materials(surface, colour, of_colour, wavelength_m)
 
 
-def finished(
+def apply_facet_materials(
     surface: Surface, facet_materials: FacetMaterials, file: Callable[[str], Path], wavelength_m: float
 ) -> Surface:
-    """Return the surface with the materials of single facets, as light of `wavelength_m` [m] sees them."""
+    """Assign materials to single facets.
+
+    Parameters
+    ----------
+    surface : the surface.
+    facet_materials : which facet has which material.
+    file : finds a file that the scenario names.
+    wavelength_m : of the laser [m].
+    """
     with placed("facet_materials"):
         path = file(facet_materials.file)
-        words = _words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
-        meant = {word: _meant(word, facet_materials, path) for word in sorted(set(words) - {""})}
-        return _painted(surface, words, meant, wavelength_m)
+        words = _read_facet_words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
+        meant = {word: _find_material(word, facet_materials, path) for word in sorted(set(words) - {""})}
+        return _assign_materials(surface, words, meant, wavelength_m)
 
 
-def _painted(surface: Surface, words: np.ndarray, meant: Mapping[str, Material], wavelength_m: float) -> Surface:
-    """Return the surface with each facet whose word (facet) means a material of that material."""
+def _assign_materials(
+    surface: Surface, words: np.ndarray, meant: Mapping[str, Material], wavelength_m: float
+) -> Surface:
+    """Assign to each facet the material of its word.
+
+    Parameters
+    ----------
+    surface : the surface.
+    words : (facet) word of each facet.
+    meant : material by word; facets with another word keep their material.
+    wavelength_m : of the laser [m].
+    """
     number, materials = surface.finish.astype(np.int64), list(surface.materials)
     for word, material in meant.items():
         materials.append(complete(material).at(wavelength_m))
@@ -70,7 +95,7 @@ def _painted(surface: Surface, words: np.ndarray, meant: Mapping[str, Material],
     return replace(surface, materials=tuple(materials), material_of=number)
 
 
-def _meant(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
+def _find_material(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
     if word in facet_materials.materials:
         return facet_materials.materials[word]
     known = [*facet_materials.materials, *library.materials()]
@@ -80,16 +105,16 @@ def _meant(word: str, facet_materials: FacetMaterials, path: Path) -> Material:
     return Named(name=word)
 
 
-def _words(path: Path, facets: int) -> np.ndarray:
-    """Return the word of each facet of the mesh's file (facet), empty where the file says nothing of it."""
+def _read_facet_words(path: Path, facets: int) -> np.ndarray:
+    """Read the word of each facet of the mesh's file (facet), empty where the file gives none."""
     if path.suffix.lower() == ".npy":
-        return _of_array(path, facets)
+        return _read_array(path, facets)
     if path.suffix.lower() == ".csv":
-        return _of_table(path, facets)
+        return _read_table(path, facets)
     raise MeshError(f"{path.name}: '{path.suffix}' is not read; give a .csv (facet, material) or a .npy")
 
 
-def _of_array(path: Path, facets: int) -> np.ndarray:
+def _read_array(path: Path, facets: int) -> np.ndarray:
     try:
         check_regular(path, MOST_BYTES, MeshError, "array (.npy)")
         numbers = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -103,7 +128,7 @@ def _of_array(path: Path, facets: int) -> np.ndarray:
     return np.where(numbers < 0, "", numbers.astype(str)).astype(object)
 
 
-def _of_table(path: Path, facets: int) -> np.ndarray:
+def _read_table(path: Path, facets: int) -> np.ndarray:
     words = np.full(facets, "", dtype=object)
     try:
         rows = list(csv.reader(read_text(path, MOST_BYTES, MeshError, "table (.csv)").splitlines()))
@@ -113,7 +138,7 @@ def _of_table(path: Path, facets: int) -> np.ndarray:
         if not row or (line == 1 and row[0].strip().lower() == "facet"):
             continue
         first, dash, last = row[0].strip().partition("-")
-        if len(row) != 2 or not _is_number(first) or (dash and not _is_number(last)) or not row[1].strip():
+        if len(row) != 2 or not _is_whole_number(first) or (dash and not _is_whole_number(last)) or not row[1].strip():
             raise MeshError(f"{path.name}: line {line}: needs a facet, or a span such as 10-19, and a material")
         start, end = int(first), int(last) if dash else int(first)
         if start > end or end >= facets:
@@ -124,5 +149,5 @@ def _of_table(path: Path, facets: int) -> np.ndarray:
     return words
 
 
-def _is_number(text: str) -> bool:
+def _is_whole_number(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= _DIGITS

@@ -1,4 +1,4 @@
-"""The hinges of a target: what the scenario says of them, completed by what its model declares."""
+"""Hinges of a target, completed by what its model declares."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from rso_lidar.scene.meshes.mesh import body_from_mesh
 
 
 class Joint(Part):
-    """A hinge of a target: its `parts` turn about `axis` through `position_m`, both in body axes, right-handed.
+    """A hinge of a target: its `parts` turn right-handed about `axis` through `position_m`, both in body axes.
 
-    Its axes, named ``<body>.<name>``, have their origin at `position_m` and are the body's at angle zero. Where the model's
-    index declares a hinge of that name, what is left out here comes from there; else parts and axis are needed, and the
-    hinge stands in the body's origin unless `position_m` says where.
+    Its axes, named ``<body>.<name>``, have their origin at `position_m` and coincide with the body's at angle zero. Fields
+    that are left out come from the hinge of that name in the model's index. Without such a hinge, parts and axis are
+    required, and the position defaults to the body's origin.
     """
 
     name: Name = Field(description="Name of the hinge; its axes are `<target>.<name>`.")
@@ -51,19 +51,19 @@ class Joint(Part):
 
 @dataclass(frozen=True)
 class ModelPlacement:
-    """How a catalogue model lies in its body's axes: scale, centre of mass (xyz) [m] after scaling, and mesh axes."""
+    """Placement of a catalogue model in body axes: scale, centre of mass (xyz) [m] after scaling, and mesh axes."""
 
     scale: float
     center_of_mass_m: np.ndarray
     mesh_axes: str
 
     def point(self, position: tuple[float, float, float]) -> Vector:
-        """Return a point of the model, in the mesh's own axes and unit, in body axes [m]."""
+        """Convert a point in the mesh's axes and unit to body axes [m]."""
         x, y, z = body_from_mesh(self.scale * np.array(position) - self.center_of_mass_m, self.mesh_axes).tolist()
         return x, y, z
 
     def direction(self, direction: tuple[float, float, float]) -> Vector:
-        """Return a direction of the model, in the mesh's own axes, in body axes."""
+        """Convert a direction in the mesh's axes to body axes."""
         x, y, z = body_from_mesh(np.array(direction), self.mesh_axes).tolist()
         return x, y, z
 
@@ -74,14 +74,14 @@ def complete_joint(
     declared: Mapping[str, Hinge] = MappingProxyType({}),
     placement: ModelPlacement | None = None,
 ) -> HingeAxes:
-    """Return a hinge in body axes; what the joint leaves out comes from the hinge of its name that the model declares.
+    """Complete a hinge in body axes: fields that the joint leaves out come from the model's hinge of the same name.
 
     Parameters
     ----------
-    joint : what the scenario says of the hinge.
+    joint : the hinge as the scenario gives it.
     shape : name of the model, for the message of an error.
     declared : the model's hinges by name.
-    placement : how the model lies in body axes; needed where it declares hinges.
+    placement : of the model in body axes; required where it declares hinges.
     """
     hinge, angle = declared.get(joint.name), joint.angle
     parts, position_m, axis = joint.parts, joint.position_m, joint.axis

@@ -1,4 +1,4 @@
-"""What a user's own library makes of a mesh file, as a recording carries it: flown again only where it still does."""
+"""A model of the user's own library, as a recording states it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rso_lidar.part import Part, Positive, Text, Whole
 from rso_lidar.scene.library.catalogue import ModelEntry
 
 
-class OfLibrary(Part):
-    """What the user's own library makes of the model's file, as it was when the scenario was written out.
+class LibraryModel(Part):
+    """A model of the user's own library, as it was when the scenario was recorded.
 
-    Recordings carry it. Where the library makes another mesh of that name by now, the scenario is refused; all else that
-    the library knows of the model (materials, centre of mass, taxonomy, hinges) stands in the target itself.
+    Recordings carry this table. A scenario is refused where the library's model of that name has changed since. Materials,
+    centre of mass, taxonomy and hinges are not part of this table, because the recorded target itself gives them.
     """
 
     sha256: Text = Field(description="SHA-256 of the mesh file.")
@@ -32,29 +32,31 @@ class OfLibrary(Part):
     )
 
     def check(self, entry: ModelEntry) -> None:
-        """Raise `MeshError` where the catalogue makes another mesh of that name."""
+        """Raise `MeshError` where the catalogue's model of that name has changed."""
         if not entry.own:
             raise MeshError(
                 f"model '{entry.name}': was one of the user's own library, and a shipped one has that name now; "
                 "add it under another name, and say that in model"
             )
-        now = of_library(entry)
+        now = describe_library_model(entry)
         changed = [key for key in type(self).model_fields if getattr(now, key) != getattr(self, key)]
         if changed:
-            what = ", ".join(f"{key} {_short(getattr(self, key))}, now {_short(getattr(now, key))}" for key in changed)
+            what = ", ".join(
+                f"{key} {_shorten(getattr(self, key))}, now {_shorten(getattr(now, key))}" for key in changed
+            )
             raise MeshError(
                 f"model '{entry.name}': is no longer what was flown ({what}); "
                 "add it to your library as it was (`rso-lidar models add --overwrite`)"
             )
 
 
-def of_library(entry: ModelEntry) -> OfLibrary:
-    """Return what the user's library makes of the file of one of its models."""
+def describe_library_model(entry: ModelEntry) -> LibraryModel:
+    """Describe a model of the user's library."""
     axes: Literal["z_up", "y_up"] = "y_up" if entry.mesh_axes == "y_up" else "z_up"
-    return OfLibrary(sha256=entry.sha256, scale=entry.scale, mesh_axes=axes, left_out=entry.left_out)
+    return LibraryModel(sha256=entry.sha256, scale=entry.scale, mesh_axes=axes, left_out=entry.left_out)
 
 
-def _short(value: object) -> str:
+def _shorten(value: object) -> str:
     if isinstance(value, tuple):
         return " and ".join(f"{first} to {last}" for first, last in value) or "nothing"
     text = f"{value:.9g}" if isinstance(value, float) else str(value)

@@ -15,19 +15,19 @@ from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.part import Part, Text
 from rso_lidar.records import Command
-from rso_lidar.scenario.tables.presets import presets
-from rso_lidar.scenario.tables.schedule import Schedule, commanded_settings
+from rso_lidar.scenario.tables.presets import load_presets
+from rso_lidar.scenario.tables.schedule import Schedule, read_command
 
-# Of these a user's choice replaces the preset's, whichever of the two it is.
-_EITHER = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
+# Keys of which exactly one may be given: a user's choice replaces the preset's.
+_ALTERNATIVES = ({"fov_deg", "focal_length_mm"}, {"f_number", "aperture_mm"})
 
 
 class Lidar(Part):
     """The instrument: laser, receiver, detector, and how it is mounted.
 
-    `preset` names a shipped camera whose values hold where none are given here. `mount` turns and moves the lidar in the
-    axes of what carries it, the PTU or, without one, the follower; unturned, its boresight is their +x and its rows run
-    along −z. A `schedule` plans zoom, diffuser, energy and gate; a controller's commands come before it.
+    `preset` names a shipped camera that gives the defaults. `mount` is the pose of the lidar in the axes of the PTU, or of
+    the follower where there is no PTU. At the identity its boresight is their +x and its rows run along −z. A `schedule`
+    plans zoom, diffuser, energy and gate; a controller's commands take precedence over it.
     """
 
     preset: Text | None = Field(
@@ -59,11 +59,11 @@ class Lidar(Part):
         name = given.get("preset")
         if not isinstance(name, str):
             return given
-        if name not in presets():
+        if name not in load_presets():
             raise ValueError(
-                f"preset: no camera '{name}'{did_you_mean(name, presets())} (known: {', '.join(presets())})"
+                f"preset: no camera '{name}'{did_you_mean(name, load_presets())} (known: {', '.join(load_presets())})"
             )
-        return _laid_over({key: value for key, value in presets()[name].items() if key != "what"}, given)
+        return _merge_tables({key: value for key, value in load_presets()[name].items() if key != "what"}, given)
 
     @model_validator(mode="after")
     def _can_be_hashed(self) -> Self:
@@ -85,27 +85,27 @@ class Lidar(Part):
 
     @property
     def changes_lens(self) -> bool:
-        """Return whether the plan turns the zoom lens, and so the pixels' lines of sight."""
+        """Whether the schedule changes the focal length, and so the pixels' lines of sight."""
         return self.schedule is not None and self.schedule.focal_length_mm is not None
 
     @property
     def max_returns(self) -> int:
-        """Return how many returns of a pixel are listed."""
+        """Number of returns of a pixel that are listed."""
         return self.detector.traits.max_returns
 
     def at(self, time_s: float, command: Command | None = None) -> Lidar:
-        """Return the instrument with what is in force at an instant [s since start_utc], as planned and commanded."""
+        """Return the instrument with the settings in force at a time [s since start_utc], as planned and commanded."""
         wanted = self.schedule.at(time_s) if self.schedule else {}
         with placed("simulate: the controller's command" if command else "lidar.schedule"):
-            wanted |= commanded_settings(command) if command else {}
+            wanted |= read_command(command) if command else {}
             return self.with_settings(wanted) if wanted else self
 
     def with_settings(self, settings: Mapping[str, float]) -> Lidar:
-        """Return the instrument with settings in force, given by the names of a schedule."""
+        """Return the instrument with other settings, given by the names of a schedule."""
         return _with_settings(self, tuple(settings.items()))
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed; another preset brings its own values where the old one's held."""
+        """Return a copy with some fields changed; a new preset replaces the values that came from the old one."""
         new = changes.get("preset")
         if new is not None and self.preset is not None and new != self.preset:
             old = Lidar(preset=self.preset)  # type: ignore[call-arg]
@@ -119,7 +119,7 @@ class Lidar(Part):
 
     @property
     def settings(self) -> dict[str, float]:
-        """Return what is in force, in SI, as every frame records it."""
+        """Settings in force, in SI, as every frame records them."""
         settings = {
             "laser_energy_j": self.laser.energy_mj * units.MJ,
             "laser_divergence_rad": self.laser.divergence_rad,
@@ -131,23 +131,23 @@ class Lidar(Part):
         return {**settings, **self.detector.traits.settings}
 
 
-def _laid_over(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a preset's table with the user's over it, key by key; a part of another type replaces the preset's whole."""
+def _merge_tables(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge the user's table into that of a preset, key by key; a part of another type replaces the preset's whole."""
     result = dict(preset)
-    for pair in _EITHER:
+    for pair in _ALTERNATIVES:
         if pair & set(given):
             result = {key: value for key, value in result.items() if key not in pair}
     for key, value in given.items():
         old = result.get(key)
-        mixes = isinstance(old, Mapping) and old.get("type") == _type(value, old)
+        mixes = isinstance(old, Mapping) and old.get("type") == _find_type(value, old)
         if mixes and isinstance(value, Part):
             value = {name: getattr(value, name) for name in value.model_fields_set}
-        result[key] = _laid_over(old, value) if mixes and isinstance(value, Mapping) else value  # type: ignore[arg-type]
+        result[key] = _merge_tables(old, value) if mixes and isinstance(value, Mapping) else value  # type: ignore[arg-type]
     return result
 
 
-def _type(value: Any, old: Mapping[str, Any]) -> Any:
-    """Return the type that a table says it is, or that it leaves to the preset."""
+def _find_type(value: Any, old: Mapping[str, Any]) -> Any:
+    """Return the type that a table or a part states, or else that of the preset."""
     if isinstance(value, Mapping):
         return value.get("type", old.get("type"))
     return getattr(value, "type", old.get("type"))

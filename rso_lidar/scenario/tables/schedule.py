@@ -1,4 +1,4 @@
-"""Settings of the instrument that change with time, as planned or as commanded."""
+"""Settings of the instrument that change with time, planned or commanded."""
 
 import numbers
 from typing import Annotated, Literal, Self
@@ -21,10 +21,11 @@ _COMMANDS = {  # field of a Command: the setting of a schedule that it replaces,
 
 
 class Schedule(Part):
-    """Settings that follow a plan: at `time_s` the lists hold; between, they are interpolated or stay (``step``).
+    """Planned settings: each list gives values at the times `time_s`.
 
-    Before the first instant and after the last the first and last values hold. Lists left out do not change. A zoom lens
-    keeps its `f_number` where the receiver gives that, and its aperture where it gives `aperture_mm`.
+    Between those times values are interpolated, or the last one holds (``step``). Before the first and after the last
+    time the first and the last value hold. Settings without a list do not change. A zoom lens keeps its `f_number` or its
+    `aperture_mm`, whichever the receiver gives.
     """
 
     time_s: tuple[Number, ...] = Field(description="Times since `start_utc`, ascending [s].")
@@ -59,19 +60,19 @@ class Schedule(Part):
 
     @property
     def planned(self) -> tuple[str, ...]:
-        """Return the names of the settings that follow the plan."""
+        """Names of the settings that the schedule plans."""
         return tuple(name for name in _PLANNED if getattr(self, name) is not None)
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Return the planned settings at an instant [s since start_utc], by name."""
+        """Return the planned settings at a time [s since start_utc], by name."""
         if self.interpolation == "step":
             place = max(int(np.searchsorted(self.time_s, time_s, "right")) - 1, 0)
             return {name: float(getattr(self, name)[place]) for name in self.planned}
         return {name: float(np.interp(time_s, self.time_s, getattr(self, name))) for name in self.planned}
 
 
-def commanded_settings(command: Command) -> dict[str, float]:
-    """Return the settings that a controller commands, by the names of a schedule, or raise `ScenarioError`."""
+def read_command(command: Command) -> dict[str, float]:
+    """Return the settings of a controller's command, by the names of a schedule, or raise `ScenarioError`."""
     asked = {}
     for field, (name, unit) in _COMMANDS.items():
         value = getattr(command, field)

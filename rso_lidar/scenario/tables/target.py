@@ -1,4 +1,4 @@
-"""The bodies of a scenario: targets, which have a surface and move, and the follower, which carries the lidar."""
+"""The bodies of a scenario: targets, and the follower that carries the lidar."""
 
 from functools import cached_property
 from typing import Annotated, Literal, Self
@@ -14,8 +14,8 @@ from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.part import Positive, Text, Vector
 from rso_lidar.scenario.tables.facet_materials import FacetMaterials
 from rso_lidar.scenario.tables.hinges import Joint, ModelPlacement, complete_joint
-from rso_lidar.scenario.tables.library_model import OfLibrary
-from rso_lidar.scenario.tables.terrain import Terrain, in_words
+from rso_lidar.scenario.tables.library_model import LibraryModel
+from rso_lidar.scenario.tables.terrain import Terrain, name_terrain
 from rso_lidar.scene import AnyMaterial
 from rso_lidar.scene.library.catalogue import model
 
@@ -25,14 +25,10 @@ Colour = Annotated[str, Strict(), Field(pattern=r"^#[0-9A-Fa-f]{6}$")]
 class Target(Body):
     """A body with a surface.
 
-    `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh; `terrain`, in its place, is ground
-    of heights, from a file or made by seed. `scale` turns a mesh's unit into metres, or `size_m` sets its longest side.
-    Without `material` a catalogue model keeps its own, another mesh is the seed's Lambertian 0.30; `part_materials`
-    overrides by part, `color_materials` by the colour that the file gives a facet, and `facet_materials` by facet.
-    `smooth_parts` are curved: normals are interpolated over their facets. `center_of_mass_m` is the body's origin in the
-    mesh's own axes, after scaling. Each `joint` turns some parts about a hinge; a hinge that the model declares needs no
-    more than its name and an angle. `taxonomy` is where the target belongs; a catalogue model brings its own.
-    `library` is what a recording says of a model of the user's own library; who writes a scenario leaves it out.
+    `model` is a name of the catalogue, or, with a suffix or a slash, the path of a mesh. `terrain` replaces it by ground of
+    heights, from a file or generated from a random seed. Materials are chosen in this order: `facet_materials`,
+    `color_materials`, `part_materials`, `material`, and those of the catalogue model. Another mesh defaults to the
+    Lambertian 0.30 of Fuller et al. The body's origin is `center_of_mass_m`, in the mesh's own axes after scaling.
     """
 
     model: Text | None = Field(
@@ -90,7 +86,7 @@ class Target(Body):
         default=None,
         description="Class of the target, for labels and for drawing datasets. If omitted, the catalogue's, or none.",
     )
-    library: OfLibrary | None = Field(
+    library: LibraryModel | None = Field(
         default=None,
         description="Record of a model of your own library, written into recordings. Do not set it in a scenario.",
     )
@@ -119,9 +115,9 @@ class Target(Body):
 
     @cached_property
     def joints(self) -> tuple[HingeAxes, ...]:
-        """Hinges of the body in body axes; what a joint leaves out comes from its model."""
+        """Hinges in body axes; fields that a joint leaves out come from its model."""
         if not self.joint or self.is_path or self.library is not None:
-            return tuple(complete_joint(joint, self.shape) for joint in self.joint)  # a recording leaves nothing out
+            return tuple(complete_joint(joint, self.shape) for joint in self.joint)  # a recording gives all fields
         entry = model(self.shape)
         scale = self.scale or (self.size_m / max(entry.size_m) if self.size_m else 1.0)
         center = self.center_of_mass_m
@@ -132,13 +128,13 @@ class Target(Body):
 
     @property
     def is_path(self) -> bool:
-        """Return whether the shape comes from a file, or is made, rather than from the catalogue."""
+        """Whether the shape is a file or terrain, and no model of the catalogue."""
         return self.terrain is not None or any(sign in self.shape for sign in "/\\.")
 
     @property
     def shape(self) -> str:
-        """Return `model`, or what stands in its place for terrain: the file, or how it is made and of which seed."""
-        return self.model or (in_words(self.terrain) if self.terrain else "")
+        """`model`, or for terrain its file, or the kind and the random seed of generated ground."""
+        return self.model or (name_terrain(self.terrain) if self.terrain else "")
 
 
 class Follower(Body):

@@ -1,4 +1,4 @@
-"""Ground as a target: heights from a file, or made by seed."""
+"""Ground as a target: heights from a file, or generated from a random seed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
 from rso_lidar.scene.meshes.height_field import MOST_CELLS, height_field, load_height_field
 from rso_lidar.scene.meshes.mesh import Mesh
 
-_LARGEST_CRATER = 0.25  # of the side, where nothing else is said
+_LARGEST_CRATER = 0.25  # default over the side
 _SMALLEST_CRATER = 4.0  # cells
 
 
@@ -38,12 +38,13 @@ class HeightField(Part):
 
 
 class CratersAndBoulders(Part):
-    """Ground that a seed makes: a square about the body's origin, x east, y north, z up, of parts `ground` and `boulders`.
+    """Ground generated from a random seed: a square about the body's origin with the parts `ground` and `boulders`.
 
-    Craters lie as densely as `crater_fraction` of equilibrium, N(> D) = 0.079 D^-2 per square metre (Trask 1966, Gault
-    1970); each is a paraboloid, fresh 0.196 D from crest to floor with a rim of 0.036 D (Pike 1977), worn to any share of
-    that. Rocks of all sizes cover `rock_fraction` of the ground by the law of Golombek and Rapp (1997), and those from
-    `boulder_min_m` to `boulder_max_m` stand in it as half ellipsoids.
+    Axes are x east, y north, z up. The density of craters is `crater_fraction` of equilibrium, N(> D) = 0.079 D^-2 per
+    square metre (Trask 1966, Gault 1970). Each crater is a paraboloid. A fresh one has a depth of 0.196 D from crest to
+    floor and a rim of 0.036 D (Pike 1977); erosion reduces both by a random factor. Rocks of all sizes cover
+    `rock_fraction` of the ground (Golombek and Rapp 1997). Those from `boulder_min_m` to `boulder_max_m` are half
+    ellipsoids.
     """
 
     type: Literal["craters_and_boulders"] = "craters_and_boulders"
@@ -89,7 +90,7 @@ class CratersAndBoulders(Part):
 
     @property
     def craters_m(self) -> tuple[float, float]:
-        """Return the least and the greatest diameter of a crater [m]; four cells, and a quarter of the side by default."""
+        """Least and greatest diameter of a crater [m]: four cells, and a quarter of the side, by default."""
         largest_m = self.crater_max_m or _LARGEST_CRATER * self.size_m
         return self.crater_min_m or min(_SMALLEST_CRATER * self.cell_m, 0.5 * largest_m), largest_m
 
@@ -97,16 +98,19 @@ class CratersAndBoulders(Part):
 Terrain = Annotated[HeightField | CratersAndBoulders, Field(discriminator="type")]
 
 
-def mesh_of(terrain: HeightField | CratersAndBoulders, file: Callable[[str], Path]) -> Mesh:
-    """Return the ground as a mesh; `file` finds the file that it names."""
+def build_terrain_mesh(terrain: HeightField | CratersAndBoulders, file: Callable[[str], Path]) -> Mesh:
+    """Build the mesh of the ground; `file` finds the file that it names."""
     if isinstance(terrain, HeightField):
         return load_height_field(file(terrain.file), terrain.cell_m, terrain.height_scale_m)
-    return _made(terrain)
+    return _build_made_ground(terrain)
 
 
 @lru_cache(maxsize=8)
-def _made(terrain: CratersAndBoulders) -> Mesh:
-    from rso_lidar.shapes.terrain import Abundance, made_ground  # the builders of models stay outside of most starts
+def _build_made_ground(terrain: CratersAndBoulders) -> Mesh:
+    from rso_lidar.shapes.terrain import (
+        Abundance,
+        made_ground,
+    )  # the builders take 0.2 s to import, and few scenarios need them
 
     craters = Abundance(*terrain.craters_m, terrain.crater_fraction)
     rocks = Abundance(terrain.boulder_min_m, terrain.boulder_max_m, terrain.rock_fraction)
@@ -114,16 +118,18 @@ def _made(terrain: CratersAndBoulders) -> Mesh:
     digest = hashlib.sha256(ground.heights_m.tobytes())
     if ground.boulders is not None:
         digest.update(ground.boulders.vertices.tobytes())
-    return height_field(ground.heights_m, terrain.cell_m, Path(in_words(terrain)), digest.hexdigest(), ground.boulders)
+    return height_field(
+        ground.heights_m, terrain.cell_m, Path(name_terrain(terrain)), digest.hexdigest(), ground.boulders
+    )
 
 
-def in_words(terrain: HeightField | CratersAndBoulders) -> str:
-    """Return what stands in the place of a model's name: the file, or how the ground is made and of which seed."""
+def name_terrain(terrain: HeightField | CratersAndBoulders) -> str:
+    """Return the name of the ground in place of a model's: its file, or its kind and random seed."""
     return terrain.file if isinstance(terrain, HeightField) else f"{terrain.type} {terrain.seed}"
 
 
-def taxonomy_of_terrain(terrain: HeightField | CratersAndBoulders) -> Taxonomy:
-    """Return the place of ground in the taxonomy."""
+def classify_terrain(terrain: HeightField | CratersAndBoulders) -> Taxonomy:
+    """Return the taxonomy of ground."""
     return Taxonomy(
         object_class="terrain",
         subclass=terrain.type,

@@ -1,4 +1,4 @@
-"""When frames are taken, and what the root axes are."""
+"""Times of the frames, and the root axes."""
 
 from typing import Literal, Self
 
@@ -11,7 +11,7 @@ _MOST_FRAMES = 5_000_000
 
 
 class Time(Part):
-    """When frames are taken: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
+    """Times of the frames: round(duration_s * frame_rate_hz) of them, at k / frame_rate_hz after `start_utc`."""
 
     start_utc: Instant = Field(
         description="Start of the scenario, such as `2024-09-17T12:00:00Z`; a time without an offset is an error."
@@ -34,18 +34,19 @@ class Time(Part):
 
     @property
     def n_frames(self) -> int:
-        """Return how many frames the scenario has."""
+        """Number of frames."""
         return round(self.duration_s * self.frame_rate_hz)
 
     def seconds(self, frames: np.ndarray) -> np.ndarray:
-        """Return the instants [s since start_utc] of frames by number."""
+        """Return the times [s since start_utc] of frames by number."""
         return np.asarray(frames, dtype=float) / self.frame_rate_hz
 
 
 class World(Part):
-    """What the root axes are: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
+    """The root axes: ``inertial`` is GCRS about the Earth, ``local`` a bench or terrain without an Earth.
 
-    A local world has a Sun only where `sun_direction`, from the origin toward it in root axes, says so; nothing eclipses it.
+    A local world has a Sun only where `sun_direction` gives one, from the origin toward it in root axes. Nothing eclipses
+    that Sun.
     """
 
     axes: Literal["inertial", "local"] = Field(

@@ -17,9 +17,9 @@ from rso_lidar.detector import AnyDetector, describe_window, list_uncounted
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
-from rso_lidar.scenario.preview.geometry import preview
-from rso_lidar.scenario.preview.silhouettes import silhouettes
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario.preview.silhouettes import cast_silhouettes
+from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, material_named
 from rso_lidar.scene.library.catalogue import materials
 
@@ -37,10 +37,10 @@ def camera_of(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, s
         return camera.at(0.0), None, camera.preset or "a camera"
     if not isinstance(camera, str):
         raise ScenarioError(f"budget: needs a lidar, a scenario or the name of a camera, not {camera!r:.60}")
-    if camera in presets():
+    if camera in load_presets():
         return Lidar(preset=camera), None, camera  # type: ignore[call-arg]
-    known = ", ".join(presets())
-    raise ScenarioError(f"{camera}: no camera of that name{did_you_mean(camera, presets())} (known: {known})")
+    known = ", ".join(load_presets())
+    raise ScenarioError(f"{camera}: no camera of that name{did_you_mean(camera, load_presets())} (known: {known})")
 
 
 def positive(what: str, value: Any) -> float:
@@ -110,7 +110,7 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
     """
     if given is None and scenario is not None and scenario.target:
         with unwarned():
-            areas_m2, squares_m = silhouettes(scenario, preview(scenario), 0)
+            areas_m2, squares_m = cast_silhouettes(scenario, preview_mission(scenario), 0)
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
         name = scenario.target[0].name

@@ -21,7 +21,7 @@ from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, cross, dot, turned
 from rso_lidar.records import PtuAngles, Truth
-from rso_lidar.scenario import Scenario, need_scenario
+from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
 from rso_lidar.study.time_history.open_loop import course, umbras, utc
 from rso_lidar.study.time_history.opportunities import Glimpse, glimpses
@@ -84,7 +84,7 @@ def timeline(
     every_s : seconds [s] from row to row, in whole frames; the last frame is always there (None: every frame).
     casts : frames at most of which rays are cast, spread evenly over those asked for.
     """
-    need_scenario(scenario, "timeline")
+    require_scenario(scenario, "timeline")
     number = _number(scenario, target)
     if casts < 1:
         raise ScenarioError(f"casts: needs a whole number from 1, not {casts}")

@@ -16,7 +16,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.files import expanded, path_of
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
-from rso_lidar.scenario.mission.validation import read_toml, validated
+from rso_lidar.scenario.mission.validation import read_toml, validate_toml
 from rso_lidar.simulate import frame_numbers
 from rso_lidar.study.trades.merits import MERITS, judged_by
 
@@ -258,7 +258,7 @@ class Study(Part):
     @classmethod
     def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
         """Return the study of a TOML text; `where` is its name in errors."""
-        study = validated(cls, text, where)
+        study = validate_toml(cls, text, where)
         study._folder, study._where = folder, where
         return study
 

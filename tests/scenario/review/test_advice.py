@@ -6,7 +6,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.preview.geometry import preview
+from rso_lidar.scenario.preview.geometry import preview_mission
 
 # The plate stands at 1000 m: 2 x 1000 m / c = 6671.3 ns after emission. It is 4 m wide, 2.83 m from middle to corner.
 GATE = "lidar.detector.gate={{delay_ns={}, width_ns={}}}"
@@ -57,8 +57,8 @@ class TestGate:
         path = "examples/tdrs_approach.toml"
         still = rl.Scenario.load(path, approach)
         assert any("the range gate" in line and "misses it" in line for line in still.advice())
-        seen = preview(still)
-        delay_ns = (seen.sights[0].range_m - 20.0) * 2e9 / 299_792_458
+        seen = preview_mission(still)
+        delay_ns = (seen.targets[0].range_m - 20.0) * 2e9 / 299_792_458
         plan = f"lidar.schedule={{time_s={seen.time_s.tolist()}, gate_delay_ns={delay_ns.tolist()}}}"
         assert rl.Scenario.load(path, (*approach, plan)).advice() == []
 

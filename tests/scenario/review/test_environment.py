@@ -7,9 +7,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import units
-from rso_lidar.scenario.preview.geometry import preview
-from rso_lidar.scenario.preview.sky import environment_table, sky_geometry
-from rso_lidar.scenario.review.environment import environment_advice, environment_lines
+from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario.preview.sky import compute_sky_geometry, tabulate_environment
+from rso_lidar.scenario.review.environment import advise_on_environment, describe_environment
 
 MOON_KM = (-220_497.1, 291_971.7, 164_731.8)  # by astropy 8.0.2 (ERFA's moon98), 2024-03-20 03:06 UTC, in GCRS
 
@@ -54,11 +54,11 @@ def flown(*settings, height_m=35_786e3, angle_deg=0.0, place=(0, -500, 0), durat
         fov_deg=fov_deg,
     )
     scenario = rl.Scenario.loads(text, settings=settings)
-    return scenario, preview(scenario)
+    return scenario, preview_mission(scenario)
 
 
 def advice(*args, **kwargs):
-    return environment_advice(*flown(*args, **kwargs))
+    return advise_on_environment(*flown(*args, **kwargs))
 
 
 def only(lines, *words):
@@ -71,7 +71,7 @@ def only(lines, *words):
 class TestTable:
     def test_over_the_day_side_along_the_orbit(self):
         scenario, seen = flown()
-        table = environment_table(scenario, seen)
+        table = tabulate_environment(scenario, seen)
         assert all(column.shape == seen.time_s.shape for column in table.values())
         assert all(name.endswith(("_s", "_m", "_rad", "_fraction")) for name in table)
         first = {name: values[0] / (units.DEG if name.endswith("_rad") else 1.0) for name, values in table.items()}
@@ -93,15 +93,15 @@ class TestTable:
         moon_km, place = np.array(MOON_KM), seen.states["follower"].position_m[0]
         line = 1e3 * moon_km - place
         expected = math.acos(line[1] / np.linalg.norm(line)) / units.DEG  # the boresight is +y to 0.001 degree
-        got = environment_table(scenario, seen)["moon_angle_rad"][0] / units.DEG
+        got = tabulate_environment(scenario, seen)["moon_angle_rad"][0] / units.DEG
         assert got == pytest.approx(expected, abs=0.3)
         assert abs(math.acos(moon_km[1] / np.linalg.norm(moon_km)) / units.DEG - expected) > 0.5
 
     def test_a_local_world_has_what_makes_sense_there(self, text):
         bare = rl.Scenario.loads(text)
-        assert sorted(environment_table(bare, preview(bare))) == ["plate_range_m", "time_s"]
+        assert sorted(tabulate_environment(bare, preview_mission(bare))) == ["plate_range_m", "time_s"]
         lit = rl.Scenario.loads(text, settings=('world={axes="local", sun_direction=[-1, 0, 1]}',))
-        table = environment_table(lit, preview(lit))
+        table = tabulate_environment(lit, preview_mission(lit))
         np.testing.assert_allclose(table["sun_angle_rad"] / units.DEG, 135.0, atol=1e-9)
         np.testing.assert_allclose(table["plate_phase_angle_rad"] / units.DEG, 45.0, atol=1e-6)
         assert not {"moon_angle_rad", "earth_limb_angle_rad", "plate_sunlit_fraction"} & set(table)
@@ -110,7 +110,7 @@ class TestTable:
 class TestLines:
     def test_a_day_in_geo_at_the_equinox(self):
         scenario, seen = flown(duration_s=86_400, rate_hz=0.001)
-        lines = environment_lines(scenario, seen)
+        lines = describe_environment(scenario, seen)
         assert [line[:11].strip() for line in lines] == ["sun", "earth", "moon", "phase", "eclipse"]
         eclipse = lines[-1]
         assert "1 eclipse: umbra from " in eclipse
@@ -122,28 +122,28 @@ class TestLines:
 
     def test_many_eclipses_are_counted(self):
         scenario, seen = flown(height_m=500e3, duration_s=86_400, rate_hz=0.01)
-        (line,) = [line for line in environment_lines(scenario, seen) if "eclipse" in line]
+        (line,) = [line for line in describe_environment(scenario, seen) if "eclipse" in line]
         assert "15 eclipses: " in line
         assert "... 13 more ..." in line
 
     def test_sunlight_that_the_shadow_takes_is_told_where_it_counts(self):
         for settings, told in (((), False), (("lidar.receiver.filter_width_nm=2",), True)):
             scenario, seen = flown(*settings, height_m=500e3, angle_deg=180.0)
-            (line,) = [line for line in environment_lines(scenario, seen) if "eclipse" in line]
+            (line,) = [line for line in describe_environment(scenario, seen) if "eclipse" in line]
             assert "umbra all the time" in line
             assert ("no sunlight on it" in line) == told
 
     def test_no_eclipse(self):
         scenario, seen = flown()
-        assert "no eclipse" in environment_lines(scenario, seen)[-1]
+        assert "no eclipse" in describe_environment(scenario, seen)[-1]
 
     def test_a_bench_says_nothing_of_earth(self, text):
         bare = rl.Scenario.loads(text)
-        assert environment_lines(bare, preview(bare)) == []
+        assert describe_environment(bare, preview_mission(bare)) == []
 
     def test_they_stand_in_a_description(self):
         scenario, seen = flown()
-        assert "\n".join(environment_lines(scenario, seen)) in scenario.describe()
+        assert "\n".join(describe_environment(scenario, seen)) in scenario.describe()
 
 
 class TestAdvice:
@@ -163,8 +163,8 @@ class TestAdvice:
     def test_the_sun_behind_the_earth_blinds_nothing(self):
         """In the umbra, straight down at the Earth, with the Sun behind it."""
         scenario, seen = flown(height_m=500e3, angle_deg=180.0, place=(500, 0, 0), fov_deg=150.0)
-        assert not sky_geometry(scenario, seen).sun_seen.any()
-        assert environment_advice(scenario, seen) == []
+        assert not compute_sky_geometry(scenario, seen).sun_seen.any()
+        assert advise_on_environment(scenario, seen) == []
 
     def test_the_earth_in_the_field_where_sunlight_counts(self):
         down = {"place": (500, 0, 0)}  # from above: the boresight meets the Earth
@@ -186,7 +186,7 @@ class TestAdvice:
     def test_a_bench_at_the_earths_centre_is_let_be(self, text):
         """A bench in inertial axes lies where the Earth is: that is no matter of line of sight."""
         scenario = rl.Scenario.loads(text, settings=('world={axes="inertial"}', "lidar.receiver.filter_width_nm=2"))
-        assert environment_advice(scenario, preview(scenario)) == []
+        assert advise_on_environment(scenario, preview_mission(scenario)) == []
 
     def test_a_sun_on_the_bench(self, text):
         for direction, told in (
@@ -195,5 +195,5 @@ class TestAdvice:
             ([-1, 0, 0], None),
         ):
             scenario = rl.Scenario.loads(text, settings=(f'world={{axes="local", sun_direction={direction}}}',))
-            lines = environment_advice(scenario, preview(scenario))
+            lines = advise_on_environment(scenario, preview_mission(scenario))
             assert [told in line for line in lines] == [True] * (told is not None)

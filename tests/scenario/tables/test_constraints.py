@@ -6,8 +6,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.preview.geometry import preview
-from rso_lidar.scenario.review.compliance import broken
+from rso_lidar.scenario.preview.geometry import preview_mission
+from rso_lidar.scenario.review.compliance import list_violations
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 
 APPROACH = "examples/tdrs_approach.toml"  # from 3000 m behind along -y of rtn to 300 m; boresight along the velocity
@@ -18,12 +18,12 @@ BEHIND = {"target": "tdrs", "axes": "rtn", "axis": (0, -1, 0), "half_angle_deg":
 def approach():
     """Return a function that gives what an approach breaks."""
     scenario = rl.Scenario.load(APPROACH)
-    seen = preview(scenario)
+    seen = preview_mission(scenario)
 
     def lines(**fields):
         constraints = Constraints(**fields)
         constraints.check(scenario.target, local=False, sun=True)
-        found = broken(constraints, scenario, seen)
+        found = list_violations(constraints, scenario, seen)
         assert not any("\n" in line for line in found)
         return found
 
@@ -64,13 +64,13 @@ class TestExclusion:
 
     def test_a_boresight_that_meets_the_earth(self):
         scenario = rl.Scenario.load("examples/tumbling_inspection.toml")
-        lines = broken(Constraints(earth_exclusion_deg=20), scenario, preview(scenario))
+        lines = list_violations(Constraints(earth_exclusion_deg=20), scenario, preview_mission(scenario))
         only(lines, "the boresight meets the Earth, 66.", "° inside its limb, at 43", "first at ")
 
     def test_the_sun_behind_the_earth_is_no_matter(self):
         """The flyby lies in the umbra throughout, with the Sun 57.9 degrees off the boresight at last."""
         scenario = rl.Scenario.load("examples/tle_flyby.toml")
-        assert broken(Constraints(sun_exclusion_deg=90), scenario, preview(scenario)) == []
+        assert list_violations(Constraints(sun_exclusion_deg=90), scenario, preview_mission(scenario)) == []
 
     @pytest.mark.parametrize("angle", [0, -1, 180, float("nan")])
     def test_angles_that_mean_nothing(self, angle):
@@ -104,14 +104,18 @@ class TestKeepOut:
         table = f"follower.motion={{type='table', file='{tmp_path / 'pass.csv'}'}}"
         settings = (table, "time.duration_s=200", "time.frame_rate_hz=0.01", f"constraints.keep_out_m={radius_m}")
         scenario = rl.Scenario.loads(text, settings=settings)
-        seen = preview(scenario)
+        seen = preview_mission(scenario)
         assert len(seen.time_s) == 2
         words = f"comes to 2 m of plate at 55.100 s, and {radius_m:g} m is asked, first at {first_s:.3f} s"
-        only(broken(scenario.constraints, scenario, seen), words)
+        only(list_violations(scenario.constraints, scenario, seen), words)
 
     def test_from_the_first_frame_on(self, text):
         scenario = rl.Scenario.loads(text)
-        only(broken(Constraints(keep_out_m=1500), scenario, preview(scenario)), "1e+03 m", "from the first frame on")
+        only(
+            list_violations(Constraints(keep_out_m=1500), scenario, preview_mission(scenario)),
+            "1e+03 m",
+            "from the first frame on",
+        )
 
     def test_a_corridor_is_the_way_in(self, approach):
         assert approach(keep_out_m=400, corridor=[BEHIND]) == []
@@ -153,7 +157,7 @@ class TestCorridor:
         """The plate at 1000 m on +x does not turn here; its port looks back along -x, 1 m ahead of it."""
         still = "target=[{name='plate', model='plate', motion={type='fixed', position_m=[1000, 0, 0]}, axes=[{name='port', position_m=[-1, 0, 0], euler_zyx_deg=[180, 0, 0]}]}]"  # fmt: skip  # noqa: E501
         scenario = rl.Scenario.loads(text, settings=(still,))
-        seen = preview(scenario)
+        seen = preview_mission(scenario)
         for axes, axis, kept in (
             (None, (-1, 0, 0), True),
             ("plate", (1, 0, 0), False),
@@ -162,7 +166,7 @@ class TestCorridor:
         ):
             asked = Constraints(corridor=[{"target": "plate", "axes": axes, "axis": axis, "half_angle_deg": 1}])
             asked.check(scenario.target, local=True, sun=False)
-            lines = broken(asked, scenario, seen)
+            lines = list_violations(asked, scenario, seen)
             assert (lines == []) == kept
             if not kept:
                 only(

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import rso_lidar as rl
-from rso_lidar.scenario.tables.facet_materials import coloured, finished
+from rso_lidar.scenario.tables.facet_materials import apply_color_materials, apply_facet_materials
 from rso_lidar.scene import build_surface, load_mesh
 from tests.optics.bench_for_tests import box, surface
 
@@ -20,7 +20,7 @@ def painted(tmp_path, name, content, materials=None):
     else:
         np.save(path, content)
     said = rl.FacetMaterials(file=name, materials=materials or {})
-    return finished(SAT, said, lambda file: tmp_path / file, 1064e-9)
+    return apply_facet_materials(SAT, said, lambda file: tmp_path / file, 1064e-9)
 
 
 def test_a_table_names_facets_and_spans(tmp_path):
@@ -41,7 +41,7 @@ def test_a_broken_array_is_one_line(tmp_path, header):
     head = header + b" " * (118 - len(header)) + b"\n"
     (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
     with pytest.raises(rl.MeshError, match=r"a\.npy: is no array of NumPy's") as caught:
-        finished(SAT, rl.FacetMaterials(file="a.npy"), lambda file: tmp_path / file, 1064e-9)
+        apply_facet_materials(SAT, rl.FacetMaterials(file="a.npy"), lambda file: tmp_path / file, 1064e-9)
     assert "\n" not in str(caught.value)
 
 
@@ -66,15 +66,15 @@ def test_colours_of_a_file_tell_materials_apart(tmp_path):
     said = {"#FF0000": rl.Lambertian(reflectance=0.9)}
     for name, of_red in (("two.glb", range(12)), ("ball.ply", range(7, 12))):
         sat = build_surface("sat", load_mesh(tmp_path / name))
-        lit = coloured(sat, said, 1064e-9).lambertian_per_sr * np.pi
+        lit = apply_color_materials(sat, said, 1064e-9).lambertian_per_sr * np.pi
         assert np.flatnonzero(lit > 0.8).tolist() == list(of_red)
     with pytest.raises(
         rl.ScenarioError, match=r"color_materials: no facet of ball.ply has the colour '#00ff00' \(there"
     ):
-        coloured(sat, {"#00ff00": rl.Lambertian()}, 1064e-9)
+        apply_color_materials(sat, {"#00ff00": rl.Lambertian()}, 1064e-9)
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "plain.stl")
     with pytest.raises(rl.MeshError, match=r"colours are read from .glb and .ply only"):
-        coloured(build_surface("sat", load_mesh(tmp_path / "plain.stl")), said, 1064e-9)
+        apply_color_materials(build_surface("sat", load_mesh(tmp_path / "plain.stl")), said, 1064e-9)
     with pytest.raises(rl.ScenarioError, match=r"color_materials.*needs a colour such as '#a29225', not 'red'"):
         rl.Target(name="a", model="tdrs", motion=rl.Fixed(position_m=(0, 0, 0)), color_materials={"red": "osr"})
 

@@ -6,6 +6,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.export.layout.targets import tables, targets
 from rso_lidar.records import TargetEntry
+from rso_lidar.scenario.mission.surfaces import find_taxonomy
 from rso_lidar.scene.library.catalogue import model
 
 FIXED = rl.Fixed(position_m=(0.0, 0.0, 0.0))
@@ -72,11 +73,9 @@ def test_materials_by_name_are_those_of_the_catalogue_at_the_laser_s_wavelength(
 
 
 def test_taxonomy_is_the_catalogue_s_unless_given_and_survives_a_table():
-    from rso_lidar.scenario.mission.surfaces import taxonomy_of
-
-    assert taxonomy_of(tdrs()) == model("tdrs").taxonomy
+    assert find_taxonomy(tdrs()) == model("tdrs").taxonomy
     own = model("tdrs").taxonomy.replace(stabilisation="tumbling", rate_deg_s=(1.0, 2.0))
-    assert taxonomy_of(tdrs(taxonomy=own)) == own
+    assert find_taxonomy(tdrs(taxonomy=own)) == own
     entry = TargetEntry("tdrs", "tdrs", "0" * 64, ("bus",), ("lambertian",), 12, own)
     assert targets(tables([entry])) == (entry,)
     older = [{key: value for key, value in table.items() if key != "taxonomy"} for table in tables([entry])]

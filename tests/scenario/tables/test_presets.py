@@ -5,9 +5,9 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scenario.tables.presets import presets
+from rso_lidar.scenario.tables.presets import load_presets
 
-PRESETS = tuple(presets())
+PRESETS = tuple(load_presets())
 RANGE_M = {"proximity_1570": 50, "long_range_1064": 3000}
 
 
@@ -24,7 +24,7 @@ def camera(text):
 
 def test_each_says_what_is_sourced_and_what_assumed():
     assert {"gsfl_1064", "proximity_1570", "long_range_1064"} <= set(PRESETS)
-    for name, table in presets().items():
+    for name, table in load_presets().items():
         assert "ssumed" in table["what"], name
 
 

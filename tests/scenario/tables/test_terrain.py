@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.scenario.tables.terrain import CratersAndBoulders, mesh_of
+from rso_lidar.scenario.tables.terrain import CratersAndBoulders, build_terrain_mesh
 
 MADE = {"type": "craters_and_boulders", "seed": 3, "size_m": 32.0, "cell_m": 0.5, "rock_fraction": 0.2}
 
@@ -127,7 +127,7 @@ def test_bad_ground_is_one_line(target, told):
 
 def test_ground_is_made_once():
     part = CratersAndBoulders(**MADE)
-    assert mesh_of(part, str) is mesh_of(CratersAndBoulders(**MADE), str)
+    assert build_terrain_mesh(part, str) is build_terrain_mesh(CratersAndBoulders(**MADE), str)
 
 
 def test_a_description_names_the_ground():
