@@ -15,7 +15,8 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import array_attributes, root_attributes
 from rso_lidar.export.layout.datasets import LENS, Variable, parents, variables
-from rso_lidar.export.writer.frames import Sights, begun, entries, frame_bytes, plain
+from rso_lidar.export.writer.frames import begun, entries, frame_bytes, plain
+from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.files import beside, free
 from rso_lidar.records import Frame, Observation, specs
 
@@ -44,7 +45,8 @@ def write_npz(
     each = frame_bytes(found)
     total = each * len(frames) if isinstance(frames, Sized) else 0
     columns: dict[str, list[np.ndarray]] = {name: [] for name in found}
-    sights = Sights()
+    lenses = LensNumbers()
+    numbers: list[int] = []
     tables: list[np.ndarray] = []
     for frame in coming:
         total = max(total, each * (len(columns["time"]) + 1) + sum(table.nbytes for table in tables))
@@ -55,13 +57,14 @@ def write_npz(
             )
         for name, value in entries(place, frame, first, found).items():
             columns[name].append(value)
-        if sights.add(frame.line_of_sight):
+        numbers.append(lenses.number(frame.line_of_sight))
+        if len(lenses) > len(tables):
             tables.append(np.asarray(frame.line_of_sight))
     arrays = {name: np.stack(columns.pop(name)) for name in found}
-    if len(sights) > 1:
-        arrays["lens"] = np.array(sights.numbers, LENS.dtype)
-    arrays["line_of_sight"] = np.stack(tables) if len(sights) > 1 else tables[0]
-    arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(sights) > 1), ensure_ascii=False))
+    if len(lenses) > 1:
+        arrays["lens"] = np.array(numbers, LENS.dtype)
+    arrays["line_of_sight"] = np.stack(tables) if len(lenses) > 1 else tables[0]
+    arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(lenses) > 1), ensure_ascii=False))
     with beside(place) as draft, draft.open("wb") as stream:
         write: Callable[..., None] = np.savez_compressed
         write(stream, **arrays)  # NumPy 2.1 takes a keyword `allow_pickle` for one more array

@@ -2,34 +2,63 @@
 
 from __future__ import annotations
 
-import functools
 import zlib
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-_BYTES = 4  # of a checksum behind a chunk
+from rso_lidar.kernels import kernel
+
+CHECKSUM_BYTES = 4  # of a checksum behind a chunk
+_LARGE = 2**36  # as much as 2**21 words make; 2**63 / 2**36 words more would be needed for too large a sum
 TEXTS = ("title", "scenario", "start_utc", "seed", "versions", "targets")  # attributes of the root
 TREE = ("tree", "states")  # attributes of /truth
 
 
-def fletcher32(data: bytes) -> bytes:
-    """Compute the checksum that HDF5's filter fletcher32 stores behind a chunk, low byte first.
+@kernel
+def append_fletcher32(data: np.ndarray, start: int, stop: int) -> int:
+    """Write the checksum that HDF5's filter fletcher32 stores behind a chunk, low byte first.
 
     The data are 16-bit words w with the high byte first. The low half is the sum of w_i, the high half the sum of
     (n - i) w_i, both modulo 65535 with 65535 in place of 0, unless all words are 0 (J. G. Fletcher, "An arithmetic
     checksum for serial transmissions", IEEE Transactions on Communications 30, 1982). Each single wrong bit shows.
+
+    Parameters
+    ----------
+    data : bytes (byte), with room for the checksum behind the chunk.
+    start, stop : where the chunk starts and ends.
+
+    Returns
+    -------
+    int
+        Where the checksum ends.
     """
-    words = np.frombuffer(data + b"\0" * (len(data) % 2), ">u2").astype(np.uint64)
-    count = len(words)
-    low, high = map(_fold, (_weights(1 << count.bit_length())[:, -count:] @ words).tolist())
-    return (high << 16 | low).to_bytes(_BYTES, "little")
+    low, high = 0, 0
+    for k in range(start, stop, 2):
+        low += int(data[k]) << 8
+        if k + 1 < stop:
+            low += int(data[k + 1])
+        high += low
+        if low >= _LARGE:  # so that the sum of it stays below 2**63
+            low, high = (low - 1) % 65535 + 1, (high - 1) % 65535 + 1
+    low = (low - 1) % 65535 + 1 if low else 0
+    high = (high - 1) % 65535 + 1 if high else 0
+    data[stop], data[stop + 1] = low & 0xFF, low >> 8
+    data[stop + 2], data[stop + 3] = high & 0xFF, high >> 8
+    return stop + CHECKSUM_BYTES
+
+
+def fletcher32(data: bytes) -> bytes:
+    """Compute the checksum of a chunk, as `append_fletcher32` writes it."""
+    chunk = np.frombuffer(data + bytes(CHECKSUM_BYTES), np.uint8).copy()
+    append_fletcher32(chunk, 0, len(data))
+    return chunk[len(data) :].tobytes()
 
 
 def is_intact(chunk: bytes) -> bool:
     """Return whether a chunk, as it stands in the file, agrees with the fletcher32 checksum at its end."""
-    return len(chunk) > _BYTES and fletcher32(chunk[:-_BYTES]) == chunk[-_BYTES:]
+    return len(chunk) > CHECKSUM_BYTES and fletcher32(chunk[:-CHECKSUM_BYTES]) == chunk[-CHECKSUM_BYTES:]
 
 
 def texts_crc32(file: Any) -> int:
@@ -43,13 +72,3 @@ def texts_crc32(file: Any) -> int:
 
 def _texts(attributes: Any, names: Iterable[str]) -> list[str]:
     return [f"{name}={attributes[name]}" for name in names]
-
-
-@functools.lru_cache(maxsize=32)
-def _weights(count: int) -> np.ndarray:
-    """Return the weights (sum, word) of the words in both sums; those of fewer words are the last columns."""
-    return np.stack([np.ones(count, dtype=np.uint64), np.arange(count, 0, -1, dtype=np.uint64)])
-
-
-def _fold(total: int) -> int:
-    return (total - 1) % 65535 + 1 if total else 0

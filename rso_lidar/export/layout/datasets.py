@@ -7,7 +7,7 @@ tree of axes) are stated here. Absence: NaN in floats, -1 in signed integers, 0 
 from __future__ import annotations
 
 import dataclasses
-import zlib
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.checksum import fletcher32
 from rso_lidar.pose import ROOT, PoseTree
 from rso_lidar.records import ArraySpec, BodyState, Frame, Labels, PtuAngles, Reading, specs
 
@@ -87,6 +86,11 @@ class Variable:
         if self.path in ("time", "frame_index", "lens"):
             return None
         return {"f": np.nan, "i": -1}.get(self.spec.dtype.kind)
+
+    @property
+    def frame_bytes(self) -> int:
+        """Size of one entry [bytes]."""
+        return self.spec.dtype.itemsize * math.prod(self.shape)
 
     @property
     def chunk(self) -> tuple[int, ...]:
@@ -180,16 +184,16 @@ def values(frame: Frame) -> dict[str, Any]:
         found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
     found["truth/sun_direction"] = truth.sun_direction
     seen = lidar_from(truth.poses)
-    rotations = [truth.poses[name].pose.as_matrix()[..., :3, :3] for name in seen]
-    rotations += [matrix[..., :3, :3] for matrix in seen.values()]
-    quaternions = Rotation.from_matrix(np.array(rotations)).as_quat(canonical=True)
+    rotations = [truth.poses[name].matrix for name in seen]
+    rotations += [matrix[:3, :3] for matrix in seen.values()]
+    quaternions = Rotation.from_matrix(np.array(rotations), assume_valid=True).as_quat(canonical=True)
     for place, (name, matrix) in enumerate(seen.items()):
         link = truth.poses[name]
         found[f"truth/{name}/parent_position"] = link.translation_m
         found[f"truth/{name}/parent_quaternion"] = quaternions[place]
         found[f"truth/{name}/velocity"] = link.velocity_m_s
         found[f"truth/{name}/angular_velocity"] = link.angular_velocity_rad_s
-        found[f"truth/{name}/position"] = matrix[..., :3, 3]
+        found[f"truth/{name}/position"] = matrix[:3, 3]
         found[f"truth/{name}/quaternion"] = quaternions[len(seen) + place]
     for name, state in truth.states.items():
         found |= {f"truth/{name}/{path}": getattr(state, field) for path, field in INERTIAL.items()}
@@ -199,20 +203,6 @@ def values(frame: Frame) -> dict[str, Any]:
     return found
 
 
-def stored_chunk(entry: np.ndarray, *, is_image: bool) -> bytes:
-    """Encode a contiguous entry as HDF5 stores its chunk: images behind the filters shuffle and gzip, all with fletcher32.
-
-    HDF5's own filters would do the same while all other threads wait; zlib lets them run. Of its strategies the one for
-    runs is the fastest, and as small on images that are mostly sky.
-    """
-    data = entry.tobytes()
-    if is_image:
-        squeeze = zlib.compressobj(1, strategy=zlib.Z_RLE)
-        planes = entry.reshape(-1).view(np.uint8).reshape(-1, entry.itemsize).T  # first bytes, second bytes, ...
-        data = squeeze.compress(planes.tobytes()) + squeeze.flush()
-    return data + fletcher32(data)
-
-
 def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
     """Return the matrix (4, 4) of lidar_from_<name> for every node, by name, in the tree's order.
 
@@ -220,7 +210,11 @@ def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
     """
     if "lidar" not in tree:
         raise RecordingError("a frame without axes named 'lidar' cannot be recorded: add them to its truth")
-    inward = {name: tree[name].pose.as_matrix() for name in tree}  # parent_from_name
+    inward = np.zeros((len(tree), 4, 4))  # parent_from_name
+    inward[:, :3, :3] = [tree[name].matrix for name in tree]
+    inward[:, :3, 3] = [tree[name].translation_m for name in tree]
+    inward[:, 3, 3] = 1.0
+    places = {name: k for k, name in enumerate(tree)}
     below: dict[str, list[str]] = {}
     for name in tree:
         below.setdefault(tree.parent(name), []).append(name)
@@ -229,14 +223,14 @@ def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
     while waiting:
         name = waiting.pop()
         if name != ROOT and tree.parent(name) not in seen:
-            rotation, position = inward[name][:3, :3], inward[name][:3, 3]
-            inverse = np.eye(4)
-            inverse[:3, :3], inverse[:3, 3] = rotation.T, -rotation.T @ position
+            rotation, position = inward[places[name], :3, :3], inward[places[name], :3, 3]
+            inverse = np.zeros((4, 4))
+            inverse[:3, :3], inverse[:3, 3], inverse[3, 3] = rotation.T, -rotation.T @ position, 1.0
             seen[tree.parent(name)] = seen[name] @ inverse
             waiting.append(tree.parent(name))
         for child in below.get(name, []):
             if child not in seen:
-                seen[child] = seen[name] @ inward[child]
+                seen[child] = seen[name] @ inward[places[child]]
                 waiting.append(child)
     return {name: seen[name] for name in tree}
 

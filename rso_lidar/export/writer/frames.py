@@ -60,7 +60,7 @@ def entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Var
 
 def frame_bytes(variables: Mapping[str, Variable]) -> int:
     """Return how many bytes the arrays of one frame take."""
-    return sum(variable.spec.dtype.itemsize * int(np.prod(variable.shape)) for variable in variables.values())
+    return sum(variable.frame_bytes for variable in variables.values())
 
 
 def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
@@ -69,33 +69,3 @@ def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
         name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for name, value in attributes.items()
     }
-
-
-class Sights:
-    """The lines of sight that frames were seen along, each numbered at its first use; `new` is called with each."""
-
-    def __init__(self) -> None:
-        self.numbers: list[int] = []  # one for each frame
-        self._known: dict[bytes, int] = {}
-        self._last: np.ndarray | None = None
-
-    def __len__(self) -> int:
-        return len(self._known)
-
-    def add(self, line_of_sight: np.ndarray) -> bool:
-        """Return whether a frame's line of sight is a new one, after numbering it."""
-        if line_of_sight is self._last:
-            self.numbers.append(self.numbers[-1])
-            return False
-        self._last = line_of_sight
-        key = np.ascontiguousarray(line_of_sight).tobytes()
-        digest = key if len(key) < 64 else _digest(key)
-        new = digest not in self._known
-        self.numbers.append(self._known.setdefault(digest, len(self._known)))
-        return new
-
-
-def _digest(data: bytes) -> bytes:
-    import hashlib
-
-    return hashlib.sha256(data).digest()

@@ -1,4 +1,4 @@
-"""The tables of lines of sight of a recording whose lens changes: each stored once, whenever it is in force."""
+"""Lines of sight of a recording whose lens changes: each stored once, whenever it is in force."""
 
 from __future__ import annotations
 
@@ -8,30 +8,48 @@ from typing import Any
 import numpy as np
 
 
+class LensNumbers:
+    """Numbers of lines of sight, in the order of their first use."""
+
+    def __init__(self) -> None:
+        self._known: dict[bytes, int] = {}
+        self._last: np.ndarray | None = None
+        self._number = -1
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def number(self, line_of_sight: np.ndarray) -> int:
+        """Return the number of a line of sight, the next free one where it is new."""
+        if self._last is None or not is_same_memory(line_of_sight, self._last):
+            table = np.ascontiguousarray(line_of_sight, dtype=float)
+            digest = hashlib.sha256(table.tobytes()).digest()
+            self._number = self._known.setdefault(digest, len(self._known))
+            self._last = line_of_sight
+        return self._number
+
+
 class LensTables:
     """The growing /line_of_sight (lens_number, row, col, xyz) of an h5py file, with the numbers that /lens refers to."""
 
     def __init__(self, file: Any) -> None:
-        self._tables, self._numbers = file["line_of_sight"], file["lens_number"]
-        self._known: dict[bytes, int] = {}
-        self._last: tuple[np.ndarray | None, int] = (None, -1)
+        self._tables, self._dimension = file["line_of_sight"], file["lens_number"]
+        self._numbers = LensNumbers()
 
     def number(self, line_of_sight: np.ndarray) -> int:
         """Return the number of a table, which is written if it is a new one."""
-        if line_of_sight is not self._last[0]:
-            table = np.ascontiguousarray(line_of_sight, dtype=self._tables.dtype)
-            digest = hashlib.sha256(table.tobytes()).digest()
-            if digest not in self._known:
-                self._known[digest] = self._append(table)
-            self._last = line_of_sight, self._known[digest]
-        return self._last[1]
-
-    def _append(self, table: np.ndarray) -> int:
-        count = len(self._known)
-        for dataset, entry in ((self._tables, table), (self._numbers, count)):
-            dataset.resize(count + 1, axis=0)
-            dataset[count] = entry
-        return count
+        count = len(self._numbers)
+        number = self._numbers.number(line_of_sight)
+        if number == count:
+            for dataset, entry in ((self._tables, line_of_sight), (self._dimension, count)):
+                dataset.resize(count + 1, axis=0)
+                dataset[count] = entry
+        return number
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._numbers)
+
+
+def is_same_memory(a: np.ndarray, b: np.ndarray) -> bool:
+    """Return whether two arrays show the same memory in the same way, as the records of several frames do."""
+    return a is b or a.__array_interface__ == b.__array_interface__

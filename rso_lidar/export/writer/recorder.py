@@ -12,7 +12,6 @@ import hashlib
 import io
 import os
 import secrets
-from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -25,7 +24,8 @@ from rso_lidar.export.layout.checksum import is_intact
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, end_of, read_superblock, write_errno, write_reason
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.writer import hdf5_layout
-from rso_lidar.export.writer.lens_tables import LensTables
+from rso_lidar.export.writer.chunks import ChunkWriter
+from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
 from rso_lidar.files import free, hold_lock, write_cure
 from rso_lidar.interruption import removing
@@ -94,7 +94,7 @@ class Recorder:
         self._first: Frame | None = None
         self._superblock = b""
         self._variables: dict[str, datasets.Variable] = {}
-        self._columns: dict[str, Any] = {}  # low-level datasets by path
+        self._chunks: ChunkWriter | None = None
 
     def __enter__(self) -> Self:
         self._lock.enter_context(hold_lock(self.path.with_name(f".{self.temporary.name}.lock")))
@@ -133,7 +133,7 @@ class Recorder:
                     raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
                 return
             with self._watched():
-                self._columns.clear()
+                self._chunks = None
                 self._file.close()
                 self._file = None
                 self._check_place()
@@ -154,10 +154,12 @@ class Recorder:
             self._check_place()
             if self._lenses is not None:
                 filled["lens"] = np.array(self._lenses.number(frame.line_of_sight), dtype=datasets.LENS.dtype)
-            self._put(filled)
+            chunks = self._chunks
+            assert chunks is not None
+            chunks.append(filled, self.written)
             self._file.flush()
-            self._put({"time": time})
-            self._columns["time"].flush()
+            chunks.append({"time": time}, self.written)
+            chunks.flush("time")
             self._superblock = read_superblock(self._file)
         self.written += 1
 
@@ -180,7 +182,7 @@ class Recorder:
                 made = TemporaryFile(starting, stream.fileno())
                 undone.callback(made.close)
             self._file = h5py.File(starting, "r+", libver=_LIBVER, locking="best-effort", **_CACHE)
-            self._columns = {path: self._file[path].id for path in self._variables}
+            self._chunks = ChunkWriter(self._file, self._variables)
             self._lenses = LensTables(self._file) if changing else None
             if old is not None:
                 self._copy_lenses(old)
@@ -237,7 +239,7 @@ class Recorder:
         assert self._first is not None
         self._changing_lens = True
         with self._watched():
-            self._columns.clear()
+            self._chunks = None
             self._file.close()
             self._file = None
             self._check_place()
@@ -265,9 +267,9 @@ class Recorder:
         entries = {}
         for path, value in filled.items():
             variable = self._variables[path]
-            entries[path] = np.ascontiguousarray(value, dtype=variable.spec.dtype)
-            if np.shape(value) != variable.shape:
-                raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {np.shape(value)}")
+            entry = entries[path] = np.asarray(value, dtype=variable.spec.dtype, order="C")
+            if entry.shape != variable.shape:
+                raise RecordingError(f"{place}: {path}: needs the shape {variable.shape}, not {entry.shape}")
         if other_lens:
             self._begin_again()
         return entries
@@ -275,21 +277,15 @@ class Recorder:
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
         """Return whether a frame's line of sight asks for a file begun again; one that no file takes is refused."""
         ours, theirs = frame.line_of_sight, first.line_of_sight
+        if is_same_memory(ours, theirs):
+            return False
         fits = ours.shape == theirs.shape
-        if ours is theirs or (fits and (self._lenses is not None or np.array_equal(ours, theirs))):
+        if fits and (self._lenses is not None or np.array_equal(ours, theirs)):
             return False
         if fits and self._changing_lens is None:
             return True
         cure = "record it to another file" + ", or all of them with changing_lens=True" * fits
         raise RecordingError(f"{place}: its line of sight differs from the first's; {cure}")
-
-    def _put(self, entries: Mapping[str, np.ndarray]) -> None:
-        # Each entry is a chunk of its own. Low-level calls are five times faster than dataset[k] = entry.
-        for path, entry in entries.items():
-            variable, dataset = self._variables[path], self._columns[path]
-            dataset.set_extent((self.written + 1, *variable.shape))
-            place = (self.written, *(0 for _ in variable.shape))
-            dataset.write_direct_chunk(place, datasets.stored_chunk(entry, is_image=variable.is_image))
 
     # ------------------------------------------------------------------------------------------------ last things
 
@@ -379,10 +375,10 @@ class Recorder:
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.dup2(nowhere, descriptor)
             os.close(nowhere)
-            self._columns.clear()
+            self._chunks = None
             file.close()
         except (OSError, RuntimeError, ValueError):
-            _unclosable.append((file, self._columns, self._lenses))
+            _unclosable.append((file, self._chunks, self._lenses))
 
 
 def _layout(dataset: Any) -> tuple[Any, ...]:

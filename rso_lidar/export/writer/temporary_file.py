@@ -83,7 +83,7 @@ class TemporaryFile:
         if self._descriptor < 0:
             return path.exists()
         with suppress(OSError):
-            return os.path.samestat(path.stat(follow_symlinks=False), os.fstat(self._descriptor))
+            return os.path.samestat(os.lstat(path), os.fstat(self._descriptor))
         return False
 
     def _names(self) -> Iterator[Path]:

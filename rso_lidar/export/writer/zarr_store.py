@@ -20,7 +20,8 @@ from rso_lidar.export.layout.attributes import SCALES, array_attributes, root_at
 from rso_lidar.export.layout.datasets import LENS, Variable, parents, sometimes, variables
 from rso_lidar.export.reader.zarr_file import add_metadata_crc32, opened_zarr
 from rso_lidar.export.writer.folders import folder_beside, free_folder
-from rso_lidar.export.writer.frames import Sights, begun, entries, frame_bytes, plain
+from rso_lidar.export.writer.frames import begun, entries, frame_bytes, plain
+from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
 
 FRAMES_PER_SHARD = 100
@@ -68,7 +69,8 @@ class Store:
         self._per_shard = int(np.clip(MOST_BATCH_BYTES // frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
         self._waiting: dict[str, list[np.ndarray]] = {name: [] for name in self._variables}
         self._written = 0
-        self._sights = Sights()
+        self._lenses = LensNumbers()
+        self._numbers: list[int] = []  # of the line of sight of each frame
         self._root = zarr.open_group(folder, mode="a", zarr_format=3)  # "w" would make the folder anew
         self._root.attrs.update(plain(root_attributes(first.source)))
         self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
@@ -85,7 +87,9 @@ class Store:
         """Take one frame; a full shard is written."""
         for name, value in entries(self._place, frame, self._first, self._variables).items():
             self._waiting[name].append(value)
-        if self._sights.add(frame.line_of_sight):
+        count = len(self._lenses)
+        self._numbers.append(self._lenses.number(frame.line_of_sight))
+        if len(self._lenses) > count:
             self._add_sight(frame.line_of_sight)
         if len(self._waiting["time"]) == self._per_shard:
             self._flush()
@@ -93,9 +97,9 @@ class Store:
     def finish(self) -> None:
         """Write what is left, and what only the end tells: whether the lens changed."""
         self._flush()
-        changed = len(self._sights) > 1
+        changed = len(self._lenses) > 1
         if changed:
-            numbers = np.array(self._sights.numbers, LENS.dtype)
+            numbers = np.array(self._numbers, LENS.dtype)
             self._array(Variable("lens", LENS, ()))
             self._resized("lens", len(numbers))[:] = numbers
         self._root.attrs["optional_datasets"] = json.dumps([*sometimes(self._first), *["lens"] * changed])
@@ -170,7 +174,7 @@ class Store:
 
     def _add_sight(self, line_of_sight: np.ndarray) -> None:
         """Write a line of sight: one by itself is (row, col, xyz); with the second they become (lens_number, …)."""
-        spec, count, shape = specs(Observation)["line_of_sight"], len(self._sights), line_of_sight.shape
+        spec, count, shape = specs(Observation)["line_of_sight"], len(self._lenses), line_of_sight.shape
         attributes = {"units": spec.unit, "long_name": spec.meaning}
         if count == 1:
             stated = {"dtype": spec.dtype, "dims": spec.dims, "fill": np.nan}

@@ -159,7 +159,7 @@ def test_a_table_whose_frame_was_lost_is_left_behind(tmp_path, monkeypatch):
     ):
         recorder.write(make_frame(0))
         with monkeypatch.context() as patch:
-            patch.setattr(export.Recorder, "_put", full)
+            patch.setattr("rso_lidar.export.writer.chunks.ChunkWriter.append", full)
             recorder._file.flush()
             recorder._lenses.number(line_of_sight((12, 10), 9.0))
             recorder._file.flush()

@@ -343,7 +343,7 @@ def test_a_failed_write_in_this_process_is_a_run_error(tmp_path, monkeypatch):
 
     def flying():
         yield make_frame(0)
-        monkeypatch.setattr(export.Recorder, "_put", full)
+        monkeypatch.setattr("rso_lidar.export.writer.chunks.ChunkWriter.append", full)
         yield make_frame(1)
 
     with pytest.raises(RunError, match=r"after 1 frames \(No space left on device\); run.h5.tmp-\w+ is kept") as caught:
