@@ -1,4 +1,4 @@
-"""The whole walk on one page: a photon goes through the house once, room by room, and never turns back."""
+"""The whole walk on one page: a photon goes through the rooms once, in order, and never turns back."""
 
 import operator
 import os
@@ -37,16 +37,16 @@ def simulate(
     Parameters
     ----------
     scenario : what to fly.
-    controller : called with each frame's Observation; the Command it returns acts from the next flash on.
+    controller : called with each frame's Observation. The Command that it returns acts from the next flash on.
     frames : which frames to make, as a slice or numbers that rise (None: all). Frame k depends on scenario, seed and k
         only, so it may not be combined with a controller, which depends on history.
-    threads : how many threads work at once (None: one for each core); it does not change a bit.
-    workers : how many processes make frames at once, in place of threads, where many cores wait; a script that asks for
-        them keeps its own work under ``if __name__ == "__main__":``. It does not change a bit either.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
+    workers : number of processes that make frames, in place of threads, for machines with many cores. A script that asks
+        for them keeps its own work under ``if __name__ == "__main__":``. The result is the same to the bit.
     keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, waveforms, oversampled.
     """
     require_scenario(scenario, "simulate")
-    kept = _known(keep, scenario)
+    kept = _check_kept(keep, scenario)
     for name, count in (("threads", threads), ("workers", workers)):
         if count is not None and (not isinstance(count, int) or isinstance(count, bool) or count < 1):
             raise ScenarioError(f"{name}: needs a whole number from 1, not {count!r}; or leave it out")
@@ -70,21 +70,21 @@ def _fly(
     workers: int | None,
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
-    _ = scenario.surfaces, scenario.source, scenario.instrument  # worked out once, before workers share them
+    _ = scenario.surfaces, scenario.source, scenario.instrument  # computed once, before workers share them
     with scenario.placed():
         world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
         course = motion.Course(scenario.bodies, scenario.epochs(numbers), commanded=controller is not None, **world)
         aim = motion.Aim(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world
         )
-    # Frames that nobody waits for are made side by side; under a controller, rows of pixels are.
+    # Open loop: frames are made in parallel. Under a controller: bands of pixels are.
     threads = threads or os.cpu_count() or 1
     at_once, ahead, bands = workers or threads, 2 * workers if workers else threads, 1
     if controller:
         at_once, ahead, bands = 1, 0, threads
     made: deque[Callable[[], Frame]] = deque()
     command: Command | None = None
-    with _side_by_side(scenario, at_once, in_processes=workers is not None) as begin:
+    with _run_in_parallel(scenario, at_once, in_processes=workers is not None) as begin:
         for row, k in enumerate(numbers.tolist()):
             truth = aim.at(course.at(row, command), command, scenario.rng(k, POINTING))
             lidar = scenario.instrument.at(truth.time_s, command)
@@ -99,31 +99,47 @@ def _fly(
 
 
 @contextmanager
-def _side_by_side(
+def _run_in_parallel(
     scenario: Scenario, count: int, *, in_processes: bool
 ) -> Iterator[Callable[..., Callable[[], Frame]]]:
-    """Hand out what begins a flash, called like `flash` but for the scenario, and returns what waits for its frame."""
+    """Yield a function that starts a flash in the background.
+
+    It takes the arguments of `flash` without the scenario, and returns a function that waits for the frame.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    count : number of threads or processes.
+    in_processes : whether processes work instead of threads.
+    """
     if not in_processes:
         with ThreadPoolExecutor(count, thread_name_prefix="flash") as threads:
             yield lambda *given, **chosen: threads.submit(flash, scenario, *given, **chosen).result
         return
-    with Processes(count, partial(_own_part, scenario)) as processes:
+    with Processes(count, partial(_make_part, scenario)) as processes:
 
         def begin(truth: Truth, *given: Any, lidar: Lidar, index: int, **chosen: Any) -> Callable[[], Frame]:
             future = processes.submit(truth, *given, lidar=lidar, index=index, **chosen)
-            return lambda: _framed(scenario, truth, lidar, index, *processes.result(future))
+            return lambda: _assemble_frame(scenario, truth, lidar, index, *processes.result(future))
 
         yield begin
 
 
-def _own_part(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
-    """Return what a frame alone holds: the rest need not travel from process to process."""
+def _make_part(*given: Any, **chosen: Any) -> tuple[Reading, Labels, dict[str, Record]]:
+    """Make a frame and return what only it holds: the rest need not travel between processes."""
     frame = flash(*given, **chosen)
     return frame.observation.reading, frame.labels, dict(frame.kept)
 
 
 def _command(controller: Controller, frame: Frame, scenario: Scenario) -> Command | None:
-    """Return what the controller asks of the next flash: the only feedback there is."""
+    """Ask the controller for its command for the next flash: the only feedback there is.
+
+    Parameters
+    ----------
+    controller : the user's function.
+    frame : the last flash, of which the controller gets the observation.
+    scenario : what is flown.
+    """
     command = controller(frame.observation)
     if command is not None and not isinstance(command, Command):
         raise ScenarioError(f"simulate: the controller returned {command!r:.60}; it returns a Command or None")
@@ -144,9 +160,17 @@ def flash(
     index: int = 0,
     keep: tuple[str, ...] = (),
 ) -> Frame:
-    """Return the frame of one laser pulse. Whoever wants an intermediate product calls these lines himself.
+    """Make the frame of one laser pulse. For intermediate products, call these lines yourself.
 
-    `lidar` is the instrument with what is in force (None: as planned for this instant).
+    Parameters
+    ----------
+    scenario : what is flown.
+    truth : where everything is, at one epoch.
+    rng : generator of all noise of this frame.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
+    lidar : the instrument with the settings in force (None: as planned for this instant).
+    index : number of the frame.
+    keep : names of intermediate records to leave in ``frame.kept``.
     """
     require_scenario(scenario, "flash")
     surfaces, lidar = scenario.surfaces, lidar or scenario.instrument.at(truth.time_s)
@@ -170,10 +194,10 @@ def flash(
     if "oversampled" in keep:
         made["oversampled"] = optics.oversample(hits, laser, receiver)
     kept = {name: record for name in keep if (record := made[name]) is not None}
-    return _framed(scenario, truth, lidar, index, reading, labels, kept)
+    return _assemble_frame(scenario, truth, lidar, index, reading, labels, kept)
 
 
-def _framed(
+def _assemble_frame(
     scenario: Scenario,
     truth: Truth,
     lidar: Lidar,
@@ -182,14 +206,26 @@ def _framed(
     labels: Labels,
     kept: dict[str, Record],
 ) -> Frame:
-    """Return a frame of what the sensor said and what was there, with all that it could know and where it comes from."""
+    """Assemble a frame: reading and labels, with what the spacecraft could know and where the frame comes from.
+
+    Parameters
+    ----------
+    scenario, truth, lidar, index : what was flown, where everything was, the instrument in force, number of the frame.
+    reading, labels : what the sensor said, and what was there.
+    kept : intermediate records that were asked for.
+    """
     measured = truth.pointing.measured_rad if truth.pointing else None
     observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, measured)
     return Frame(index, observation, labels, truth, scenario.source, kept)
 
 
 def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> np.ndarray:
-    """Return the numbers of the frames that `frames` chooses, or raise `ScenarioError`."""
+    """Return the numbers of the frames that `frames` chooses.
+
+    Raises
+    ------
+    ScenarioError : where `frames` is no choice of frames of this scenario.
+    """
     n_frames = scenario.time.n_frames
     if frames is None:
         return np.arange(n_frames)
@@ -208,7 +244,7 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
     return numbers
 
 
-def _known(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
+def _check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     for name in names:
         if name not in KEPT:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from rso_lidar.pose import ROOT, quaternion_xyzw, turned
+from rso_lidar.pose import ROOT, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth, specs
 
 XYZ = ("x", "y", "z")
@@ -48,9 +48,9 @@ def compute_viewing_geometry(truth: Truth, target: str) -> ViewingGeometry:
     toward = line_m / np.where(range_m > 0.0, range_m, np.inf)[:, None]  # at the target itself there is no direction
     in_follower = np.full(shape, np.nan)
     if "follower" in truth.poses:
-        in_follower[:] = turned(truth.pose("follower", "lidar").rotation, toward)
+        in_follower[:] = rotate_vectors(truth.pose("follower", "lidar").rotation, toward)
     x, y, z = in_follower.T
-    sun = turned(truth.pose("lidar", ROOT).rotation, truth.sun_direction)
+    sun = rotate_vectors(truth.pose("lidar", ROOT).rotation, truth.sun_direction)
     sun = np.broadcast_to(sun, shape)
     lit = truth.sunlit.get(target, np.nan)
     return ViewingGeometry(

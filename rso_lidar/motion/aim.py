@@ -17,7 +17,7 @@ from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.truth import Flights, truth
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.pose import Link, PoseTree, pose, turned
+from rso_lidar.pose import Link, PoseTree, pose, rotate_vectors
 from rso_lidar.records import Command, PtuAngles, Truth
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
     from_follower, _ = course.poses.place("follower", origins.get(ptu.point.at, ptu.point.at))
-    toward = turned(ptu.mount.rotation.inv(), from_follower - np.asarray(ptu.mount.position_m))
+    toward = rotate_vectors(ptu.mount.rotation.inv(), from_follower - np.asarray(ptu.mount.position_m))
     return np.broadcast_to(toward, (len(course.time_s), 3))
 
 

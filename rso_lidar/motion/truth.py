@@ -24,7 +24,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import differentiate, state_rates, two_body_rates
-from rso_lidar.pose import ROOT, Link, PoseTree, cross, turned
+from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 from rso_lidar.rpo.relative.rtn import inertial_acceleration, rtn_matrix
@@ -284,11 +284,11 @@ def _about(
     chief's plane.
     """
     there, turning, (rho, rho_rate) = tree.link(ROOT, sky.by_name[chief].origin), sky.turning[chief], place
-    position = there.translation_m + turned(there.matrix, rho)
-    velocity = sky.states[chief].velocity_m_s + turned(there.matrix, rho_rate + cross(turning, rho))
+    position = there.translation_m + rotate_vectors(there.matrix, rho)
+    velocity = sky.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
     own, own_turning = rtn_matrix(position, velocity)
     chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
-    carried = turned(np.swapaxes(chief_from_own, -1, -2), turning)
+    carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
     # For a body relative to this one, it is enough that this orbital plane turns as the chief's does: in free flight the two
     # differ by some 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
     own_turning[..., 0] = carried[..., 0]
@@ -297,9 +297,9 @@ def _about(
         around = there.angular_velocity_rad_s
         moved = rho, moving[0], moving[1]
         acceleration = inertial_acceleration(sky.states[chief], there.matrix, around, moved)
-        rates = there.velocity_m_s + turned(there.matrix, moving[0] + cross(around, rho)), acceleration
+        rates = there.velocity_m_s + rotate_vectors(there.matrix, moving[0] + cross(around, rho)), acceleration
         sky.turning[body.name] = own_turning = rtn_matrix(position, velocity, rates)[1]
-        carried = turned(np.swapaxes(chief_from_own, -1, -2), around)
+        carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
     relative = own_turning - carried
     found = sky.relative_turning.get(body.name, relative)
     # A difference quotient that is unknown, or that differs only by the rounding of matrices over its step, is not used.
@@ -321,7 +321,7 @@ def _with_body(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
     if not turn.in_origin:  # from the root's axes into those of the origin
         base = tree.link(ROOT, body.origin)
         matrix = np.matmul(np.swapaxes(base.matrix, -1, -2), matrix)
-        rate = rate - turned(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
+        rate = rate - rotate_vectors(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
     tree = tree.with_node(body.name, body.origin, Link((np.zeros(3), matrix), np.zeros(3), rate))
     for extra in body.axes:
         tree = tree.with_node(extra.name, body.name, extra.link)
@@ -354,7 +354,7 @@ def _turn(tree: PoseTree, body: Body, sky: _Sky) -> Turn:
             return Turn(*rigid)
         chief = tree.link(ROOT, sky.by_name[motion.relative_to].origin)
         rotation = chief.rotation * rigid[0]
-        return Turn(rotation, rigid[1] + turned(rigid[0].inv(), chief.angular_velocity_rad_s))
+        return Turn(rotation, rigid[1] + rotate_vectors(rigid[0].inv(), chief.angular_velocity_rad_s))
     if attitude is None and isinstance(motion, Table):
         turning = motion.orientations(time_s)
         if turning is not None:
@@ -372,7 +372,7 @@ def _situation(tree: PoseTree, body: Body, sky: _Sky) -> Situation:
         link = tree.link(body.origin, sky.by_name[name].origin if name in sky.by_name else name)
         relative_m = link.translation_m
         rate = link.velocity_m_s + cross(base.angular_velocity_rad_s, relative_m)
-        toward, moving = turned(to_root, relative_m), turned(to_root, rate)
+        toward, moving = rotate_vectors(to_root, relative_m), rotate_vectors(to_root, rate)
         return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
 
     def at(epochs: Epochs) -> Situation:

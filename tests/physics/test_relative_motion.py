@@ -14,7 +14,7 @@ from rso_lidar.orbit.propagation.j2 import mean_from_osculating, osculating_from
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import Hill
 from rso_lidar.rpo.relative.nonlinear import Nonlinear
@@ -176,7 +176,7 @@ def test_relative_elements_with_j2(validation, e, inclination_deg, share):
     deltas = {"delta_a_m": 5.0, "delta_lambda_m": -1000.0, "delta_ex_m": 200.0, "delta_ey_m": 100.0}
     deltas |= {"delta_ix_m": 150.0, "delta_iy_m": -200.0}
     part = RelativeElements(relative_to="chief", **deltas)
-    got, _ = part.relative(Epochs(START, times), motion_of(turned(turn, r), turned(turn, v)))
+    got, _ = part.relative(Epochs(START, times), motion_of(rotate_vectors(turn, r), rotate_vectors(turn, v)))
     mean = mean_from_osculating(r, v)
 
     def flattened(_, x):
@@ -206,7 +206,7 @@ def test_relative_elements_and_forces_agree(validation):
     """The nonlinear difference with J2 about the pole of date, against mean elements in axes of that pole."""
     turn = equator_axes(Epochs(START, np.zeros(1)))[0].T
     at = state_from_elements(OsculatingElements(PERIGEE, 0.001, 1.7, 1.0, 0.7, 0.5))
-    chief = turned(turn, at[0]), turned(turn, at[1])
+    chief = rotate_vectors(turn, at[0]), rotate_vectors(turn, at[1])
     part = RelativeElements(relative_to="chief", delta_lambda_m=-1000.0, delta_ex_m=200.0, delta_iy_m=300.0)
     epochs = Epochs(START, np.linspace(0.0, 20000.0, 41))
     elements, rates = part.relative(epochs, motion_of(*chief))
@@ -225,7 +225,7 @@ def test_inclinations_are_from_the_equator_of_date(validation):
     """Not from that of GCRS, 0.14 deg away in 2024: the node of an orbit inclined by 2.9 deg would be 2.7 deg off."""
     state = BodyState(*state_from_quasi_nonsingular(np.array([PERIGEE, 0.4, 0.0, 0.0, 0.05, 0.2])))
     turn = equator_axes(Epochs(START, np.zeros(1)))[0].T
-    chief = turned(turn, state.position_m), turned(turn, state.velocity_m_s)
+    chief = rotate_vectors(turn, state.position_m), rotate_vectors(turn, state.velocity_m_s)
     part = RelativeElements(relative_to="chief", delta_ix_m=1000.0, j2=False)
     position, _ = part.relative(Epochs(START, np.linspace(0.0, period(0.0), 7201)), motion_of(*chief))
     latitude = 0.4 + math.tau * np.argmax(position[:, 2]) / 7200

@@ -11,7 +11,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -56,7 +56,7 @@ class Situation:
     def upward(self) -> np.ndarray:
         """Return what is up where nothing else is said (time, 3): the orbit normal, or the root's +z without an orbit."""
         z = np.array([0.0, 0.0, 1.0])
-        up = turned(self.root_from_origin, z) if self.orbits else z
+        up = rotate_vectors(self.root_from_origin, z) if self.orbits else z
         return np.broadcast_to(up, (len(self.epochs), 3))
 
     @property
@@ -67,7 +67,7 @@ class Situation:
             return rate
         spin = self.origin_rate_rad_s  # omega x z in the origin's axes
         rate[:, 0], rate[:, 1] = spin[:, 1], -spin[:, 0]
-        return turned(self.root_from_origin, rate)
+        return rotate_vectors(self.root_from_origin, rate)
 
 
 def given_direction(given: Sequence[float] | np.ndarray | None, *, local: bool) -> np.ndarray | None:

@@ -20,7 +20,7 @@ from rso_lidar.motion.attitudes.law import Law, OneLaw
 from rso_lidar.motion.attitudes.situation import Situation, Turn
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Number, Part, Positive
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -132,7 +132,7 @@ class _Laid:
 
         rotation, rate, n = turn.rotation, turn.rate_rad_s, len(here.epochs)
         if turn.in_origin:
-            rate = rate + turned(rotation.inv(), here.origin_rate_rad_s)
+            rate = rate + rotate_vectors(rotation.inv(), here.origin_rate_rad_s)
             rotation = here.root_from_origin * rotation
         quaternion = np.broadcast_to(rotation.as_quat(), (n, 4))
         return _Laid(Rotation.from_quat(quaternion), np.array(np.broadcast_to(rate, (n, 3))))
@@ -223,11 +223,11 @@ class Plan:
             theta = _nearer(theta, self.way[row] + part * (self.way[row + 1] - self.way[row]))
         share, share_rate = self.share(time_s)
         whole = Rotation.from_rotvec(theta)
-        theta_rate = _jacobian_inverse(theta, b.rate_rad_s - turned(whole.inv(), a.rate_rad_s))
+        theta_rate = _jacobian_inverse(theta, b.rate_rad_s - rotate_vectors(whole.inv(), a.rate_rad_s))
         phi = share[:, None] * theta
         part_turn = Rotation.from_rotvec(phi)
         phi_rate = share_rate[:, None] * theta + share[:, None] * theta_rate
-        return a.rotation * part_turn, turned(part_turn.inv(), a.rate_rad_s) + _jacobian(phi, phi_rate)
+        return a.rotation * part_turn, rotate_vectors(part_turn.inv(), a.rate_rad_s) + _jacobian(phi, phi_rate)
 
 
 def _between(a: _Laid, b: _Laid) -> np.ndarray:

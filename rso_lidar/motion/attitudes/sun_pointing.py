@@ -14,7 +14,7 @@ from rso_lidar.motion.attitudes.situation import Situation, Turn
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
-from rso_lidar.pose import euler_zyx, turned
+from rso_lidar.pose import euler_zyx, rotate_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -65,7 +65,7 @@ class SunPointing(Part):
         )
         rotation, rate = look_at(line, line_rate, up, here.upward_rate if self.up is None else None)
         body_from_triad = self._body_from_triad
-        return Turn(rotation * body_from_triad.inv(), turned(body_from_triad, rate))
+        return Turn(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
 
 
 class Nadir(Part):
@@ -101,9 +101,9 @@ class Nadir(Part):
             return Turn(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
         line, line_rate = sun_line(here, "nadir")
         lvlh_from_root = (here.root_from_origin * rtn_from_lvlh).inv()
-        spin = turned(rtn_from_lvlh.inv(), here.origin_rate_rad_s)
-        s = turned(lvlh_from_root, line)
-        s_rate = turned(lvlh_from_root, line_rate) - np.cross(spin, s)
+        spin = rotate_vectors(rtn_from_lvlh.inv(), here.origin_rate_rad_s)
+        s = rotate_vectors(lvlh_from_root, line)
+        s_rate = rotate_vectors(lvlh_from_root, line_rate) - np.cross(spin, s)
         across = s[:, 0] ** 2 + s[:, 1] ** 2
         _refuse(
             here,
@@ -116,7 +116,7 @@ class Nadir(Part):
         rate[:, 2] = (s[:, 0] * s_rate[:, 1] - s[:, 1] * s_rate[:, 0]) / across
         half = np.zeros((len(yaw), 4))
         half[:, 2], half[:, 3] = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
-        return Turn(rtn_from_lvlh * Rotation.from_quat(half) * after, turned(after.inv(), rate), in_origin=True)
+        return Turn(rtn_from_lvlh * Rotation.from_quat(half) * after, rotate_vectors(after.inv(), rate), in_origin=True)
 
 
 def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:

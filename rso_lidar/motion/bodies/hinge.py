@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, Name, NotNegative, Number, Part, Text, Vector
-from rso_lidar.pose import Link, cross, dot, turned
+from rso_lidar.pose import Link, cross, dot, rotate_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -150,5 +150,5 @@ def sun_in_body(
     to_sun = line_m / distance
     moving = (line_rate_m_s - to_sun * dot(to_sun, line_rate_m_s)[..., None]) / distance
     back = root_from_body.inv()
-    seen = turned(back, to_sun)
-    return seen, turned(back, moving) - cross(np.broadcast_to(body_rate_rad_s, seen.shape), seen)
+    seen = rotate_vectors(back, to_sun)
+    return seen, rotate_vectors(back, moving) - cross(np.broadcast_to(body_rate_rad_s, seen.shape), seen)

@@ -37,7 +37,7 @@ from rso_lidar.orbit.ccsds.message import (
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
 from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text, Whole
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 DEGREE = 7
@@ -136,8 +136,8 @@ class Ephemeris(Part):
                 elapsed_s(some, arcs[number].start_utc), self.interpolation, self.degree, more
             )
             matrix = gcrs_from_frame(arcs[number].frame, some)
-            position[rows] = place if matrix is None else turned(matrix, place)
-            velocity[rows] = speed if matrix is None else turned(matrix, speed)
+            position[rows] = place if matrix is None else rotate_vectors(matrix, place)
+            velocity[rows] = speed if matrix is None else rotate_vectors(matrix, speed)
         return BodyState(position, velocity)
 
     def _arcs(self) -> tuple[EphemerisArc, ...]:

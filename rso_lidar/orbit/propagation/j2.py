@@ -30,7 +30,7 @@ from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.anomaly import mean_from_true, true_from_mean
 from rso_lidar.orbit.two_body.kepler import ClassicalElements
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
-from rso_lidar.pose import dot, turned
+from rso_lidar.pose import dot, rotate_vectors
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
@@ -67,12 +67,12 @@ class J2(ClassicalElements):
         """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         turn = equator_axes(Epochs(self.epoch_utc, np.zeros(1)))[0]
         start = self.at_epoch()
-        position, velocity = turned(turn, start.position_m), turned(turn, start.velocity_m_s)
+        position, velocity = rotate_vectors(turn, start.position_m), rotate_vectors(turn, start.velocity_m_s)
         mean = quasi_nonsingular_from_state(position, velocity)
         if self.elements == "osculating":
             mean = mean_from_osculating(position, velocity)
         position, velocity = osculating_from_mean(propagate_j2_secular(mean, epochs.since(self.epoch_utc)))
-        return BodyState(turned(turn.T, position), turned(turn.T, velocity))
+        return BodyState(rotate_vectors(turn.T, position), rotate_vectors(turn.T, velocity))
 
     def validity(self, epochs: Epochs) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed, with a better choice."""

@@ -15,7 +15,7 @@ from rso_lidar.errors import CatalogError, PropagationError, warn
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.teme import describe_failure, find_failures, gcrs_from_teme, propagate_in_teme, warn_stale
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 
@@ -121,7 +121,7 @@ class SetSequence:
             warn_stale(self.sets[int(used[oldest])], float(ages[oldest]))
             warn_jumps(self.sets[0].label, self.jumps(epochs))
         rotation = gcrs_from_teme(epochs)
-        return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
+        return BodyState(rotate_vectors(rotation, position_m), rotate_vectors(rotation, velocity_m_s))
 
 
 def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:

@@ -20,7 +20,7 @@ from rso_lidar import units
 from rso_lidar.errors import PropagationError, warn
 from rso_lidar.orbit.epochs import J2000_TT_JD, Epochs, skyfield_tt
 from rso_lidar.orbit.sets.element_set import ElementSet
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 STALE_DAYS = 7.0
@@ -57,7 +57,7 @@ def propagate_sgp4(elements: ElementSet, epochs: Epochs) -> BodyState:
     if bad.any():
         raise PropagationError(describe_failure(elements, epochs, bad, error), bad)
     rotation = gcrs_from_teme(epochs)
-    return BodyState(turned(rotation, position_m), turned(rotation, velocity_m_s))
+    return BodyState(rotate_vectors(rotation, position_m), rotate_vectors(rotation, velocity_m_s))
 
 
 def age_days(elements: ElementSet, epochs: Epochs) -> float:

@@ -24,7 +24,7 @@ from rso_lidar.orbit.two_body.universal_variables import (
     propagate_universal,
 )
 from rso_lidar.part import Instant, NotNegative, Number, Part, Vector
-from rso_lidar.pose import dot, turned
+from rso_lidar.pose import dot, rotate_vectors
 from rso_lidar.records import BodyState
 
 GM = units.EARTH_GM_M3_S2
@@ -94,7 +94,9 @@ class ClassicalElements(Part):
             position, velocity = positions[0], velocities[0]
         angles = np.array([self.raan_deg, self.inclination_deg, self.argument_of_perigee_deg]) * units.DEG
         inertial_from_perifocal = Rotation.from_euler("ZXZ", angles)
-        return BodyState(turned(inertial_from_perifocal, position), turned(inertial_from_perifocal, velocity))
+        return BodyState(
+            rotate_vectors(inertial_from_perifocal, position), rotate_vectors(inertial_from_perifocal, velocity)
+        )
 
 
 class Kepler(ClassicalElements):

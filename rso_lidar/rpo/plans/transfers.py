@@ -19,7 +19,7 @@ from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body import kepler
 from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, solve_lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait
 from rso_lidar.rpo.plans.operation import ProximityOperation, kept_out, plan_within
@@ -306,7 +306,7 @@ def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.nd
 
 
 def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
-    return turned(rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
+    return rotate_vectors(rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
 
 
 def _mean_motion(state: BodyState) -> float:

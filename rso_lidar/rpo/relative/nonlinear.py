@@ -13,7 +13,7 @@ from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.propagation.numerical import integrate_orbit
 from rso_lidar.orbit.trajectory import Trajectory, state_rates
 from rso_lidar.orbit.two_body.kepler import propagate_two_body
-from rso_lidar.pose import cross, turned
+from rso_lidar.pose import cross, rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import flattening, state_at_start
 from rso_lidar.rpo.relative.relative_motion import RelativeState
@@ -84,8 +84,8 @@ def rtn_difference(
     """
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     back = np.swapaxes(axes, -1, -2)
-    position = turned(back, body.position_m - chief.position_m)
-    return position, turned(back, body.velocity_m_s - chief.velocity_m_s) - cross(omega, position)
+    position = rotate_vectors(back, body.position_m - chief.position_m)
+    return position, rotate_vectors(back, body.velocity_m_s - chief.velocity_m_s) - cross(omega, position)
 
 
 def beside(
@@ -100,6 +100,6 @@ def beside(
     """
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     return BodyState(
-        chief.position_m + turned(axes, position_m),
-        chief.velocity_m_s + turned(axes, velocity_m_s + cross(omega, position_m)),
+        chief.position_m + rotate_vectors(axes, position_m),
+        chief.velocity_m_s + rotate_vectors(axes, velocity_m_s + cross(omega, position_m)),
     )

@@ -34,7 +34,7 @@ from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.trajectory import Trajectory, state_rates
 from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.part import Flag, Number
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import flattening, mean_motion_rad_s, state_at_start
 from rso_lidar.rpo.relative.nonlinear import rtn_difference
@@ -174,7 +174,7 @@ def in_equator(state: BodyState, epochs: Epochs) -> BodyState:
     """Return states turned from GCRS axes into those of the equator of date; one epoch serves a single state."""
     turn = equator_axes(epochs)
     turn = turn[0] if state.position_m.ndim == 1 else turn
-    return BodyState(turned(turn, state.position_m), turned(turn, state.velocity_m_s))
+    return BodyState(rotate_vectors(turn, state.position_m), rotate_vectors(turn, state.velocity_m_s))
 
 
 def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:

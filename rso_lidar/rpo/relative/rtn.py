@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.pose import cross, dot, turned
+from rso_lidar.pose import cross, dot, rotate_vectors
 from rso_lidar.records import BodyState
 
 if TYPE_CHECKING:
@@ -86,4 +86,4 @@ def inertial_acceleration(
     change = np.zeros_like(turning_rad_s)  # omega_z = |r x v| / r^2
     change[..., 2] = -2.0 * turning_rad_s[..., 2] * dot(r, v) / radius**2
     around = cross(turning_rad_s, cross(turning_rad_s, rho)) + 2.0 * cross(turning_rad_s, rho_rate)
-    return turned(inertial_from_rtn, own + faster + around + cross(change, rho))
+    return rotate_vectors(inertial_from_rtn, own + faster + around + cross(change, rho))

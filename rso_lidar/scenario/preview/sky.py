@@ -23,7 +23,7 @@ from rso_lidar.orbit.sky.geometry import (
 )
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.pose import ROOT, turned
+from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 
@@ -49,7 +49,7 @@ class SkyGeometry:
     @cached_property
     def boresight(self) -> np.ndarray:
         """Unit vectors along the boresight (time, 3) in root axes."""
-        ahead = turned(self.root_from_lidar, np.array([0.0, 0.0, 1.0]))
+        ahead = rotate_vectors(self.root_from_lidar, np.array([0.0, 0.0, 1.0]))
         return np.broadcast_to(ahead, self.position_m.shape)
 
     @cached_property
@@ -86,7 +86,7 @@ class SkyGeometry:
 
     def outside_field_rad(self, direction: np.ndarray) -> np.ndarray:
         """Return the angle (time) [rad] between directions in root axes and the edge of the field of view."""
-        return angle_outside_field_rad(turned(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
+        return angle_outside_field_rad(rotate_vectors(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
 
 
 def compute_sky_geometry(mission: Mission, preview: Preview) -> SkyGeometry:
@@ -143,7 +143,7 @@ def tabulate_environment(mission: Mission, preview: Preview) -> dict[str, np.nda
 def _line_m(preview: Preview, target: str) -> np.ndarray:
     """Return the vector (time, 3) [m] from the follower's origin to that of a target, in root axes."""
     poses = preview.truth.poses
-    line = turned(poses.place(ROOT, "follower")[1], poses.place("follower", target)[0])
+    line = rotate_vectors(poses.place(ROOT, "follower")[1], poses.place("follower", target)[0])
     return np.broadcast_to(line, (len(preview.time_s), 3))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.pose import ROOT, turned
+from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.scene.casting.local_hits import LocalHits, dot
 from rso_lidar.scene.casting.shadows import find_shaded
 from rso_lidar.scene.materials.crinkle import unhidden
@@ -20,7 +20,7 @@ def from_laser(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, n
     BRDF toward the laser, of which `RetroReflector.average_over_lens` gives the mean over the lens.
     """
     (origin, turn) = hits.target_from_lidar
-    laser = (origin + turned(turn, laser_from_m))[:, None] - hits.point
+    laser = (origin + rotate_vectors(turn, laser_from_m))[:, None] - hits.point
     distance_m = np.sqrt(dot(laser, laser))
     to_laser = laser / distance_m
     lit = dot(hits.facing, to_laser) > 0.0
@@ -49,7 +49,7 @@ def from_sun(hits: LocalHits) -> np.ndarray:
     share = float(np.asarray(hits.truth.sunlit.get(hits.surface.body, 1.0)))
     if not np.all(np.isfinite(sun)) or share <= 0.0 or not len(lit):
         return lit
-    to_sun = turned(hits.truth.poses.place(hits.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
+    to_sun = rotate_vectors(hits.truth.poses.place(hits.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
     toward = np.repeat(to_sun[:, None], len(lit), axis=1)
     up = (dot(hits.facing, toward) > 0.0) & (hits.cos_out > 0.0)
     up[find_shaded(hits, up, toward, np.full(len(up), np.inf))] = False

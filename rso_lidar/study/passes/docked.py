@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.orbit.screening.conjunctions import ScreeningResult
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
 
@@ -84,7 +84,9 @@ def _reason(screened: ScreeningResult, which: int) -> str | None:
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)
     own, there = np.zeros(len(time_s), dtype=int), np.full(len(time_s), which)
     position, velocity = lead.at(own, time_s)
-    apart = turned(np.swapaxes(rtn_matrix(position, velocity)[0], -1, -2), objects.at(there, time_s)[0] - position)
+    apart = rotate_vectors(
+        np.swapaxes(rtn_matrix(position, velocity)[0], -1, -2), objects.at(there, time_s)[0] - position
+    )
     if not np.isfinite(apart).all():
         return None
     together = np.abs(apart).max(axis=1) < TOGETHER_M

@@ -20,7 +20,7 @@ from rso_lidar.orbit.sky.eclipse import shadow_margins_rad, sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.scenario import Constraints, Corridor, Lidar
@@ -170,8 +170,8 @@ class _Sky:
         self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
         epochs = Epochs(screened.objects.start_utc, self._time_s)
         teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
-        self._sun_m = turned(teme_from_gcrs, sun_position_m(epochs))
-        self._moon_m = turned(teme_from_gcrs, moon_position_m(epochs))
+        self._sun_m = rotate_vectors(teme_from_gcrs, sun_position_m(epochs))
+        self._moon_m = rotate_vectors(teme_from_gcrs, moon_position_m(epochs))
 
     def excluded(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
         """Return by how much (stay, instant) [rad] a line of sight breaks the worst exclusion; not above 0 where none is.
@@ -236,7 +236,7 @@ def _some(
         table[name][range_m < TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
     looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
-    place_m = turned(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
+    place_m = rotate_vectors(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
     kept = _kept(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
@@ -307,7 +307,7 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
 def _gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
     position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
-    return BodyState(turned(rotation, position), turned(rotation, velocity))
+    return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))
 
 
 def _looked(

@@ -17,7 +17,7 @@ from rso_lidar.orbit.sets.element_set import ElementSet, make_printable
 from rso_lidar.orbit.sets.fleet import Fleet
 from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_axes
 from rso_lidar.scenario import Lidar
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
@@ -149,7 +149,7 @@ def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     fleet = Fleet([row.elements, row.follower], table.start_utc)
     position, velocity = fleet.at(np.array([0, 1]), np.repeat(epochs.time_s, 2))
     rotation = np.repeat(gcrs_from_teme(epochs), 2, axis=0)
-    position, velocity = turned(rotation, position), turned(rotation, velocity)
+    position, velocity = rotate_vectors(rotation, position), rotate_vectors(rotation, velocity)
     ahead, rate = position[0] - position[1], velocity[0] - velocity[1]
     up = np.cross(ahead, rate)
     if np.linalg.norm(up) < max(1e-6 * float(np.linalg.norm(ahead) * np.linalg.norm(rate)), 1e-12):

@@ -19,7 +19,7 @@ from rso_lidar.files import free, write_columns
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.pose import ROOT, cross, dot, turned
+from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
@@ -278,7 +278,7 @@ def _bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.nd
         points = surface.outline
         for first in range(0, n, _EPOCHS):
             rows = slice(first, first + _EPOCHS)
-            there = turned(turn[rows, None], points[None]) + place[rows, None]
+            there = rotate_vectors(turn[rows, None], points[None]) + place[rows, None]
             ahead = there[..., 2] > 0.0
             depth = np.where(ahead, there[..., 2], 1.0)[..., None]
             tangent = there[..., :2] / depth
@@ -292,7 +292,7 @@ def _bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.nd
 def _near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return at which epochs (time) the lidar is within a radius of the sphere about a surface."""
     centre, radius_m = surface.sphere
-    near: np.ndarray = np.linalg.norm(turned(turn, centre) + place, axis=-1) < 2.0 * radius_m
+    near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near
 
 

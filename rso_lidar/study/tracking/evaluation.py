@@ -19,7 +19,7 @@ from rso_lidar.files import free, write_columns
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
-from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, turned
+from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame, Source
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
@@ -206,8 +206,8 @@ def _row(
     own = truth.pose(ROOT, "follower").rotation
     turns = {"cv": own}
     link, turning = truth.poses.link("follower", name), truth.rates(ROOT, "follower")[1]
-    true_m = {"cv": turned(own, link.translation_m)}
-    true_m_s = {"cv": turned(own, link.velocity_m_s + cross(turning, link.translation_m))}
+    true_m = {"cv": rotate_vectors(own, link.translation_m)}
+    true_m_s = {"cv": rotate_vectors(own, link.velocity_m_s + cross(turning, link.translation_m))}
     if not scenario.local:
         in_rtn = truth.poses.link("follower.rtn", name)
         turns["cw"] = truth.pose("follower.rtn", "follower").rotation

@@ -77,11 +77,11 @@ def test_mean_elements_of_an_integrated_orbit_drift_as_they_should():
     start = State(epoch_utc=START, position_m=(6.9e6, 1e5, 2e5), velocity_m_s=(-2e2, 5.0e3, 5.8e3))
     epochs = Epochs(START, np.linspace(0.0, 86_400.0, 289))
     from rso_lidar.orbit.sky.precession import equator_axes
-    from rso_lidar.pose import turned
+    from rso_lidar.pose import rotate_vectors
 
     state = Numerical(initial=start).states(epochs)
     turn = equator_axes(Epochs(START, np.zeros(1)))[0]
-    mean = mean_from_osculating(turned(turn, state.position_m), turned(turn, state.velocity_m_s))
+    mean = mean_from_osculating(rotate_vectors(turn, state.position_m), rotate_vectors(turn, state.velocity_m_s))
     assert np.ptp(mean[:, 0]) < 0.1  # the osculating axis swings by 10 km or so
     assert np.ptp(quasi_nonsingular_from_state(state.position_m, state.velocity_m_s)[:, 0]) > 5e3
     anomaly, perigee, node = secular_rates(mean[0])

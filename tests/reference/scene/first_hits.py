@@ -88,7 +88,7 @@ def _nearest(met: Sequence[_Met], n_rays: int) -> tuple[np.ndarray, ...]:
 def _aimed(rays: Rays, surface: Surface, target_from_lidar: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return the rays that pass the sphere about a target."""
     (centre, radius), (origin, rotation) = surface.sphere, target_from_lidar
-    toward = pose.turned(rotation.T, centre - origin)
+    toward = pose.rotate_vectors(rotation.T, centre - origin)
     distance_m = float(np.linalg.norm(toward))
     if distance_m <= radius:
         return np.arange(len(rays.pixel))

@@ -13,7 +13,7 @@ from rso_lidar.orbit.propagation.j2 import propagate_j2_secular
 from rso_lidar.orbit.sky.precession import equator_axes
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
-from rso_lidar.pose import turned
+from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.nonlinear import Nonlinear, rtn_difference
 from rso_lidar.rpo.relative.relative_elements import (
@@ -50,7 +50,7 @@ def in_rtn(of, elements_m):
 
 
 def chief(of):
-    r, v = turned(TO_GCRS, of.position_m), turned(TO_GCRS, of.velocity_m_s)
+    r, v = rotate_vectors(TO_GCRS, of.position_m), rotate_vectors(TO_GCRS, of.velocity_m_s)
     return State(epoch_utc=START, position_m=tuple(r.tolist()), velocity_m_s=tuple(v.tolist()))
 
 
