@@ -86,7 +86,9 @@ class SkyGeometry:
 
     def outside_field_rad(self, direction: np.ndarray) -> np.ndarray:
         """Return the angle (time) [rad] between directions in root axes and the edge of the field of view."""
-        return angle_outside_field_rad(rotate_vectors(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field)
+        return angle_outside_field_rad(
+            rotate_vectors(np.swapaxes(self.root_from_lidar, -1, -2), direction), self.half_field
+        )
 
 
 def compute_sky_geometry(mission: Mission, preview: Preview) -> SkyGeometry:
