@@ -14,7 +14,9 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, quartiles, seconds
 from benchmarks.report import Findings, table
 from rso_lidar import arithmetic, detector, motion, optics, scene
-from rso_lidar.detector.measure import measure
+from rso_lidar.detector.chain.full import store_waveforms
+from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.export import Recorder
 from rso_lidar.records import Frame, Observation
 
@@ -69,8 +71,8 @@ class Flight:
         hits = clock("cast", scene.cast, rays, surfaces, truth, threads, **lit, aperture_m=lidar.receiver.aperture_m)
         photons = clock("collect", optics.collect, hits, laser, lidar.receiver, late_s)
         if lidar.detector.type == "gsfl":
-            waveforms = clock("waveform", lidar.detector.waveforms, photons, rng)
-            reading = clock("detect", measure, lidar.detector, waveforms, lidar.detector.pulse(photons), rng)
+            waveforms = clock("waveform", store_waveforms, lidar.detector, photons, rng)
+            reading = clock("detect", measure, lidar.detector, waveforms, shape_pulse(lidar.detector, photons), rng)
         else:
             reading, _ = clock("detect", detector.detect, photons, lidar.detector, rng)
         labels = clock("label", scene.label, hits, photons, lidar.max_returns)

@@ -19,16 +19,22 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import picture, units
-from rso_lidar.detector import chain
-from rso_lidar.detector.calibrate import REFERENCE_FWHM_S, reference_pulse
-from rso_lidar.detector.load import array_load
-from rso_lidar.detector.measure import measure
-from rso_lidar.detector.noise import false_alarm_rate, noise_rms, rice_rate
-from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
-from rso_lidar.detector.ranging import locate
-from rso_lidar.detector.separation import simulate_pairs
-from rso_lidar.detector.trial import Trial, plate, point_returns, trial
-from rso_lidar.detector.waveform import rows_about
+from rso_lidar.detector import detect
+from rso_lidar.detector.bench.calibrate import REFERENCE_FWHM_S, reference_pulse
+from rso_lidar.detector.bench.separation import simulate_pairs
+from rso_lidar.detector.bench.trial import Trial, plate, point_returns, trial
+from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.measure import measure
+from rso_lidar.detector.chain.timing import plan_time, shape_pulse
+from rso_lidar.detector.chain.traces import arm_rows, latch_rows
+from rso_lidar.detector.questions.array_load import simulate_array_load
+from rso_lidar.detector.ranging.location import locate
+from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
+from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.detector.stages.sampling import convert
+from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down
 from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
@@ -266,16 +272,16 @@ def pixel() -> Any:
     detector = rl.Gsfl(max_returns=2, timing=STILL)
     photons = _edge((100.0, 102.6), (2500.0, 4000.0))
     rng = np.random.Generator(np.random.Philox(9))
-    plan, camera = detector.plan(REFERENCE_FWHM_S), detector.camera(1)
-    rows, arming = chain.armed(detector, rows_about(photons, plan, 1), plan.step_s)
-    made = chain.analog(detector, photons, rows, plan, camera, rng)
+    plan, camera = plan_time(detector, REFERENCE_FWHM_S), build_camera(detector, 1)
+    rows, arming = arm_rows(detector, place_rows(photons, plan), plan.step_s)
+    made = simulate_analog(detector, photons, rows, plan, camera, rng)
     threshold = np.array([detector.trigger.threshold_electrons * camera.threshold[0]], np.float32)
-    base = chain.base_rate_per_s(detector, camera, photons)
-    latch = float(chain.latched(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
+    base = base_rate_per_s(detector.quantum_efficiency, camera, photons)
+    latch = float(latch_rows(detector, made, threshold[rows.pixel], base[rows.pixel], arming, plan.step_s, rng)[0])
     per = plan.steps_per_sample
     sample = math.floor((rows.start[0] + latch) / per) - detector.readout.pretrigger_samples
     at = sample * per - rows.start[0] + per * np.arange(detector.readout.samples)
-    samples = detector.readout.convert(made.amplitude[0, at])[None]
+    samples = convert(detector.readout, made.amplitude[0, at])[None]
     waveforms = Waveforms(
         shape=(1, 1),
         sample_s=detector.readout.sample_s,
@@ -285,7 +291,7 @@ def pixel() -> Any:
         latch_s=np.array([(rows.start[0] + latch) * plan.step_s]),
         samples_counts=samples,
     )
-    reading = measure(detector, waveforms, detector.pulse(photons), rng)
+    reading = measure(detector, waveforms, shape_pulse(detector, photons), rng)
 
     light, current, voltage, stored = figure.subplots(4, 1, sharex=True)
     range_m = (rows.start[0] + np.arange(rows.length)) * plan.step_s * units.RANGE_PER_DELAY_M_S
@@ -309,7 +315,7 @@ def pixel() -> Any:
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
     stored.plot(range_m[at], counts_at, "o", color=BLUE, ms=4, label="20 samples, less the baseline")
-    pulse = detector.pulse(photons)
+    pulse = shape_pulse(detector, photons)
     fine = np.linspace(range_m[at[0]], range_m[at[-1]], 600)
     found_m, height = reading.return_range_m[0, 0], reading.return_intensity_counts[0, 0]
     fit = [
@@ -401,7 +407,7 @@ def shared() -> Any:
     levels, n = np.geomspace(1000, 100_000, 7), 128 * 128
     for share, colour in ((1.0, RED), (0.25, ORANGE), (0.05, BLUE)):
         lit = np.flatnonzero(np.arange(n) % round(1.0 / share) == 0)
-        loads = [array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
+        loads = [simulate_array_load(rl.Gsfl(droop=rl.detector.Droop()), _flat(lit, level)) for level in levels]
         lost = [100.0 * (1.0 - one.gain[lit].mean()) for one in loads]
         sag.plot(levels, lost, ".-", color=colour, ms=4, lw=1.0, label=f"{share:.0%} of the array is lit")
         sys.stdout.write(
@@ -419,7 +425,7 @@ def shared() -> Any:
         spread = []
         for share in shares:
             lit = np.flatnonzero(np.modf(np.arange(n) * share)[0] < share)
-            reading, _ = detector.detect(_flat(lit, 30_000.0), np.random.Generator(np.random.Philox(5)))
+            reading, _ = detect(_flat(lit, 30_000.0), detector, np.random.Generator(np.random.Philox(5)))
             low, high = np.quantile(reading.range_m.ravel()[lit], [0.25, 0.75])
             spread.append((high - low) / 1.349 / units.CM)
         scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=1.0, label=name)

@@ -20,6 +20,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import part, records
+from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
 from rso_lidar.study.trades.definition import Study
@@ -430,7 +431,7 @@ def constants() -> str:
                 f"{detector.threshold_photons:,.0f}",
                 f"{detector.threshold_over_noise:.1f}",
                 _rate(detector.false_alarms_per_s),
-                _rate(detector.mean_false_alarms_per_s),
+                _rate(mean_false_alarms_per_s(detector)),
             )
         )
     header = (

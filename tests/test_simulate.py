@@ -7,6 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import arithmetic, optics, scene
+from rso_lidar.detector import detect
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion import truth
 from rso_lidar.simulate import DETECTION, flash
@@ -448,7 +449,7 @@ def test_each_stage_is_handed_what_the_instrument_in_force_says(text):
         aperture_m=lidar.receiver.aperture_m,
     )
     photons = optics.collect(hits, laser, lidar.receiver, late * 2e-9)
-    reading, _ = lidar.detector.detect(photons, rng)
+    reading, _ = detect(photons, lidar.detector, rng)
     for name in ("cos_incidence", "brdf_per_sr", "sunlight_per_sr"):
         np.testing.assert_array_equal(getattr(frame.kept["hits"], name), getattr(hits, name))
     assert frame.kept["photons"].late_s == late * 2e-9

@@ -1,8 +1,6 @@
 """Photons in, counts out."""
 
-from rso_lidar.detector.amplifier import Amplifier
-from rso_lidar.detector.apd import Apd
-from rso_lidar.detector.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.bench.prediction import predict
 from rso_lidar.detector.detect import (
     AnyDetector,
     DescribedDetector,
@@ -22,16 +20,18 @@ from rso_lidar.detector.detect import (
     list_uncounted,
     noise_growth,
 )
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
-from rso_lidar.detector.gate import Gate
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.load import ArrayLoad
-from rso_lidar.detector.prediction import predict
-from rso_lidar.detector.ranging import Ranging
-from rso_lidar.detector.readout import Readout
-from rso_lidar.detector.traits import DetectorTraits
-from rso_lidar.detector.trigger import Trigger
+from rso_lidar.detector.questions.array_load import ArrayLoad
+from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.settings.algorithm import Ranging
+from rso_lidar.detector.settings.amplifier import Amplifier
+from rso_lidar.detector.settings.apd import Apd
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
+from rso_lidar.detector.settings.gate import Gate
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.detector.settings.trigger import Trigger
 
 __all__ = [
     "Amplifier",

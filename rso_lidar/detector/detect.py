@@ -39,12 +39,17 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.detector import closed_form, description
-from rso_lidar.detector.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.load import ArrayLoad
-from rso_lidar.detector.traits import DetectorTraits
+from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
+from rso_lidar.detector.chain.curves import detect_by_curves
+from rso_lidar.detector.chain.full import run_chain
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.questions import closed_form, description
+from rso_lidar.detector.questions.array_load import ArrayLoad, simulate_array_load
+from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.detector.stages.array_effects import draw_shift_m
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Waveforms
@@ -94,6 +99,10 @@ def detect(
     -------
     What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
     """
+    if isinstance(detector, Gsfl):
+        return run_chain(detector, photons, rng)
+    if isinstance(detector, Empirical):
+        return detect_by_curves(detector, photons, rng), None
     return detector.detect(photons, rng)
 
 
@@ -113,7 +122,7 @@ def check_size(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float, n_pix
     if not isinstance(detector, Gsfl):
         _call(detector, "check_size", pulse_fwhm_s, n_pixels)
         return
-    plan = detector.plan(pulse_fwhm_s)
+    plan = plan_time(detector, pulse_fwhm_s)
     steps = plan.before + plan.watched + plan.after
     if steps > _MOST_STEPS:
         raise ScenarioError(
@@ -181,7 +190,7 @@ def false_alarm_probability(detector: Gsfl | Empirical | Detector, range_m: np.n
         return np.full(np.shape(range_m), detector.gate.false_alarm_probability)
     if not isinstance(detector, Gsfl | Empirical):
         return np.asarray(_call(detector, "false_alarm_probability", range_m, default=np.zeros(np.shape(range_m))))
-    rate = detector.mean_false_alarms_per_s if isinstance(detector, Gsfl) else detector.false_alarms_per_s
+    rate = mean_false_alarms_per_s(detector) if isinstance(detector, Gsfl) else detector.false_alarms_per_s
     armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
     before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
     return before
@@ -234,7 +243,7 @@ def noise_growth(detector: Gsfl | Empirical | Detector, background_photons_per_s
 
 def isolate(detector: Gsfl | Empirical | Detector, gain: float = 1.0) -> Gsfl | Empirical | Detector:
     """Return a detector whose pixels do nothing to each other; its APDs have `gain` times their gain at rest."""
-    if isinstance(detector, Gsfl | Empirical):
+    if isinstance(detector, Gsfl):
         return detector.alone(gain)
     apart: Detector = _call(detector, "isolate", gain, default=detector)
     return apart
@@ -242,8 +251,8 @@ def isolate(detector: Gsfl | Empirical | Detector, gain: float = 1.0) -> Gsfl | 
 
 def array_load(detector: Gsfl | Empirical | Detector, photons: Photons) -> ArrayLoad:
     """Simulate what the pixels of one flash do to each other; by default nothing."""
-    if isinstance(detector, Gsfl | Empirical):
-        return detector.array_load(photons)
+    if isinstance(detector, Gsfl):
+        return simulate_array_load(detector, photons)
     n_pixels = photons.shape[0] * photons.shape[1]
     load: ArrayLoad = _call(detector, "array_load", photons, default=ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels)))
     return load
@@ -260,15 +269,17 @@ def draw_crosstalk_m(
     together_fraction : (pixel) share of the array that latches with each.
     rng : generator of the errors.
     """
-    if isinstance(detector, Gsfl | Empirical):
-        return detector.crosstalk_m(together_fraction, rng)
     none = np.zeros(np.shape(together_fraction))
+    if isinstance(detector, Gsfl):
+        if detector.crosstalk is None or detector.gate is not None:
+            return none
+        return draw_shift_m(detector.crosstalk, together_fraction, rng)
     return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none))
 
 
 def frame_jitter_s(detector: Gsfl | Empirical | Detector) -> float:
     """Return the jitter that all pixels of a frame share [s, 1 sigma]; by default none."""
-    if isinstance(detector, Gsfl | Empirical):
+    if isinstance(detector, Gsfl):
         return detector.frame_jitter_s
     return float(_call(detector, "frame_jitter_s", default=0.0))
 

@@ -5,8 +5,8 @@ import pytest
 
 from rso_lidar import detector as rd
 from rso_lidar import units
-from rso_lidar.detector.separation import simulate_pairs
-from rso_lidar.detector.trial import plate, trial
+from rso_lidar.detector.bench.separation import simulate_pairs
+from rso_lidar.detector.bench.trial import plate, trial
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part
 from rso_lidar.records import Photons, Reading

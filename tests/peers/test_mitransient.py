@@ -17,7 +17,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rso_lidar.detector import Gate, Gsfl, chain
+from rso_lidar.detector import Gate, Gsfl
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.stages.time_axis import place_gate_rows
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Lambertian
 from tests.optics.bench_for_tests import look, place
@@ -76,9 +80,9 @@ def detector_waveforms(scene):
     width_ns = bins * scene.bin_m * per_m_ns + 2 * margin_ns
     gsfl = Gsfl(gate=Gate(delay_ns=start_m * per_m_ns - margin_ns, width_ns=width_ns))
     n_pixels = scene.n**2
-    plan = gsfl.plan(laser.pulse_fwhm_s)
-    rows, _ = chain.gate_rows(gsfl, plan, n_pixels)
-    made = chain.analog(gsfl, photons, rows, plan, gsfl.camera(n_pixels), None)
+    plan = plan_time(gsfl, laser.pulse_fwhm_s)
+    rows, _ = place_gate_rows(gsfl.gate, gsfl.readout, plan, n_pixels)
+    made = simulate_analog(gsfl, photons, rows, plan, build_camera(gsfl, n_pixels), None)
     time_s = (rows.start[0] + np.arange(rows.length)) * plan.step_s
     per_s = made.primaries.astype(float) / (gsfl.quantum_efficiency * plan.step_s)
     return time_s, per_s.reshape(scene.n, scene.n, -1)

@@ -11,12 +11,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from rso_lidar import arithmetic
-from rso_lidar.detector import Gsfl, LaserPulse, predict
-from rso_lidar.detector.trial import plate
-from rso_lidar.detector.waveform import rows_about
+from rso_lidar.detector import Gsfl, LaserPulse, detect, predict
+from rso_lidar.detector.bench.trial import plate
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.optics import Laser
 from tests.physics import chain_by_hand as by_hand
+from tests.reference.detector.whole_chain import computing
 
 FWHM_S = 8e-9
 PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
@@ -29,7 +30,7 @@ def found(photons, depth_s, steps, seed=1):
     """Return the share of pixels that find a return as deep as this, through the whole chain."""
     seen = plate(photons, N, Laser().pulse, FWHM_S, 50.0)  # so near, one of 250,000 pixels triggers falsely before
     seen = replace(seen, depth_spread_s=np.full(N, depth_s))
-    reading, _ = Gsfl(steps_per_sample=steps).detect(seen, np.random.default_rng(seed))
+    reading, _ = detect(seen, Gsfl(steps_per_sample=steps), np.random.default_rng(seed))
     return float(np.isfinite(reading.range_m).mean())
 
 
@@ -74,7 +75,7 @@ def test_detection_of_a_deep_return_by_hand(validation, photons, depth_s):
 
 
 def test_detection_of_a_deep_return_by_the_reference_arithmetic(validation):
-    with arithmetic.using("numpy"):
+    with computing("oracles"):
         got = found(1000.0, 10e-9, 4, seed=3)
     p = exact(1000.0, 10e-9)
     validation(
@@ -89,8 +90,8 @@ def test_detection_of_a_deep_return_by_the_reference_arithmetic(validation):
 
 def test_these_returns_do_reach_over_several_rows():
     """Else the tests above would say nothing; a facing plate needs one row."""
-    plan = Gsfl().plan(FWHM_S)
+    plan = plan_time(Gsfl(), FWHM_S)
     for _, depth_s in BY_HAND:
         seen = replace(plate(1000.0, 50, Laser().pulse, FWHM_S), depth_spread_s=np.full(50, depth_s))
-        assert len(rows_about(seen, plan, 50).pixel) >= 90
-    assert len(rows_about(plate(1000.0, 50, Laser().pulse, FWHM_S), plan, 50).pixel) == 50
+        assert len(place_rows(seen, plan).pixel) >= 90
+    assert len(place_rows(plate(1000.0, 50, Laser().pulse, FWHM_S), plan).pixel) == 50

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, Readout, Trigger
+from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, Readout, Trigger, detect
 from tests.detector.returns_for_tests import nothing
 from tests.physics import chain_by_hand as by_hand
 from tests.physics.test_gsfl_physics import C, seen, share_band
@@ -22,7 +22,7 @@ def search_band(p):
 def gated(part, photons, n, seed, every=4):
     """Return which share of returns a gated detector finds, in a scene that fills one pixel in `every`."""
     light = seen(np.where(np.arange(n) % every == 0, photons, 0.0), n)
-    reading, _ = part.detect(light, np.random.default_rng(seed))
+    reading, _ = detect(light, part, np.random.default_rng(seed))
     error = reading.range_m.ravel() - light.delay_s * C / 2
     return float(np.mean(np.abs(error[::every]) < 5.0))
 
@@ -101,7 +101,7 @@ def test_false_alarms_of_a_gate(validation, case, part, expected, band):
     Where avalanches of dark current stand out, each is a pulse that the fit finds at its best place, up to twice as often.
     """
     n = 131_072
-    reading, _ = part.replace(gate=GATE).detect(nothing((1, n)), np.random.default_rng(3))
+    reading, _ = detect(nothing((1, n)), part.replace(gate=GATE), np.random.default_rng(3))
     validation(
         case=f"false alarms of a gate of 20 samples, a pixel: {case}",
         source="the probability asked for, 1e-3",

@@ -12,11 +12,14 @@ import pytest
 from scipy import stats
 
 import rso_lidar as rl
-from rso_lidar.detector import Apd, Gsfl, chain
-from rso_lidar.detector.apd import multiply
-from rso_lidar.detector.noise import false_alarm_rate
-from rso_lidar.detector.trial import plate, trial
-from rso_lidar.detector.waveform import Rows
+from rso_lidar.detector import Apd, Gsfl, detect
+from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.stages.avalanche import multiply
+from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.detector.stages.time_axis import Rows
 from tests.detector.returns_for_tests import bell, nothing
 from tests.optics import bench_for_tests as bench
 from tests.physics import chain_by_hand as by_hand
@@ -223,11 +226,11 @@ def crossings(part, sigmas, rows, length, repeats, seed=5):
 
     Crossings come in bunches: their number's own variance from row to row says how well the mean is known.
     """
-    rng, plan, zero = np.random.default_rng(seed), part.plan(8e-9), np.zeros(rows, np.int64)
+    rng, plan, zero = np.random.default_rng(seed), plan_time(part, 8e-9), np.zeros(rows, np.int64)
     axis = Rows(np.arange(rows), zero, zero, zero + length, length)
     counted = []
     for _ in range(repeats):
-        noise = chain.analog(part, nothing((1, rows)), axis, plan, part.camera(rows), rng).amplitude
+        noise = simulate_analog(part, nothing((1, rows)), axis, plan, build_camera(part, rows), rng).amplitude
         above = [noise >= u * part.noise_electrons for u in sigmas]
         counted.append([(~up[:, :-1] & up[:, 1:]).sum(axis=1) for up in above])
     counted = np.concatenate(counted, axis=1)
@@ -287,8 +290,8 @@ def test_false_triggers_of_an_empty_scene(validation, statistics):
     """Pixels that trigger on nothing: 1 - exp(-rate x 33 us) of each, over the spread of thresholds; Poisson."""
     part, frames = Gsfl(apd=Apd(statistics=statistics)), 40
     rng = np.random.default_rng(12)
-    triggered = sum(int(np.isfinite(part.detect(nothing((128, 128)), rng)[0].range_m).sum()) for _ in range(frames))
-    threshold = part.trigger.threshold_electrons * part.camera(16_384).threshold
+    triggered = sum(int(np.isfinite(detect(nothing((128, 128)), part, rng)[0].range_m).sum()) for _ in range(frames))
+    threshold = part.trigger.threshold_electrons * build_camera(part, 16_384).threshold
     shot = by_hand.excess_noise(10.0, 0.2) * 100 * 1e-9 / by_hand.CHARGE_C * 8.516e-9**2 / (4 * TAU_S)
     sigma = math.sqrt(part.amplifier.noise_electrons**2 + shot)
     rate = np.exp(-((threshold / sigma) ** 2) / 2) / (2 * math.pi * TAU_S)

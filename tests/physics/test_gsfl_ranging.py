@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, chain
-from rso_lidar.detector.trial import plate, trial
-from rso_lidar.detector.waveform import rows_about
+from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, detect
+from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.full import store_waveforms
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.optics import Laser, Receiver
 from tests.detector.returns_for_tests import bell, returns
 from tests.optics import bench_for_tests as bench
@@ -278,9 +282,9 @@ def test_quantisation_adds_a_twelfth(validation):
     pulse = bell(FWHM_S)
     seen = plate(3000.0, 4096, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
     whole, exact = (
-        Gsfl(readout=Readout(quantised=quantised))
-        .waveforms(seen, np.random.default_rng(2))
-        .samples_counts.astype(float)
+        store_waveforms(
+            Gsfl(readout=Readout(quantised=quantised)), seen, np.random.default_rng(2)
+        ).samples_counts.astype(float)
         for quantised in (True, False)
     )
     assert np.array_equal(whole, np.rint(whole)) and np.abs(whole - exact).max() <= 0.5
@@ -309,7 +313,7 @@ def test_two_surfaces_4_m_apart_are_two_returns(validation, photons):
     near_m = 1000.0 + np.modf(np.arange(n) * 0.618034)[0]
     truth_m = np.stack([near_m, near_m + 4.0], axis=1)
     seen = returns(truth_m.ravel(), photons, pixel=np.repeat(np.arange(n), 2), shape=(1, n))
-    reading, _ = part.detect(seen, np.random.default_rng(4))
+    reading, _ = detect(seen, part, np.random.default_rng(4))
     ranges_m = reading.return_range_m[0].astype(float)
     count = np.isfinite(ranges_m).sum(axis=1)
     validation(
@@ -359,9 +363,9 @@ def test_a_facet_at_60_degrees_and_10_km_is_one_pulse(validation):
     x = np.array([tangent, 0.0])
     near_s, far_s = 2 / C * 1e4 * np.sqrt(1 + x**2 + (tangent / 2) ** 2) / (1 + x * math.tan(math.radians(60)))
     area = np.concatenate([[0.0], np.cumsum(0.5 * (AMPLIFIED[1:] + AMPLIFIED[:-1]) * np.diff(T))])
-    plan = part.plan(FWHM_S)
-    rows = rows_about(seen.photons, plan, 256)
-    made = chain.analog(part, seen.photons, rows, plan, part.camera(256), None)
+    plan = plan_time(part, FWHM_S)
+    rows = place_rows(seen.photons, plan)
+    made = simulate_analog(part, seen.photons, rows, plan, build_camera(part, 256), None)
     worst, top = 0.0, 0.0
     for row in np.flatnonzero(rows.pixel == pixel):
         watched = np.arange(rows.first[row], rows.last[row])
@@ -378,7 +382,7 @@ def test_a_facet_at_60_degrees_and_10_km_is_one_pulse(validation):
         tolerance=0.01,
         unit="1",
     )
-    reading, _ = part.detect(seen.photons, np.random.default_rng(3))
+    reading, _ = detect(seen.photons, part, np.random.default_rng(3))
     count = np.isfinite(reading.return_range_m).sum(axis=2)
     validation(
         case="facet at 60 deg and 10 km: mean number of returns in a pixel",

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Droop, Gsfl
-from rso_lidar.detector.calibrate import reference_pulse
-from rso_lidar.detector.chain import traces
-from rso_lidar.detector.separation import listed_separations
+from rso_lidar.detector.bench.calibrate import reference_pulse
+from rso_lidar.detector.bench.separation import listed_separations
+from rso_lidar.detector.chain.timing import shape_pulse
+from rso_lidar.detector.chain.traces import store_traces
+from rso_lidar.detector.stages.array_effects import solve_gain
+from tests.detector.chain.test_traces import STILL, crossing_s
 from tests.detector.returns_for_tests import returns
-from tests.detector.test_latch import STILL, crossing_s
 
 C = 299_792_458.0
 
@@ -17,8 +19,8 @@ C = 299_792_458.0
 def test_a_pulse_latches_where_its_edge_passes_the_threshold(over, validation):
     """64 phases of the clock: the mean to 0.01 ns up to 1000 times the threshold, to a tenth of a step up to a million."""
     photons = returns(500.0 + 0.0223 * np.arange(64), 1.0)
-    photons = returns(500.0 + 0.0223 * np.arange(64), over * 1e11 / STILL.pulse(photons).peak)
-    made = traces(STILL, photons, np.random.default_rng(1))
+    photons = returns(500.0 + 0.0223 * np.arange(64), over * 1e11 / shape_pulse(STILL, photons).peak)
+    made = store_traces(STILL, photons, np.random.default_rng(1))
     validation(
         case=f"latch of a pulse of 8 ns at {over:g} times the threshold, after its nominal delay",
         source="Gaussian behind two poles in closed form",
@@ -33,7 +35,7 @@ def test_two_returns_part_and_are_lost_where_pulse_and_trace_say(validation):
     """Near: a valley of a tenth between Gaussians, less half a sample of smoothing. Far: see tests/detector."""
     part = Gsfl(max_returns=2)
     near, far = listed_separations(part, reference_pulse(), 8e-9).interval_m(0.5)
-    pulse = part.pulse(returns(100.0, 1.0))
+    pulse = shape_pulse(part, returns(100.0, 1.0))
     validation(
         case="least separation of two equal returns that are listed half the time, 8 ns",
         source="2 sqrt(2 ln(2 / 0.9)) sigma: a valley of a tenth between two Gaussians, and up to a sample for smoothing",
@@ -61,7 +63,7 @@ def test_the_gain_falls_as_the_data_sheet_says(validation):
         case="gain left at M = 10 after 1 V of sag, Droop()",
         source="data sheet C30645, C30662: M = a/(V_b - V), a = 40 to 50 V",
         expected=float(np.mean([1.0 / (1.0 + 10.0 / a) for a in (40.0, 50.0)])),
-        got=float(Droop().gain(electrons, 1e-12)[1]),
+        got=float(solve_gain(Droop(), electrons, 1e-12)[1]),
         tolerance=0.5 * (1.0 / 1.2 - 1.0 / 1.25),
         unit="1",
     )

@@ -11,10 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
-from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, Timing, Trigger, predict
-from rso_lidar.detector.pulse import Pulse, crlb_s, noise_covariance
-from rso_lidar.detector.trial import plate as pixels
-from rso_lidar.detector.trial import trial
+from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, Timing, Trigger, detect, predict
+from rso_lidar.detector.bench.trial import plate as pixels
+from rso_lidar.detector.bench.trial import trial
+from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
 from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
@@ -174,7 +174,7 @@ def test_a_plate_through_the_whole_chain(validation, tilt_deg, range_m, steps):
     lens, detector, flashes = LENS, Gsfl(steps_per_sample=steps), 32
     pose = place((0, 0, range_m), Rotation.from_euler("y", tilt_deg, degrees=True))
     seen = look(plate(800.0), pose, lens, Laser())
-    readings = [detector.detect(seen.photons, np.random.default_rng(k))[0] for k in range(flashes)]
+    readings = [detect(seen.photons, detector, np.random.default_rng(k))[0] for k in range(flashes)]
     share = float(np.mean([np.isfinite(reading.range_m) for reading in readings]))
     at_m = np.sort(seen.labels.range_m.ravel())
     n, at_m = flashes * at_m.size, at_m[8::16]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
+from rso_lidar.detector import detect
 from rso_lidar.study.tracking.range_noise import recorded_range_noise_m
 from tests.detector.returns_for_tests import returns
 from tests.optics.bench_for_tests import plate, write_stl
@@ -166,7 +167,7 @@ def test_a_checkerboard_is_ranged_as_published(tmp_path, validation):
     part = rl.Gsfl(crosstalk=rl.detector.Crosstalk())
     lit = np.arange(0, 128 * 128, 2)
     photons = returns(np.full(lit.size, 50.0), 30_000.0, pixel=lit, shape=(128, 128))
-    range_m = part.detect(photons, np.random.default_rng(5))[0].range_m.ravel()[lit]
+    range_m = detect(photons, part, np.random.default_rng(5))[0].range_m.ravel()[lit]
     low, high = np.quantile(range_m, [0.25, 0.75])
     validation(
         case="single-shot range precision before a checkerboard that fills the view, Crosstalk()",

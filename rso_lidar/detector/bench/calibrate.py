@@ -1,4 +1,4 @@
-"""Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.calibrate`.
+"""Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.bench.calibrate`.
 
 The reference state: 1000 mean photons on the pixel after the optics and before quantum efficiency, a Gaussian pulse of
 8 ns, a plate at normal incidence, dark current and threshold spread on, background off; 95 % of flashes are detected there
@@ -13,11 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.chain import analog, armed, noise_sigma
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.trial import Trial, plate, trial
-from rso_lidar.detector.trigger import watched_steps
-from rso_lidar.detector.waveform import rows_about
+from rso_lidar.detector.bench.trial import Trial, plate, trial
+from rso_lidar.detector.chain.analog import simulate_analog
+from rso_lidar.detector.chain.camera import build_camera, mean_false_alarms_per_s
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.chain.traces import arm_rows, noise_sigma
+from rso_lidar.detector.settings import presets
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.comparator import make_bridge, mark_watched
+from rso_lidar.detector.stages.time_axis import place_rows
 
 REFERENCE_PHOTONS, REFERENCE_PROBABILITY, REFERENCE_FWHM_S = 1000.0, 0.95, 8e-9
 THRESHOLD_OVER_NOISE, OFFSET_NOISE_ELECTRONS = 6.0, 300.0
@@ -39,13 +43,13 @@ def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
     """Return the greatest amplitude that comparators see of the reference pulse, over their pixel's factor of threshold."""
     rng = np.random.Generator(np.random.Philox(_SEED))
     photons = plate(REFERENCE_PHOTONS, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
-    plan, camera = gsfl.plan(REFERENCE_FWHM_S), gsfl.camera(_PIXELS)
-    rows, _ = armed(gsfl, rows_about(photons, plan, _PIXELS), plan.step_s)
-    watched = watched_steps(rows.length, rows.first, rows.last)
-    bridge = gsfl.bridge(plan.step_s)
+    plan, camera = plan_time(gsfl, REFERENCE_FWHM_S), build_camera(gsfl, _PIXELS)
+    rows, _ = arm_rows(gsfl, place_rows(photons, plan), plan.step_s)
+    watched = mark_watched(rows.length, rows.first, rows.last)
+    bridge = make_bridge(gsfl.amplifier.pole_s, plan.step_s)
     found = []
     for _ in range(repeats):
-        made = analog(gsfl, photons, rows, plan, camera, rng)
+        made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
         amplitude = np.where(watched, made.amplitude, -np.inf)
         height = amplitude.max(axis=1)
         sigma = noise_sigma(gsfl, made.primaries / plan.step_s + gsfl.apd.dark_electrons_per_s)
@@ -136,7 +140,7 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
         "range_plateau_m": gsfl.timing.pixel_jitter_ns * units.NS * units.RANGE_PER_DELAY_M_S,
         "counts_per_photon": float(bend.x[0]),
         "compression_counts": float(bend.x[1]),
-        "false_alarms_per_s": gsfl.mean_false_alarms_per_s,
+        "false_alarms_per_s": mean_false_alarms_per_s(gsfl),
     }
 
 
@@ -161,11 +165,11 @@ def write(path: Path) -> None:
         if noise_electrons is None:
             fitted = fit(gsfl)
             sys.stdout.write(f"empirical: {fitted}\n")
-    remark = "# Written by `make calibrate` (python -m rso_lidar.detector.calibrate); edit that, not this.\n"
+    remark = "# Written by `make calibrate` (python -m rso_lidar.detector.bench.calibrate); edit that, not this.\n"
     path.write_text(
         "\n".join([remark, *(_table(*table) for table in [*tables, ("empirical", fitted)])]), encoding="utf-8"
     )
 
 
 if __name__ == "__main__":
-    write(Path(__file__).with_name("presets.toml"))
+    write(Path(presets.__file__).with_name("presets.toml"))

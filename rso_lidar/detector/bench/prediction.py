@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.bench.trial import plate, trial
 from rso_lidar.detector.detect import Detector, predict_closed_form
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.trial import plate, trial
+from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
 
 _TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035
 _MOST_SAMPLES = 8_000_000  # that all trials together may take

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
+from rso_lidar.detector.bench.trial import point_returns
 from rso_lidar.detector.detect import Detector, detect, isolate
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.trial import point_returns
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return

@@ -9,8 +9,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.detect import Detector, detect, draw_crosstalk_m, frame_jitter_s, isolate
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.records import Photons
 
 COHERENCE_CELLS = (
@@ -24,8 +24,8 @@ class Surroundings:
     """Effects on the pixels of a trial of the flashes that they are taken from.
 
     `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of
-    the array that latches with a pixel, see `load.array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those
-    of the laser, 1 sigma: each pixel stands for a flash of its own.
+    the array that latches with a pixel, see `array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those of
+    the laser, 1 sigma: each pixel stands for a flash of its own.
     """
 
     gain: float = 1.0

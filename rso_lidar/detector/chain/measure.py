@@ -4,34 +4,39 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
-from rso_lidar.detector.focal_plane import Camera
-from rso_lidar.detector.gate_threshold import gate_thresholds
-from rso_lidar.detector.matched import Matched
-from rso_lidar.detector.pulse import Pulse
-from rso_lidar.detector.ranging import locate, locate_all
-from rso_lidar.detector.walk import correct_walk, walk_table
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.location import locate, locate_all
+from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.ranging.report import report_returns
+from rso_lidar.detector.ranging.walk import correct_walk, walk_table
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.array_effects import draw_shift_m, latch_share
+from rso_lidar.detector.stages.camera import Camera
 from rso_lidar.records import Reading, Waveforms
 
-if TYPE_CHECKING:
-    from rso_lidar.detector.gsfl import Gsfl
-
-FIRST, STRONGEST, LAST = range(3)  # of the returns, is reported as range and intensity
-_CHOICES = {"first": FIRST, "strongest": STRONGEST, "last": LAST}
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
 
 
 def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Generator) -> Reading:
-    """Return what the sensor reports of its stored samples; `pulse` is what it knows of its own pulse."""
+    """Measure range and intensity of the stored samples.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    waveforms : what it stored.
+    pulse : what it knows of its own pulse.
+    rng : random generator of its jitter.
+    """
     n_pixels = waveforms.shape[0] * waveforms.shape[1]
-    camera = gsfl.camera(n_pixels)
+    camera = build_camera(gsfl, n_pixels)
     flashes = math.sqrt(gsfl.gate.pulses if gsfl.gate else 1)  # each jitters by itself
-    jitter_s = _normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
+    jitter_s = _draw_normal(waveforms.pixel, n_pixels, rng) * (gsfl.timing.pixel_jitter_ns * units.NS / flashes)
     jitter_s += rng.standard_normal() * (gsfl.timing.frame_jitter_ns * units.NS / flashes)
     samples = waveforms.samples_counts - np.float32(waveforms.baseline_counts)
     clipped = waveforms.samples_counts >= gsfl.readout.full_scale_counts
@@ -40,9 +45,9 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     unknown = gsfl.maps.unknown_fraction if gsfl.maps is not None else 1.0
     if unknown < 1.0:
         samples = samples - ((1.0 - unknown) * camera.offset_counts[waveforms.pixel, None]).astype(np.float32)
-    found_s, amplitude = _located(gsfl, waveforms, pulse, samples, clipped)
+    found_s, amplitude = _locate_returns(gsfl, waveforms, pulse, samples, clipped)
     if gsfl.ranging.walk_correction:
-        found_s = correct_walk(found_s, amplitude, _walk(gsfl, pulse))
+        found_s = correct_walk(found_s, amplitude, _tabulate_walk(gsfl, pulse))
     delay_s = waveforms.start_s[:, None] + found_s + (jitter_s + unknown * camera.t0_s[waveforms.pixel])[:, None]
     if unknown < 1.0:
         gain = 1.0 + (camera.gain[waveforms.pixel] - 1.0) * (1.0 - unknown)
@@ -50,14 +55,23 @@ def measure(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, rng: np.random.Gener
     range_m = delay_s * units.RANGE_PER_DELAY_M_S
     range_m = np.where(range_m > 0.0, range_m, np.nan)  # nothing is reported from behind the lens
     if gsfl.crosstalk is not None and not gsfl.gate:
-        share = gsfl.crosstalk.share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
-        range_m = range_m + gsfl.crosstalk.shift_m(share, rng)[:, None]
+        share = latch_share(waveforms.latch_s, waveforms.latch_s, waveforms.sample_s, n_pixels)
+        range_m = range_m + draw_shift_m(gsfl.crosstalk, share, rng)[:, None]
     if gsfl.saturation is not None:
-        clipped = clipped | _on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
-    return _reading(gsfl, waveforms, range_m, amplitude, clipped)
+        clipped = clipped | _is_on_rail(gsfl.saturation.rail_electrons, gsfl, waveforms, camera)
+    return report_returns(
+        waveforms.shape,
+        waveforms.pixel,
+        range_m,
+        amplitude,
+        clipped,
+        returns=gsfl.returns,
+        max_returns=gsfl.max_returns,
+        full_scale_counts=gsfl.full_scale_counts,
+    )
 
 
-def _normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.ndarray:
+def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.ndarray:
     """Return a standard normal number for each of these pixels, the same whoever else is among them.
 
     Each pixel of the array has a word of 32 bits; only those asked for are turned into normal numbers.
@@ -69,14 +83,14 @@ def _normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> np.nd
     return normal
 
 
-def _on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
+def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
     """Return which samples (trace, sample) the amplifier's rail holds down, below that of the converter."""
     rail = waveforms.baseline_counts + rail_electrons / gsfl.readout.electrons_per_count
     held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - 1.0
     return held
 
 
-def _located(
+def _locate_returns(
     gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, samples: np.ndarray, clipped: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return delays since the first sample [s] and amplitudes [counts] of the returns (trace, return), near to far."""
@@ -89,14 +103,16 @@ def _located(
     }
     if gsfl.gate is None and gsfl.max_returns == 1 and gsfl.returns == "first":
         start = np.full(len(samples), gsfl.readout.pretrigger_samples)
-        found = locate(samples, start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=_some(clipped))
+        found = locate(
+            samples, start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=_where_any(clipped)
+        )
         return found[0][:, None], found[1][:, None]
     least = np.full(len(samples), threshold)
     if gsfl.gate is not None:
-        least = _gate_thresholds(gsfl, waveforms, pulse, known["sigma_counts"])
+        least = _solve_gate_thresholds(gsfl, waveforms, pulse, known["sigma_counts"])
     lowest = float(least.min(initial=np.inf)) if len(least) else threshold
     delay_s, amplitude = locate_all(
-        samples, pulse, gsfl.ranging, **known, threshold_counts=lowest, most=_LOOKED_FOR, clipped=_some(clipped)
+        samples, pulse, gsfl.ranging, **known, threshold_counts=lowest, most=_LOOKED_FOR, clipped=_where_any(clipped)
     )
     low = amplitude < least[:, None]
     delay_s, amplitude = np.where(low, np.nan, delay_s), np.where(low, 0.0, amplitude)
@@ -106,27 +122,27 @@ def _located(
         outside = (place < -0.49) | (place > samples.shape[1] - 0.51)
     delay_s, amplitude = np.where(outside, np.nan, delay_s), np.where(outside, 0.0, amplitude)
     if gsfl.gate is not None:
-        return _near_to_far(delay_s, amplitude)
+        return _sort_by_range(delay_s, amplitude)
     # What latched is reported, even where its fitted amplitude is below the threshold that noise helped it over.
     none = np.flatnonzero(~np.isfinite(delay_s).any(axis=1))
     start = np.full(len(none), gsfl.readout.pretrigger_samples)
-    mask = _some(clipped[none])
+    mask = _where_any(clipped[none])
     latched = locate(samples[none], start, pulse, gsfl.ranging, **known, threshold_counts=threshold, clipped=mask)
     delay_s[none, 0], amplitude[none, 0] = latched
-    return _near_to_far(delay_s, amplitude)
+    return _sort_by_range(delay_s, amplitude)
 
 
-def _near_to_far(delay_s: np.ndarray, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sort_by_range(delay_s: np.ndarray, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the returns (trace, return) without gaps: NaN after the last."""
     order = np.argsort(delay_s, axis=1)
     return np.take_along_axis(delay_s, order, axis=1), np.take_along_axis(amplitude, order, axis=1)
 
 
-def _some(clipped: np.ndarray) -> np.ndarray | None:
+def _where_any(clipped: np.ndarray) -> np.ndarray | None:
     return clipped if clipped.any() else None
 
 
-def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
+def _solve_gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
     """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate."""
     assert gsfl.gate is not None
     rate = waveforms.base_per_s
@@ -145,7 +161,7 @@ def _gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_count
 
 
 @lru_cache(maxsize=8)
-def _walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
+def _tabulate_walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
     """Return the walk of this detector's algorithm: amplitudes [counts] and the bias of delay [s] there."""
     per_count = gsfl.readout.electrons_per_count
     return walk_table(
@@ -157,68 +173,3 @@ def _walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
         threshold_counts=gsfl.trigger.threshold_electrons / per_count,
         full_scale_counts=gsfl.full_scale_counts,
     )
-
-
-def _reading(
-    gsfl: Gsfl, waveforms: Waveforms, range_m: np.ndarray, amplitude: np.ndarray, clipped: np.ndarray
-) -> Reading:
-    """Return the returns (trace, return) laid out over the focal plane; one of them is the pixel's range and intensity."""
-    shape = waveforms.shape
-    n_pixels = shape[0] * shape[1]
-    most = gsfl.max_returns if gsfl.max_returns > 1 else 0
-    one_m, one_counts = np.full(n_pixels, np.nan, np.float32), np.zeros(n_pixels, np.uint16)
-    several_m, several_counts = np.full((n_pixels, most), np.nan, np.float32), np.zeros((n_pixels, most), np.uint16)
-    filled = one_m, one_counts, np.zeros(n_pixels, np.uint8), several_m, several_counts
-    _lay_out(gsfl, waveforms.pixel, range_m, amplitude, clipped, *filled)
-    several = (several_m.reshape(*shape, most), several_counts.reshape(*shape, most)) if most else ()
-    return Reading(*(one.reshape(shape) for one in filled[:3]), *several)
-
-
-def _lay_out(
-    gsfl: Gsfl,
-    pixel: np.ndarray,
-    range_m: np.ndarray,
-    amplitude: np.ndarray,
-    clipped: np.ndarray,
-    one_m: np.ndarray,
-    one_counts: np.ndarray,
-    saturated: np.ndarray,
-    several_m: np.ndarray,
-    several_counts: np.ndarray,
-) -> None:
-    """Fill what each pixel reports: of the returns (trace, return) the one chosen, and of all as many as are asked for."""
-    choice = _CHOICES[gsfl.returns]
-    if compiled():
-        from rso_lidar.detector.measure_loops import lay_out
-
-        lay_out(
-            packed(pixel, np.int64),
-            packed(range_m, np.float64),
-            packed(amplitude, np.float64),
-            packed(clipped, np.bool_),
-            choice,
-            float(gsfl.full_scale_counts),
-            one_m,
-            one_counts,
-            saturated,
-            several_m,
-            several_counts,
-        )
-        return
-    seen = np.isfinite(range_m)
-    reported = np.flatnonzero(seen.any(axis=1))
-    range_m, amplitude, seen, pixel = range_m[reported], amplitude[reported], seen[reported], pixel[reported]
-    counts = np.clip(np.rint(np.where(seen, amplitude, 1.0)), 1, gsfl.full_scale_counts)
-    row = np.arange(len(reported))
-    if choice == STRONGEST:
-        chosen = np.where(seen, amplitude, -math.inf).argmax(axis=1)
-    elif choice == LAST:
-        chosen = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
-    else:
-        chosen = seen.argmax(axis=1)
-    one_m[pixel] = range_m[row, chosen]
-    one_counts[pixel] = counts[row, chosen]
-    saturated[pixel] = clipped[reported].any(axis=1) | (counts[row, chosen] >= gsfl.full_scale_counts)
-    kept = min(several_m.shape[1], seen.shape[1])
-    several_m[pixel, :kept] = range_m[:, :kept]
-    several_counts[pixel, :kept] = np.where(seen, counts, 0.0)[:, :kept]

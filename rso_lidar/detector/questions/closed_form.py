@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.apd import cumulants
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gate_threshold import gate_thresholds
-from rso_lidar.detector.gsfl import Gsfl
-from rso_lidar.detector.matched import Matched
-from rso_lidar.detector.pulse import Pulse
+from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.settings.apd import cumulants
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 
 _Seen = Callable[[np.ndarray], np.ndarray]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rso_lidar import units
-from rso_lidar.detector.empirical import Empirical
-from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.chain.camera import false_trigger_fraction
+from rso_lidar.detector.settings.empirical import Empirical
+from rso_lidar.detector.settings.gsfl import Gsfl
 
 _MOST_FALSE = 0.005  # of all pixels: 80 false triggers in a frame begin to hide a distant target
 _OPTIONAL = ("maps", "defects", "saturation", "droop", "crosstalk", "speckle")  # parts of a focal plane, off by default
@@ -39,7 +40,7 @@ def describe_gsfl(gsfl: Gsfl, n_pixels: int) -> list[str]:
             f"  gate      {gate.from_m:.1f} to {gate.to_m:.1f} m, {gate.pulses} pulse{'s' * (gate.pulses > 1)} a frame, "
             f"false alarms {gate.false_alarm_probability:g} a pixel and frame",
         ]
-    false = gsfl.false_trigger_fraction * n_pixels
+    false = false_trigger_fraction(gsfl) * n_pixels
     return [
         *lines,
         f"  trigger   {gsfl.trigger.threshold_electrons:.0f} electrons ({gsfl.threshold_photons:.0f} photons), "
@@ -53,7 +54,7 @@ def advise_gsfl(gsfl: Gsfl, pulse_fwhm_s: float) -> list[str]:
     if gsfl.gate is not None:
         return []
     lines = []
-    share = gsfl.false_trigger_fraction
+    share = false_trigger_fraction(gsfl)
     if share > _MOST_FALSE:
         lines.append(
             f"noise triggers {share:.1%} of the pixels in every frame before they could see a target (threshold "

@@ -1,27 +1,40 @@
-"""Range algorithms as loops over traces: the first pulse of a trace, or all of them, fitted by the matched filter.
+"""Fits of the matched filter, trace by trace: of the first pulse, or of all of them.
 
 A trace that needs a pattern of samples whose weights the filter does not know says so in `unknown`. Tuples of arrays are
 taken apart where traces are gone through: a function called for each would count references to them, for a third more time.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
-from rso_lidar.detector.matched import PHASES, Known
+from rso_lidar.detector.ranging.matched import (
+    CODE,
+    CODES_BEFORE,
+    IS_IN_PULSE,
+    PHASES,
+    ROUNDS,
+    ROUNDS_CLIPPED,
+    Known,
+    Matched,
+)
+from rso_lidar.detector.ranging.peaks import any_of, find_peaks, first_peak, highest_near, plateau, vertex
+from rso_lidar.kernels import kernel, packed
+
+_ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])
 
 
 class Filter(NamedTuple):
     """What fits pulses: rounds of a trace without clipped samples and with, half its window and the pulse's FWHM [samples].
 
-    `wanted` is the mask of the samples in which a pulse has to show, bit k for the k-th sample of the window.
+    `codes` says how the samples of a window make the key of a pattern, and in which of them a pulse has to show.
     """
 
     rounds: np.ndarray
     half: int
     fwhm: float
-    wanted: int
+    codes: np.ndarray
     known: Known
 
 
@@ -41,21 +54,115 @@ class Pulses(NamedTuple):
     height: np.ndarray
 
 
-@loop
-def unclipped(
-    clipped: np.ndarray, trace: int, middle: int, low: int, high: int, half: int, wanted: int, inside: np.int64
-) -> np.int64:
-    """Return the pattern of samples `low` to `high` not clipped; `inside`, where the pulse shows in fewer than three."""
-    pattern, shown = np.int64(0), 0
-    for sample in range(low, high):
-        if not clipped[trace, sample]:
-            bit = np.int64(1) << (sample - middle + half)
-            pattern |= bit
-            shown += (wanted & bit) != 0
-    return pattern if shown >= 3 else inside
+def fit_first_pulses(
+    samples: np.ndarray, start: np.ndarray, least: float, matched: Matched, clipped: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the sample of the first peak of each trace, and place [samples] and height fitted there.
+
+    Parameters
+    ----------
+    samples : (trace, sample) float32.
+    start : (trace) the peak comes at most one sample before.
+    least : lowest sample that can be a peak.
+    matched : the filter.
+    clipped : (trace, sample) samples at the rail, None without.
+    """
+    peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
+    start, mask = packed(start, np.int64), _mask(clipped)
+
+    def fill(fitter: Filter) -> None:
+        fit_first(samples, start, np.float32(least), mask, fitter, peak, place, height, unknown)
+
+    _fill_with_known_weights(matched, fill, clipped, samples.shape[1], unknown, place)
+    return peak, place, height
 
 
-@loop
+def fit_all_pulses(
+    samples: np.ndarray,
+    matched: Matched,
+    threshold_counts: float,
+    sigma_counts: float,
+    most: int,
+    clipped: np.ndarray | None,
+) -> Pulses:
+    """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each.
+
+    Parameters
+    ----------
+    samples : (trace, sample) float32.
+    matched : the filter.
+    threshold_counts : least height of a pulse.
+    sigma_counts : rms of the noise.
+    most : pulses looked for in a trace.
+    clipped : (trace, sample) samples at the rail, None without.
+    """
+    shape, pulse = (len(samples), most), matched.pulse
+    pulses = Pulses(np.empty(shape, bool), np.empty(shape), np.empty(shape))
+    unknown, unknown_at, mask = np.empty(len(samples), np.int64), np.empty(len(samples)), _mask(clipped)
+    least, three_sigma = np.float32(threshold_counts), np.float32(3.0 * sigma_counts)
+    height_weights = matched.height_weights().astype(np.float32)
+    from_step = (pulse.from_s - pulse.peak_s) / pulse.step_s
+    curve = Curve(pulse.table / pulse.peak, from_step, matched.sample_s / pulse.step_s)
+
+    def fill(fitter: Filter) -> None:
+        fit_all(samples, mask, least, three_sigma, height_weights, curve, fitter, pulses, unknown, unknown_at)
+
+    _fill_with_known_weights(matched, fill, clipped, samples.shape[1], unknown, unknown_at)
+    return pulses
+
+
+def _fill_with_known_weights(
+    matched: Matched,
+    fill: Callable[[Filter], None],
+    clipped: np.ndarray | None,
+    n: int,
+    unknown: np.ndarray,
+    unknown_at: np.ndarray,
+) -> None:
+    """Run kernels that fill pulses, again with the weights of patterns that turn out to be unknown to the filter.
+
+    Parameters
+    ----------
+    matched : the filter.
+    fill : runs the kernels.
+    clipped : (trace, sample) samples at the rail, None without.
+    n : samples of a trace.
+    unknown : (trace) key of a pattern that the filter does not know, 0 where it knows all.
+    unknown_at : (trace) place [samples] at which that pattern is needed.
+    """
+    asked = np.zeros((0, matched.width), bool)
+    fitter = Filter(_ROUNDS, matched.half, float(matched.fwhm), matched.codes, matched.known())
+    fill(fitter)
+    while unknown.any():
+        traces = np.flatnonzero(unknown)[np.unique(unknown[unknown != 0], return_index=True)[1]]
+        patterns = [
+            matched.pattern_at(float(unknown_at[k]), None if clipped is None else clipped[k], n) for k in traces
+        ]
+        asked = np.concatenate([asked, patterns])  # all of this call, in case that they are forgotten meanwhile
+        fitter = fitter._replace(known=matched.learn(asked))
+        fill(fitter)
+
+
+def _mask(clipped: np.ndarray | None) -> np.ndarray:
+    return np.zeros((0, 0), bool) if clipped is None else np.ascontiguousarray(clipped, bool)
+
+
+@kernel
+def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, codes: np.ndarray) -> np.int64:
+    """Return the key of the samples `low` to `high` that are not clipped; of all, where the pulse shows in fewer than three.
+
+    `window` is the sample at which the window begins.
+    """
+    key, shown = np.int64(0), 0
+    if clipped.shape[0]:
+        for sample in range(low, high):
+            if not clipped[trace, sample]:
+                key ^= codes[CODE, sample - window + 1]
+                shown += codes[IS_IN_PULSE, sample - window + 1]
+    return key if shown >= 3 else codes[CODES_BEFORE, high - window] ^ codes[CODES_BEFORE, low - window]
+
+
+@kernel
 def climb(
     samples: np.ndarray,
     clipped: np.ndarray,
@@ -63,12 +170,12 @@ def climb(
     guess: float,
     rounds: int,
     half: int,
-    wanted: int,
-    masks: np.ndarray,
+    codes: np.ndarray,
+    keys: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[float, float, np.int64]:
-    """Return place [samples], height and 0; or the pattern whose weights are not known."""
-    n, last = samples.shape[0], masks.shape[0] - 1
+    """Return place [samples], height and 0; or the key of the pattern whose weights are not known at this place."""
+    n, last = samples.shape[0], keys.shape[0] - 1
     place, height, before = guess, 0.0, np.int64(-1) << 40
     for _ in range(rounds):
         step = np.int64(np.rint(place * PHASES)) + PHASES // 2
@@ -78,12 +185,10 @@ def climb(
         middle = min(max(step // PHASES, 0), n - 1)
         phase = min(max(step - middle * PHASES, 0), PHASES - 1)
         low, high, window = max(middle - half, 0), min(middle + half + 1, n), middle - half
-        mask = (np.int64(1) << (high - window)) - (np.int64(1) << (low - window))
-        if clipped.shape[0]:
-            mask = unclipped(clipped, trace, middle, low, high, half, wanted, mask)
-        pattern = last if masks[last] <= mask else np.searchsorted(masks, mask)
-        if masks[pattern] != mask:
-            return place, height, mask
+        key = find_key(clipped, trace, window, low, high, codes)
+        pattern = last if keys[last] <= key else np.searchsorted(keys, key)
+        if keys[pattern] != key:
+            return place, height, key
         height, moment = 0.0, 0.0
         for sample in range(low, high):
             value = np.float64(samples[sample])
@@ -95,7 +200,7 @@ def climb(
     return place, height, np.int64(0)
 
 
-@loop
+@kernel
 def fit(
     samples: np.ndarray,
     clipped: np.ndarray,
@@ -104,89 +209,20 @@ def fit(
     rounds: int,
     half: int,
     fwhm: float,
-    wanted: int,
-    masks: np.ndarray,
+    codes: np.ndarray,
+    keys: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[float, float, np.int64]:
     """Return place [samples] and height of the pulse nearest to `guess`, and the pattern that is not known, or 0."""
-    place, height, unknown = climb(samples, clipped, trace, guess, rounds, half, wanted, masks, weights)
+    place, height, unknown = climb(samples, clipped, trace, guess, rounds, half, codes, keys, weights)
     if unknown == 0 and not (height > 0.0 and abs(place - guess) <= max(1.0, fwhm)):
         nearest = min(max(np.int64(np.rint(guess)), 0), samples.shape[0] - 1)
         return guess, np.float64(samples[nearest]), unknown
     return place, height, unknown
 
 
-@loop
-def smoothed(samples: np.ndarray, sample: int) -> np.float32:
-    """Return a sample smoothed by 1, 2, 1, the first and last as if repeated."""
-    last = samples.shape[0] - 1
-    quarter = np.float32(0.25)
-    inner = np.float32(0.5) * samples[sample] + quarter * samples[max(sample - 1, 0)]
-    return np.float32(inner + quarter * samples[min(sample + 1, last)])
-
-
-@loop
-def first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
-    """Return the first top of the smoothed samples from `start` on that is not below `least`, or the highest sample."""
-    n, sample = samples.shape[0], max(start, 0)
-    before = smoothed(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
-    here = smoothed(samples, min(sample, n - 1))
-    while sample < n:
-        after = smoothed(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
-        if samples[sample] >= least and here >= before and here > after:
-            return sample
-        sample, before, here = sample + 1, here, after
-    highest = 0
-    for sample in range(1, n):
-        highest = sample if samples[sample] > samples[highest] else highest
-    return highest
-
-
-@loop
-def highest_near(samples: np.ndarray, peak: int) -> int:
-    """Return the highest of a peak and its two neighbours, the peak itself where they are no higher."""
-    highest = peak
-    if peak > 0 and samples[peak - 1] > samples[highest]:
-        highest = peak - 1
-    if peak < samples.shape[0] - 1 and samples[peak + 1] > samples[highest]:
-        highest = peak + 1
-    return highest
-
-
-@loop
-def vertex(samples: np.ndarray, peak: int) -> float:
-    """Return how far the vertex of the parabola through the peak and its neighbours lies behind the peak [samples]."""
-    if peak < 1 or peak > samples.shape[0] - 2:
-        return 0.0
-    left, right = np.float64(samples[peak - 1]), np.float64(samples[peak + 1])
-    bend = left - 2.0 * np.float64(samples[peak]) + right
-    return min(max(0.5 * (left - right) / bend, -1.0), 1.0) if bend < 0.0 else 0.0
-
-
-@loop
-def plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
-    """Return the first and last of the run of clipped samples that the peak is in; the peak alone without."""
-    low, high = peak, peak
-    if clipped.shape[0] and clipped[trace, peak]:
-        while low > 0 and clipped[trace, low - 1]:
-            low -= 1
-        while high < clipped.shape[1] - 1 and clipped[trace, high + 1]:
-            high += 1
-    return low, high
-
-
-@loop
-def any_of(clipped: np.ndarray, trace: int) -> bool:
-    """Return whether a sample of the trace is clipped."""
-    if clipped.shape[0]:
-        for sample in range(clipped.shape[1]):
-            if clipped[trace, sample]:
-                return True
-    return False
-
-
-@loop
-def first_pulses(
+@kernel
+def fit_first(
     samples: np.ndarray,
     start: np.ndarray,
     least: np.float32,
@@ -198,7 +234,7 @@ def first_pulses(
     unknown: np.ndarray,
 ) -> None:
     """Fill peak, place and height (trace) of the first pulse from `start` (trace) on whose top is not below `least`."""
-    rounds, half, fwhm, wanted, (masks, weights) = matched
+    rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     for trace in range(samples.shape[0]):
         one = samples[trace]
@@ -211,64 +247,11 @@ def first_pulses(
             peak, guess = (low + high) // 2, 0.5 * (low + high)
         peaks[trace] = peak
         place[trace], height[trace], unknown[trace] = fit(
-            one, clipped if some else none, trace, guess, rounds[some * 1], half, fwhm, wanted, masks, weights
+            one, clipped if some else none, trace, guess, rounds[some * 1], half, fwhm, codes, keys, weights
         )
 
 
-@loop
-def find_peaks(
-    samples: np.ndarray,
-    half: int,
-    height_weights: np.ndarray,
-    least: np.float32,
-    apart: float,
-    three_sigma: np.float32,
-    statistic: np.ndarray,
-    peaks: np.ndarray,
-) -> int:
-    """Fill `peaks` with the tops whose matched statistic is high, highest first, and return how many there are."""
-    n, here, before = samples.shape[0], smoothed(samples, 0), np.float32(-np.inf)
-    any_left = False
-    for sample in range(n):
-        after = smoothed(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
-        statistic[sample] = -np.inf
-        if here >= before and here > after:
-            total = np.float32(0.0)
-            for k in range(max(half - sample, 0), min(2 * half + 1, n - sample + half)):
-                total += height_weights[k] * samples[sample - half + k]
-            if total >= least:
-                statistic[sample], any_left = total, True
-        before, here = here, after
-    found = 0
-    while any_left and found < peaks.shape[0]:
-        highest = 0
-        for sample in range(n):
-            highest = sample if statistic[sample] > statistic[highest] else highest
-        any_left = statistic[highest] > -np.inf
-        if any_left:
-            for sample in range(n):
-                if abs(sample - highest) < apart:
-                    statistic[sample] = -np.inf
-            stands = True
-            for other in range(found):
-                stands = stands and parted(samples, highest, peaks[other], three_sigma)
-            if stands:
-                peaks[found] = highest
-                found += 1
-    return found
-
-
-@loop
-def parted(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -> bool:
-    """Return whether a valley parts two peaks: a tenth of the lower one, and three sigma of the noise."""
-    lower = min(smoothed(samples, one), smoothed(samples, other))
-    valley = np.float32(np.inf)
-    for sample in range(min(one, other) + 1, max(one, other)):
-        valley = min(valley, smoothed(samples, sample))
-    return bool(lower - valley > max(np.float32(0.1) * lower, three_sigma))
-
-
-@loop
+@kernel
 def take_away(
     alone: np.ndarray, table: np.ndarray, from_step: float, steps_per_sample: float, place: float, height: float
 ) -> None:
@@ -280,8 +263,8 @@ def take_away(
             alone[sample] -= np.float32(height) * np.float32(table[k] + (at - k) * (table[k + 1] - table[k]))
 
 
-@loop
-def all_pulses(
+@kernel
+def fit_all(
     samples: np.ndarray,
     clipped: np.ndarray,
     threshold: np.float32,
@@ -291,11 +274,12 @@ def all_pulses(
     matched: Filter,
     pulses: Pulses,
     unknown: np.ndarray,
+    unknown_at: np.ndarray,
 ) -> None:
     """Fill `pulses` with those above `threshold`, each fitted with the others taken away."""
     alive, place, height = pulses
     table, from_step, steps_per_sample = curve
-    rounds, half, fwhm, wanted, (masks, weights) = matched
+    rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     n, most = samples.shape[1], alive.shape[1]
     statistic, alone, peaks = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(most, np.int64)
@@ -338,11 +322,12 @@ def all_pulses(
                     rounds[int(rail.shape[0] > 0)],
                     half,
                     fwhm,
-                    wanted,
-                    masks,
+                    codes,
+                    keys,
                     weights,
                 )
-                unknown[trace] = max(unknown[trace], missing)
+                if missing > unknown[trace]:
+                    unknown[trace], unknown_at[trace] = missing, place[trace, slot]
             if sweep == 1:
                 left = settle(place[trace, :found], height[trace, :found], alive[trace, :found], threshold, 0.75 * fwhm)
                 several = left > 1
@@ -350,7 +335,7 @@ def all_pulses(
             alive[trace, slot] = alive[trace, slot] and height[trace, slot] >= threshold
 
 
-@loop
+@kernel
 def settle(place: np.ndarray, height: np.ndarray, alive: np.ndarray, threshold: np.float32, apart: float) -> int:
     """Take away pulses below the threshold, and those closer than `apart` [samples] to a higher one; return what is left."""
     left = 0

@@ -18,12 +18,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.detector.amplifier import Amplifier
-from rso_lidar.detector.apd import Apd, cumulants, mcintyre_pmf
-from rso_lidar.detector.gate import Gate
-from rso_lidar.detector.matched import Matched
-from rso_lidar.detector.pulse import noise_covariance
-from rso_lidar.detector.readout import Readout
+from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.pulse import noise_covariance
+from rso_lidar.detector.settings.amplifier import Amplifier
+from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector.settings.gate import Gate
+from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 
 _GRID = 8192  # points of the density, _FINE of them to a sigma
 _FINE = 24.0

@@ -6,52 +6,15 @@ known and taken off. Amplitudes are those of the pulse's peak, fitted, whatever 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
-from rso_lidar.detector.matched import ROUNDS, ROUNDS_CLIPPED, Matched
-from rso_lidar.detector.peaks import first_peak, highest_near, middle_of_plateau, peaks_of, vertex
-from rso_lidar.detector.pulse import Pulse
-from rso_lidar.part import Flag, Part
-
-if TYPE_CHECKING:
-    from rso_lidar.detector.ranging_loops import Filter
-
-Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola", "leading_edge"]
-
-_ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])
-
-
-class Ranging(Part):
-    """How delays are taken from samples: the algorithm, and whether its walk with amplitude is calibrated away.
-
-    `fraction` of the peak is where constant_fraction looks.
-    """
-
-    algorithm: Algorithm = Field(
-        default="matched_filter",
-        description=(
-            "Algorithm that estimates the delay of a pulse from its samples. Default: a choice; Fuller et al. mention "
-            "a digital filter."
-        ),
-    )
-    fraction: Annotated[float, Strict(), Field(gt=0.0, lt=1.0)] = Field(
-        default=0.5,
-        description=(
-            "Fraction of the peak at which `constant_fraction` takes the time. Default: a choice, used by "
-            "`constant_fraction` alone."
-        ),
-    )
-    walk_correction: Flag = Field(
-        default=False,
-        description="Whether the algorithm's range bias at each amplitude is subtracted. Default: a choice.",
-    )
+from rso_lidar.detector.ranging.fitting import fit_all_pulses, fit_first_pulses
+from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.settings.algorithm import Algorithm, Ranging
 
 
 def locate(
@@ -82,50 +45,10 @@ def locate(
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
-    if compiled() and matched.fits_in_a_word:
-        peak, place, height = _first_pulses(samples, np.asarray(start), 0.5 * threshold_counts, matched, clipped)
-    else:
-        peak = first_peak(samples, np.asarray(start), 0.5 * threshold_counts)
-        guess = peak + vertex(samples, peak)
-        if clipped is not None:
-            peak, guess = middle_of_plateau(clipped, peak, guess)
-        place, height = matched.fit(samples, guess, clipped)
+    peak, place, height = fit_first_pulses(samples, start, 0.5 * threshold_counts, matched, clipped)
     if ranging.algorithm != "matched_filter":
         place = _place(samples, peak, matched, ranging, threshold_counts) + matched.lead
     return (place - matched.lead) * sample_s, height
-
-
-def _first_pulses(
-    samples: np.ndarray, start: np.ndarray, least: float, matched: Matched, clipped: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the sample of the first peak of each trace, and place [samples] and height fitted there, by the loops."""
-    from rso_lidar.detector.ranging_loops import first_pulses
-
-    peak, place, height, unknown = (np.empty(len(samples), kind) for kind in (np.int64, float, float, np.int64))
-    start, mask = packed(start, np.int64), _mask(clipped)
-
-    def fill(fitter: Filter) -> None:
-        first_pulses(samples, start, np.float32(least), mask, fitter, peak, place, height, unknown)
-
-    _knowing(matched, fill, unknown)
-    return peak, place, height
-
-
-def _knowing(matched: Matched, fill: Callable[[Filter], None], unknown: np.ndarray) -> None:
-    """Run loops that fill pulses, again with the weights of patterns that turn out to be `unknown` (trace) to the filter."""
-    from rso_lidar.detector.ranging_loops import Filter
-
-    asked = np.zeros(0, np.int64)
-    fitter = Filter(_ROUNDS, matched.half, float(matched.fwhm), matched.wanted, matched.known())
-    fill(fitter)
-    while unknown.any():
-        asked = np.union1d(asked, unknown[unknown > 0])  # all of this call, in case that they are forgotten meanwhile
-        fitter = fitter._replace(known=matched.learn(asked))
-        fill(fitter)
-
-
-def _mask(clipped: np.ndarray | None) -> np.ndarray:
-    return np.zeros((0, 0), bool) if clipped is None else np.ascontiguousarray(clipped, bool)
 
 
 def _place(
@@ -141,7 +64,7 @@ def _place(
         return _crossing(samples, peak, level) - matched.pulse.rise_s(0.5) / matched.sample_s
     known = _known_lead(matched, ranging.algorithm)
     return (
-        peak + vertex(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
+        peak + _vertex(samples, peak) if ranging.algorithm == "parabola" else _centroid(samples, peak, matched)
     ) - known
 
 
@@ -177,7 +100,7 @@ def _known_lead(matched: Matched, algorithm: Algorithm) -> float:
     place = matched.half + 2 + phase
     samples = matched.curve(2 * matched.half + 6, place)
     peak = samples.argmax(axis=1)
-    measured = peak + vertex(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
+    measured = peak + _vertex(samples, peak) if algorithm == "parabola" else _centroid(samples, peak, matched)
     return float((measured - place).mean()) + matched.lead
 
 
@@ -201,8 +124,7 @@ def locate_all(
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
-    fitted = _all_pulses if compiled() and matched.fits_in_a_word else _all_fitted
-    alive, place, height = fitted(samples, matched, threshold_counts, sigma_counts, most, clipped)
+    alive, place, height = fit_all_pulses(samples, matched, threshold_counts, sigma_counts, most, clipped)
     slots = int(np.flatnonzero(alive.any(axis=0)).max(initial=0)) + 1
     alive, place, height = alive[:, :slots], place[:, :slots], height[:, :slots]
     found = place - matched.lead
@@ -212,73 +134,13 @@ def locate_all(
             alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
             peak = np.clip(np.rint(place[rows, slot]), 0, samples.shape[1] - 1).astype(np.intp)
             if clipped is None:
-                peak = highest_near(alone, peak)
+                peak = _highest_near(alone, peak)
             found[rows, slot] = _place(alone, peak, matched, ranging, threshold_counts)
     alive &= np.isfinite(found)
     found = np.where(alive, found, np.nan)
     order = np.argsort(found, axis=1)
     delay_s = np.take_along_axis(found, order, axis=1) * sample_s
     return delay_s, np.take_along_axis(np.where(alive, height, 0.0), order, axis=1)
-
-
-def _all_fitted(
-    samples: np.ndarray,
-    matched: Matched,
-    threshold_counts: float,
-    sigma_counts: float,
-    most: int,
-    clipped: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which of `most` pulses (trace, slot) there are, and place [samples] and height of each."""
-    peaks = peaks_of(samples, matched, threshold_counts, sigma_counts, most)
-    place = np.full(peaks.shape, np.nan)
-    height = np.zeros(peaks.shape)
-    alive = peaks >= 0
-    place[alive] = peaks[alive]
-    for sweep in range(4):
-        several = alive.sum(axis=1) > 1
-        for slot in range(most):
-            rows = np.flatnonzero(alive[:, slot] & several if sweep else alive[:, slot])
-            alone = _without_others(samples[rows], matched, place[rows], height[rows], slot)
-            mask = None if clipped is None else clipped[rows]
-            guess = place[rows, slot]
-            if sweep == 0:
-                peak = highest_near(alone, peaks[rows, slot])
-                guess = peak + vertex(alone, peak)
-                if mask is not None:
-                    guess = middle_of_plateau(mask, peak, guess)[1]
-            place[rows, slot], height[rows, slot] = matched.fit(alone, guess, mask)
-        if sweep == 1:
-            alive &= height >= threshold_counts
-            alive &= ~_shadowed(place, height, 0.75 * matched.fwhm)
-            place[~alive], height[~alive] = np.nan, 0.0
-    return alive & (height >= threshold_counts), place, height
-
-
-def _all_pulses(
-    samples: np.ndarray,
-    matched: Matched,
-    threshold_counts: float,
-    sigma_counts: float,
-    most: int,
-    clipped: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `_all_fitted` does, by the loops."""
-    from rso_lidar.detector.ranging_loops import Curve, Pulses, all_pulses
-
-    shape, pulse = (len(samples), most), matched.pulse
-    pulses = Pulses(np.empty(shape, bool), np.empty(shape), np.empty(shape))
-    unknown, mask = np.empty(len(samples), np.int64), _mask(clipped)
-    least, three_sigma = np.float32(threshold_counts), np.float32(3.0 * sigma_counts)
-    height_weights = matched.height_weights().astype(np.float32)
-    from_step = (pulse.from_s - pulse.peak_s) / pulse.step_s
-    curve = Curve(pulse.table / pulse.peak, from_step, matched.sample_s / pulse.step_s)
-
-    def fill(fitter: Filter) -> None:
-        all_pulses(samples, mask, least, three_sigma, height_weights, curve, fitter, pulses, unknown)
-
-    _knowing(matched, fill, unknown)
-    return pulses
 
 
 def _without_others(
@@ -294,9 +156,19 @@ def _without_others(
     return alone
 
 
-def _shadowed(place: np.ndarray, height: np.ndarray, apart: float) -> np.ndarray:
-    """Return which pulses (trace, slot) stand closer than `apart` [samples] to a higher one."""
-    with np.errstate(invalid="ignore"):
-        near = np.abs(place[:, :, None] - place[:, None, :]) < apart
-    shadowed: np.ndarray = (near & (height[:, :, None] < height[:, None, :])).any(axis=2)
-    return shadowed
+def _highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
+    """Return the highest of each peak and its two neighbours."""
+    row, last = np.arange(len(samples)), samples.shape[1] - 1
+    near = np.stack([peak, np.maximum(peak - 1, 0), np.minimum(peak + 1, last)])
+    highest: np.ndarray = near[samples[row, near].argmax(axis=0), row]
+    return highest
+
+
+def _vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
+    """Return how far the vertex of the parabola through the peak and its neighbours lies behind the peak [samples]."""
+    row = np.arange(len(samples))
+    middle = np.clip(peak, 1, samples.shape[1] - 2)
+    left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))
+    bend = left - 2.0 * top + right
+    shift = np.divide(0.5 * (left - right), bend, out=np.zeros_like(bend), where=bend < 0.0)
+    return np.where(middle == peak, np.clip(shift, -1.0, 1.0), 0.0)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.detector.pulse import Pulse, noise_covariance
+from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 
 # The matched filter's templates stand at so many places within a sample; between them the fit is linear.
 PHASES = 64
@@ -26,13 +26,16 @@ _WHITE_SHARE = 3e-3
 _MOST_KEPT = 1024
 
 
+CODE, CODES_BEFORE, IS_IN_PULSE = range(3)  # rows of what is known of each sample of a window
+
+
 class Known(NamedTuple):
-    """Patterns of samples whose weights are known: `masks`, a bit for each sample used, rising.
+    """Patterns of samples whose weights are known, by their `keys`, rising: the codes of the samples used, combined by xor.
 
     `weights` (pattern, phase, 2, sample) give height and height times shift, as float64.
     """
 
-    masks: np.ndarray
+    keys: np.ndarray
     weights: np.ndarray
 
 
@@ -55,8 +58,8 @@ class Matched:
         time_s = (np.arange(self.width) - self.half - phase[:, None]) * sample_s + pulse.peak_s
         self._shape: np.ndarray = pulse.amplitude(time_s) / pulse.peak
         self._slope: np.ndarray = -pulse.slope(time_s) * (sample_s / pulse.peak)
-        self._in_pulse = self._shape[PHASES // 2] >= _IN_PULSE
-        self._weights: dict[bytes, np.ndarray] = {}
+        self.in_pulse = self._shape[PHASES // 2] >= _IN_PULSE
+        self.codes = _codes(self.width, self.in_pulse)
         self._learning = Lock()
         self._known: Known | None = None
 
@@ -71,19 +74,10 @@ class Matched:
         curve: np.ndarray = (self.pulse.amplitude(time_s) / self.pulse.peak).astype(np.float32)
         return curve
 
-    def weights(self, used: np.ndarray) -> np.ndarray:
+    def solve_weights(self, used: np.ndarray) -> np.ndarray:
         """Return the weights (phase, 2, width) that give height and height times shift [samples] from `used` samples."""
-        key = used.tobytes()
-        known = self._weights.get(key)
-        if known is None:
-            if len(self._weights) >= _MOST_KEPT:
-                self._weights.clear()
-            known = self._weights[key] = self._solved(used)
-        return known
-
-    def _solved(self, used: np.ndarray) -> np.ndarray:
         weights = np.zeros((PHASES, 2, self.width))
-        if np.count_nonzero(used & self._in_pulse) >= 2:
+        if np.count_nonzero(used & self.in_pulse) >= 2:
             jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
             whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
             information = np.einsum("pik,pkj->pij", jacobian, whitened)
@@ -96,38 +90,42 @@ class Matched:
             )
         return weights.astype(np.float32)
 
-    @property
-    def fits_in_a_word(self) -> bool:
-        """Return whether a pattern of samples fits in the bits of an integer."""
-        return self.width < 63
-
-    @property
-    def wanted(self) -> int:
-        """Return the samples of the window in which a pulse has to show, one bit each."""
-        return int((self._in_pulse * (1 << np.arange(self.width))).sum())
-
     def known(self) -> Known:
         """Return the patterns whose weights were asked for, or that of all samples."""
-        return self._known or self.learn(np.array([(1 << self.width) - 1]))
+        return self._known or self.learn(np.ones((1, self.width), bool))
 
-    def learn(self, masks: np.ndarray) -> Known:
-        """Return the patterns known, these among them; where that makes too many, the others are forgotten.
+    def learn(self, patterns: np.ndarray) -> Known:
+        """Return the patterns known, these (pattern, width) among them; where that makes too many, the others are forgotten.
 
         What was handed out before stays as it is.
         """
+        keys, first = np.unique(
+            np.bitwise_xor.reduce(np.where(patterns, self.codes[CODE, 1:], 0), axis=1), return_index=True
+        )
         with self._learning:
             known = self._known
-            if known is None or len(np.union1d(known.masks, masks)) > _MOST_KEPT:
+            if known is None or len(np.union1d(known.keys, keys)) > _MOST_KEPT:
                 known = Known(np.zeros(0, np.int64), np.empty((0, PHASES, 2, self.width)))
-            masks = np.setdiff1d(masks, known.masks)
-            place = np.searchsorted(known.masks, masks)
-            new = [self._solved((mask >> np.arange(self.width)) & 1 > 0) for mask in masks.tolist()]
-            if new:
-                known = Known(
-                    np.insert(known.masks, place, masks), np.insert(known.weights, place, np.stack(new), axis=0)
-                )
+            new = ~np.isin(keys, known.keys)
+            if new.any():
+                weights = np.stack([self.solve_weights(patterns[row]) for row in first[new]])
+                place = np.searchsorted(known.keys, keys[new])
+                known = Known(np.insert(known.keys, place, keys[new]), np.insert(known.weights, place, weights, axis=0))
             self._known = known
             return known
+
+    def pattern_at(self, place: float, clipped: np.ndarray | None, n: int) -> np.ndarray:
+        """Return which samples (width) of a window about `place` count in a trace of `n` samples.
+
+        Those outside the trace do not, nor do clipped ones (sample), unless they leave fewer than three in the pulse.
+        """
+        middle = min(max((round(place * PHASES) + PHASES // 2) // PHASES, 0), n - 1)
+        sample = np.arange(self.width) + middle - self.half
+        inside: np.ndarray = (sample >= 0) & (sample < n)
+        if clipped is None or not clipped.any():
+            return inside
+        used: np.ndarray = inside & ~clipped[np.clip(sample, 0, n - 1)]
+        return used if np.count_nonzero(used & self.in_pulse) >= 3 else inside
 
     def height_weights(self) -> np.ndarray:
         """Return the weights (width) that give the height of a pulse whose place is known: the middle of the window."""
@@ -135,15 +133,6 @@ class Matched:
         whitened = np.linalg.solve(self._covariance, shape)
         weights: np.ndarray = whitened / float((whitened * shape).sum())
         return weights
-
-    def statistic(self, samples: np.ndarray) -> np.ndarray:
-        """Return the fitted height of a pulse that would peak at each sample; float32, what is outside counts as zero."""
-        n = samples.shape[1]
-        padded = np.pad(samples, ((0, 0), (self.half, self.half)))
-        total = np.zeros(samples.shape, np.float32)
-        for k, weight in enumerate(self.height_weights()):
-            total += np.float32(weight) * padded[:, k : k + n]
-        return total
 
     @property
     def crossings_per_s(self) -> float:
@@ -156,55 +145,19 @@ class Matched:
         slopes = float((slope * np.linalg.solve(self._covariance, slope)).sum())
         return math.sqrt(slopes / heights) / (2.0 * math.pi * self.sample_s)
 
-    def fit(
-        self, samples: np.ndarray, guess: np.ndarray, clipped: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return place of the peak [samples] and height of the pulse nearest to `guess` (row) [samples]."""
-        place, height = self._climb(samples, guess, None, ROUNDS)
-        if clipped is not None:
-            some = np.flatnonzero(clipped.any(axis=1))
-            place[some], height[some] = self._climb(samples[some], guess[some], clipped[some], ROUNDS_CLIPPED)
-        lost = np.flatnonzero(~((height > 0.0) & (np.abs(place - guess) <= max(1.0, self.fwhm))))
-        place[lost] = guess[lost]
-        height[lost] = samples[lost, np.clip(np.rint(guess[lost]).astype(np.intp), 0, samples.shape[1] - 1)]
-        return place, height
 
-    def _climb(
-        self, samples: np.ndarray, guess: np.ndarray, clipped: np.ndarray | None, rounds: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        n, row = samples.shape[1], np.arange(len(samples))
-        windows = np.lib.stride_tricks.sliding_window_view(
-            np.pad(samples, ((0, 0), (self.half, self.half))), self.width, axis=1
-        )
-        free = np.pad(np.ones((1, n), bool) if clipped is None else ~clipped, ((0, 0), (self.half, self.half)))
-        inside = np.lib.stride_tricks.sliding_window_view(np.pad(np.ones(n, bool), (self.half, self.half)), self.width)
-        usable = np.lib.stride_tricks.sliding_window_view(free, self.width, axis=1)
-        place, height = guess.astype(float), np.zeros(len(samples))
-        for _ in range(rounds if len(samples) else 0):
-            step = np.rint(place * PHASES).astype(np.intp) + PHASES // 2
-            middle = np.clip(step // PHASES, 0, n - 1)
-            phase = np.clip(step - middle * PHASES, 0, PHASES - 1)
-            if clipped is None:
-                patterns, pattern = inside[middle.min() : middle.max() + 1], middle - middle.min()
-            else:
-                patterns, pattern = self._patterns(usable[row, middle], inside[middle])
-            weights = np.stack([self.weights(used) for used in patterns])[pattern, phase]
-            found = np.einsum("tk,tck->tc", windows[row, middle], weights, dtype=float)
-            height = found[:, 0]
-            shift = np.divide(found[:, 1], height, out=np.zeros_like(height), where=height > 0.0)
-            here = middle + (phase - PHASES // 2) / PHASES
-            place = np.clip(here + np.clip(shift, -0.75, 0.75), -0.5, n - 0.5)
-        return place, height
+def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
+    """Return, for sample k of a window in column k + 1: its code, the codes up to it combined, and if it is in the pulse.
 
-    def _patterns(self, usable: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the different patterns (pattern, width) of samples to use, and which of them each row has."""
-        few = (usable & self._in_pulse).sum(axis=1) < 3
-        usable = np.where(few[:, None], inside, usable)
-        packed = np.packbits(usable, axis=1)
-        _, first, pattern = np.unique(
-            packed.view(f"V{packed.shape[1]}").ravel(), return_index=True, return_inverse=True
-        )
-        return usable[first], pattern.ravel()
+    The code is a bit of its own. Windows of more samples than an integer has bits get random words, whose combinations
+    differ all but certainly (Zobrist 1970).
+    """
+    words = np.random.Generator(np.random.Philox(width)).integers(1, 2**62, width)
+    codes = np.zeros((3, width + 1), np.int64)
+    codes[CODE, 1:] = 1 << np.arange(width) if width < 63 else words
+    codes[CODES_BEFORE, 1:] = np.bitwise_xor.accumulate(codes[CODE, 1:])
+    codes[IS_IN_PULSE, 1:] = in_pulse
+    return codes
 
 
 @lru_cache(maxsize=64)

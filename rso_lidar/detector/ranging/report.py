@@ -1,13 +1,61 @@
-"""The returns of all traces laid out over the focal plane, as one loop."""
+"""What each pixel reports of its returns, laid out over the focal plane."""
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
-from rso_lidar.detector.measure import LAST, STRONGEST
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.records import Reading
+
+FIRST, STRONGEST, LAST = range(3)  # of the returns, is reported as range and intensity
+_CHOICES = {"first": FIRST, "strongest": STRONGEST, "last": LAST}
 
 
-@loop
-def lay_out(
+def report_returns(
+    shape: tuple[int, int],
+    pixel: np.ndarray,
+    range_m: np.ndarray,
+    amplitude: np.ndarray,
+    clipped: np.ndarray,
+    *,
+    returns: str,
+    max_returns: int,
+    full_scale_counts: int,
+) -> Reading:
+    """Return the reading of a focal plane; one of a pixel's returns is its range and intensity.
+
+    Parameters
+    ----------
+    shape : rows and columns.
+    pixel : (trace) number of the pixel.
+    range_m, amplitude : (trace, return) [m] and [counts], near to far, NaN and 0 where there are fewer.
+    clipped : (trace, sample) whether a sample is at the rail.
+    returns : which one is reported: first, strongest or last.
+    max_returns : how many are listed beside it; 1 lists none.
+    full_scale_counts : the greatest amplitude.
+    """
+    n_pixels = shape[0] * shape[1]
+    most = max_returns if max_returns > 1 else 0
+    one_m, one_counts = np.full(n_pixels, np.nan, np.float32), np.zeros(n_pixels, np.uint16)
+    saturated = np.zeros(n_pixels, np.uint8)
+    several_m, several_counts = np.full((n_pixels, most), np.nan, np.float32), np.zeros((n_pixels, most), np.uint16)
+    report_traces(
+        packed(pixel, np.int64),
+        packed(range_m, np.float64),
+        packed(amplitude, np.float64),
+        packed(clipped, np.bool_),
+        _CHOICES[returns],
+        float(full_scale_counts),
+        one_m,
+        one_counts,
+        saturated,
+        several_m,
+        several_counts,
+    )
+    several = (several_m.reshape(*shape, most), several_counts.reshape(*shape, most)) if most else ()
+    return Reading(one_m.reshape(shape), one_counts.reshape(shape), saturated.reshape(shape), *several)
+
+
+@kernel
+def report_traces(
     pixel: np.ndarray,
     range_m: np.ndarray,
     amplitude: np.ndarray,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.detector.matched import Matched
-from rso_lidar.detector.pulse import Pulse
-from rso_lidar.detector.ranging import Ranging, locate
+from rso_lidar.detector.ranging.location import locate
+from rso_lidar.detector.ranging.matched import Matched
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.settings.algorithm import Ranging
 
 
 def walk_table(

@@ -8,11 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector.load import ArrayLoad
-from rso_lidar.detector.presets import FITTED
-from rso_lidar.detector.traits import DetectorTraits
+from rso_lidar.detector.settings.presets import FITTED
+from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.part import NotNegative, Number, Part, Positive, Whole
-from rso_lidar.records import Photons, Reading
 
 _NORMAL_95 = 1.6448536269514722  # the standard normal quantile of 0.95
 
@@ -215,80 +213,3 @@ class Empirical(Part):
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
         clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))
         return clipped
-
-    @property
-    def frame_jitter_s(self) -> float:
-        """Return the jitter of a whole frame [s, 1 sigma]: none."""
-        return 0.0
-
-    def alone(self, gain: float = 1.0) -> Self:
-        """Return this detector: its pixels do nothing to each other, and no gain sags."""
-        return self
-
-    def array_load(self, photons: Photons) -> ArrayLoad:
-        """Return what the pixels of a flash do to each other: nothing."""
-        n_pixels = photons.shape[0] * photons.shape[1]
-        return ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels))
-
-    def crosstalk_m(self, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the error of range [m] of pixels (pixel) that latch together: none."""
-        return np.zeros(np.shape(together_fraction))
-
-    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, None]:
-        """Return what the sensor says of one flash; this detector has no waveforms."""
-        n_pixels = photons.shape[0] * photons.shape[1]
-        n_clusters = len(photons.cluster_pixel)
-        signal = np.bincount(photons.cluster, photons.photons, n_clusters)
-        share = np.where(signal[photons.cluster] > 0.0, photons.photons, 1.0)
-        delay_s = np.bincount(photons.cluster, share * photons.delay_s, n_clusters) / np.bincount(
-            photons.cluster, share, n_clusters
-        )
-
-        # Every draw is made whatever came before it, so that a frame's noise depends on its generator alone.
-        false_delay_s = self.armed_from_m / units.RANGE_PER_DELAY_M_S + self._first_false_s(rng, n_pixels)
-        noise = rng.standard_normal((2, n_clusters))
-        false_excess = rng.standard_exponential(n_pixels)
-
-        seen = signal + noise[0] * self.noise_photons(signal)
-        delay_s = delay_s + photons.late_s
-        range_m = delay_s * units.RANGE_PER_DELAY_M_S
-        armed = (range_m >= self.armed_from_m) & (range_m <= self.armed_to_m)
-        triggers = np.flatnonzero((seen >= self.threshold_photons) & armed)
-        pixel, first = np.unique(photons.cluster_pixel[triggers], return_index=True)  # clusters run from near to far
-        latched = triggers[first]
-
-        report_m = np.full(n_pixels, np.nan)
-        report_photons = np.zeros(n_pixels)
-        spread_m = self.range_noise_m(signal[latched], photons.pulse_fwhm_s)
-        report_m[pixel] = range_m[latched] + noise[1][latched] * spread_m
-        report_photons[pixel] = signal[latched] + noise[0][latched] * self._told_photons(signal[latched])
-
-        true_delay_s = np.full(n_pixels, np.inf)
-        true_delay_s[pixel] = delay_s[latched]
-        window_end_s = self.armed_to_m / units.RANGE_PER_DELAY_M_S
-        false = np.flatnonzero(false_delay_s < np.minimum(true_delay_s, window_end_s))
-        report_m[false] = false_delay_s[false] * units.RANGE_PER_DELAY_M_S
-        report_photons[false] = self._false_photons(false_excess[false])
-        return self._quantised(report_m, report_photons, photons.shape), None
-
-    def _told_photons(self, photons: np.ndarray) -> np.ndarray:
-        """Return the standard deviation [photons] of what is reported of so many expected photons."""
-        shot = self.intensity_excess_noise_factor * photons / self.quantum_efficiency
-        told: np.ndarray = np.sqrt(self.intensity_noise_equivalent_photons**2 + shot)
-        return told
-
-    def _first_false_s(self, rng: np.random.Generator, n_pixels: int) -> np.ndarray:
-        """Return when noise first triggers each pixel [s after arming]: exponential waiting, inf at rate 0."""
-        waiting = rng.standard_exponential(n_pixels)
-        with np.errstate(divide="ignore"):
-            return waiting / self.false_alarms_per_s if self.false_alarms_per_s > 0.0 else waiting + np.inf
-
-    def _false_photons(self, exponential: np.ndarray) -> np.ndarray:
-        """Return the signal of false triggers: noise that just passes the threshold, by its exponential tail."""
-        return self.threshold_photons + exponential * self.noise_equivalent_photons**2 / self.threshold_photons
-
-    def _quantised(self, report_m: np.ndarray, report_photons: np.ndarray, shape: tuple[int, int]) -> Reading:
-        reported = np.isfinite(report_m)
-        counts = np.where(reported, np.clip(np.rint(self.counts(report_photons)), 1, self.full_scale_counts), 0)
-        clipped = reported & (counts >= self.full_scale_counts)
-        return Reading(report_m.reshape(shape), counts.astype(np.uint16).reshape(shape), clipped.reshape(shape))

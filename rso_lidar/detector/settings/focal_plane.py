@@ -1,16 +1,10 @@
 """What makes one pixel differ from the next, and one flash from a clean one; each off by default."""
 
-from dataclasses import dataclass
 from typing import Annotated, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar import units
 from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
-
-_GAIN_WITHIN = 1e-6  # a relative error of the gain far below the noise of any frame
-_MOST_ROUNDS = 50
 
 
 class Timing(Part):
@@ -86,19 +80,6 @@ class Saturation(Part):
         default=4.0, description="Time constant of the recovery from saturation [ns]; assumed."
     )
 
-    def limited(self, amplitude: np.ndarray, step_s: float) -> np.ndarray:
-        """Return amplitudes (row, step) [electrons] as the amplifier passes them on."""
-        fade = np.float32(np.exp(-step_s / (self.recovery_ns * units.NS)))
-        rail = np.float32(self.rail_electrons)
-        limited: np.ndarray = np.minimum(amplitude, rail)
-        over = np.flatnonzero(amplitude.max(axis=1, initial=0.0) > rail)
-        memory = np.zeros(len(over), np.float32)  # what an overdriven stage has still to let go of
-        for step in range(amplitude.shape[1]):
-            now = amplitude[over, step]
-            memory = np.where(now > rail, np.maximum(memory * fade, now), memory * fade)
-            limited[over, step] = np.minimum(np.maximum(limited[over, step], memory), rail)
-        return limited
-
 
 class Droop(Part):
     """An APD bias that sags under the photocurrent of the whole array, and with it the gain of every pixel.
@@ -129,37 +110,6 @@ class Droop(Part):
             "of InGaAs APDs at a gain of 10."
         ),
     )
-
-    def gain(self, electrons: np.ndarray, step_s: float, steady_per_s: float = 0.0) -> np.ndarray:
-        """Return the gain (step) relative to rest under the current that pixels draw from the bias supply.
-
-        A lower gain draws less, so sag and gain are solved together. What a step draws is felt from the next one on.
-
-        Parameters
-        ----------
-        electrons : (step) electrons that all pixels draw in each step at the gain of rest.
-        step_s : length of a step [s].
-        steady_per_s : electrons that have flowed for long before, at the gain of rest [1/s].
-        """
-        from scipy.signal import lfilter
-
-        slope, capacitance_f = self.gain_slope_per_v, self.capacitance_nf * units.NF
-        keep = np.exp(-step_s / (self.resistance_ohm * capacitance_f))
-        drawn_v = electrons * units.ELEMENTARY_CHARGE_C / capacitance_f
-        # v (1 + slope v) = I R under a steady current.
-        loaded_v = steady_per_s * units.ELEMENTARY_CHARGE_C * self.resistance_ohm
-        steady_v = 2.0 * loaded_v / (1.0 + np.sqrt(1.0 + 4.0 * slope * loaded_v))
-        sag_v = np.full(np.shape(electrons), steady_v)
-        for _ in range(_MOST_ROUNDS):
-            gain = 1.0 / (1.0 + slope * sag_v)
-            missed_v = steady_v + lfilter([0.0, 1.0], [1.0, -keep], drawn_v * gain) - sag_v
-            sag_v += missed_v / (
-                1.0 + slope * sag_v * gain
-            )  # Newton's step for the case that all current flows at once
-            if slope * np.abs(missed_v).max(initial=0.0) < _GAIN_WITHIN:
-                break
-        found: np.ndarray = 1.0 / (1.0 + slope * sag_v)
-        return found
 
 
 class Crosstalk(Part):
@@ -195,27 +145,6 @@ class Crosstalk(Part):
         ),
     )
 
-    def share(self, at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels: int) -> np.ndarray:
-        """Return the share of the array that latches within one clock of each instant.
-
-        Parameters
-        ----------
-        at_s : (pixel) instants, such as those at which these pixels latch themselves [s].
-        latch_s : (latch) when pixels of the array latched [s].
-        clock_s : time between samples [s].
-        n_pixels : pixels of the array.
-        """
-        order = np.sort(latch_s)
-        together = np.searchsorted(order, at_s + clock_s, "right") - np.searchsorted(order, at_s - clock_s)
-        share: np.ndarray = together / n_pixels
-        return share
-
-    def shift_m(self, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the range error [m] of pixels (pixel), given the share of the array that latches with each."""
-        shift: np.ndarray = self.offset_m * (share - self.calibrated_fraction)
-        shift += self.noise_m * share * rng.standard_normal(np.shape(share))
-        return shift
-
 
 class Speckle(Part):
     """Coherent light that interferes: the photons of a return vary by a gamma law of M = 1 + A Ω / λ² modes.
@@ -226,40 +155,4 @@ class Speckle(Part):
     depolarising: Flag = Field(
         default=True,
         description="Whether the surface depolarises the light, which doubles the number of speckle modes.",
-    )
-
-    def factors(self, coherence_cells: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the factors, of mean 1, on the photons of clusters with so many coherence cells."""
-        modes = (1.0 + coherence_cells) * (2.0 if self.depolarising else 1.0)
-        factors: np.ndarray = rng.standard_gamma(modes) / modes
-        return factors
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """One camera's pixels (n_pixels): drawn once from its seed, the same in every flash and every run."""
-
-    threshold: np.ndarray  # factor
-    gain: np.ndarray  # factor
-    offset_counts: np.ndarray
-    t0_s: np.ndarray
-    dead: np.ndarray  # bool
-    hot: np.ndarray  # bool
-
-
-def camera(n_pixels: int, seed: int, threshold_spread: float, maps: Maps | None, defects: Defects | None) -> Camera:
-    """Return the pixels of a camera; each map has its own draws, so that one setting does not move the others."""
-    drawn = [np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(k,)))) for k in range(5)]
-    threshold, gain, offset, t0 = (rng.standard_normal(n_pixels) for rng in drawn[:4])
-    chance = drawn[4].random(n_pixels)
-    none = np.zeros(n_pixels)
-    dead = defects.dead_fraction if defects else 0.0
-    hot = defects.hot_fraction if defects else 0.0
-    return Camera(
-        threshold=np.maximum(1.0 + threshold_spread * threshold, 0.2),
-        gain=np.maximum(1.0 + maps.gain_spread_fraction * gain, 0.2) if maps else none + 1.0,
-        offset_counts=maps.offset_spread_counts * offset if maps else none,
-        t0_s=maps.t0_spread_ns * units.NS * t0 if maps else none,
-        dead=chance < dead,
-        hot=(chance >= dead) & (chance < dead + hot),
     )

@@ -3,41 +3,24 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.detector import chain
-from rso_lidar.detector.amplifier import Amplifier
-from rso_lidar.detector.apd import Apd
-from rso_lidar.detector.false_triggers import rates_per_s
-from rso_lidar.detector.focal_plane import (
-    Camera,
-    Crosstalk,
-    Defects,
-    Droop,
-    Maps,
-    Saturation,
-    Speckle,
-    Timing,
-    camera,
-)
-from rso_lidar.detector.gate import Gate
-from rso_lidar.detector.load import ArrayLoad, array_load
-from rso_lidar.detector.measure import measure
-from rso_lidar.detector.noise import noise_rms, rice_rate
-from rso_lidar.detector.presets import PRESETS
-from rso_lidar.detector.pulse import Pulse
-from rso_lidar.detector.ranging import Ranging
-from rso_lidar.detector.readout import Readout
-from rso_lidar.detector.traits import DetectorTraits
-from rso_lidar.detector.trigger import Bridge, Trigger
-from rso_lidar.detector.waveform import Plan
+from rso_lidar.detector.settings.algorithm import Ranging
+from rso_lidar.detector.settings.amplifier import Amplifier
+from rso_lidar.detector.settings.apd import Apd
+from rso_lidar.detector.settings.focal_plane import Crosstalk, Defects, Droop, Maps, Saturation, Speckle, Timing
+from rso_lidar.detector.settings.gate import Gate
+from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.settings.presets import PRESETS
+from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.detector.settings.trigger import Trigger
 from rso_lidar.part import Fraction, NotNegative, Part, Positive, Whole
-from rso_lidar.records import Photons, Reading, Waveforms
 
 _PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
 
@@ -213,24 +196,6 @@ class Gsfl(Part):
         threshold = np.array(self.trigger.threshold_electrons)
         return float(rice_rate(threshold, self.noise_electrons, self.amplifier.pole_s))
 
-    @cached_property
-    def _camera_false_alarms_per_s(self) -> np.ndarray:
-        camera = self.camera(16_384)
-        threshold = self.trigger.threshold_electrons * camera.threshold
-        rates: np.ndarray = rates_per_s(self, threshold, self.dark_per_s(camera))[~camera.dead]
-        return rates
-
-    @property
-    def mean_false_alarms_per_s(self) -> float:
-        """Return how often noise triggers an armed pixel in the dark, over a camera's spread of pixels [1/s]."""
-        return float(self._camera_false_alarms_per_s.mean())
-
-    @property
-    def false_trigger_fraction(self) -> float:
-        """Return the share of a camera's pixels that noise triggers in the dark while they are armed."""
-        armed_s = (self.armed_to_m - self.armed_from_m) / units.RANGE_PER_DELAY_M_S
-        return float(-np.expm1(-self._camera_false_alarms_per_s * armed_s).mean())
-
     @property
     def electrons_per_photon(self) -> float:
         """Return the electrons after the APD that a photon makes on the average."""
@@ -299,57 +264,6 @@ class Gsfl(Part):
             raise ValueError("the detector has no gate; add [lidar.detector.gate]")
         return self.replace(gate=self.gate.replace(delay_ns=delay_ns))
 
-    def plan(self, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
-        """Return the layout of the time axis.
-
-        Parameters
-        ----------
-        pulse_fwhm_s : length of the pulse [s].
-        earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
-        """
-        sample_s, pole_s = self.readout.sample_s, self.amplifier.pole_s
-        # With 6.5 steps to a pulse, detection moves by less than 0.1 % from there to three times as many.
-        per_sample = max(self.steps_per_sample, math.ceil(6.5 * sample_s / pulse_fwhm_s))
-        step_s = sample_s / per_sample
-        # Together with `room`, 1.5 FWHM from the last return around to the first sample: 0.2 % of a Gaussian's peak is left.
-        # 110 times the threshold latches so early. Brighter light latches before the watched steps.
-        rise = math.ceil(1.3 * pulse_fwhm_s / step_s)
-        memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s, earliest_s - rise * step_s)
-        return Plan(
-            step_s=step_s,
-            steps_per_sample=per_sample,
-            rise=rise,
-            fall=math.ceil((0.5 * pulse_fwhm_s + 2.0 * pole_s) / step_s),
-            before=self.readout.pretrigger_samples * per_sample + math.ceil(memory_s / sample_s) * per_sample,
-            after=(self.readout.samples - self.readout.pretrigger_samples) * per_sample,
-            room=math.ceil(0.65 * pulse_fwhm_s / step_s),
-        )
-
-    def bridge(self, step_s: float) -> Bridge:
-        """Return what the amplifier's noise does between steps."""
-        return _bridge(self.amplifier.pole_s, step_s)
-
-    def camera(self, n_pixels: int) -> Camera:
-        """Return the pixels of this camera."""
-        spread = self.trigger.threshold_spread_fraction
-        return _camera(n_pixels, self.camera_seed, spread, self.maps, self.defects)
-
-    def dark_per_s(self, camera: Camera) -> np.ndarray:
-        """Return the dark current of each pixel [primary electrons/s]."""
-        rate = np.full(len(camera.hot), self.apd.dark_electrons_per_s)
-        if self.defects is not None:
-            rate[camera.hot] = self.defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
-        return rate
-
-    def pulse(self, photons: Photons) -> Pulse:
-        """Return the shape of one return after the amplifier."""
-        return _pulse(
-            photons.pulse_step_s,
-            photons.pulse_power_per_s.tobytes(),
-            self.amplifier.pole_s,
-            self.amplifier.integration_s,
-        )
-
     def counts(self, photons: np.ndarray) -> np.ndarray:
         """Return the amplitude [counts] of so many photons in a pulse as long as the amplifier's integration time."""
         linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
@@ -369,33 +283,3 @@ class Gsfl(Part):
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))
         return self.replace(**apart)
-
-    def array_load(self, photons: Photons) -> ArrayLoad:
-        """Return what the pixels of a flash of this light do to each other."""
-        return array_load(self, photons)
-
-    def crosstalk_m(self, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Draw the range error [m] of pixels (pixel), given the share of the array that latches with each."""
-        if self.crosstalk is None or self.gate is not None:
-            return np.zeros(np.shape(together_fraction))
-        return self.crosstalk.shift_m(together_fraction, rng)
-
-    # ----------------------------------------------------------------------------------------------------- stages
-
-    def waveforms(self, photons: Photons, rng: np.random.Generator) -> Waveforms:
-        """Return what the pixels store of one flash."""
-        return chain.gated(self, photons, rng) if self.gate else chain.traces(self, photons, rng)
-
-    def detect(self, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms]:
-        """Return what the sensor says of one flash, and the samples it says so from."""
-        waveforms = self.waveforms(photons, rng)
-        return measure(self, waveforms, self.pulse(photons), rng), waveforms
-
-
-_bridge = lru_cache(maxsize=8)(Bridge)
-_camera = lru_cache(maxsize=8)(camera)
-
-
-@lru_cache(maxsize=8)
-def _pulse(step_s: float, power_per_s: bytes, pole_s: float, integration_s: float) -> Pulse:
-    return Pulse.after(step_s, np.frombuffer(power_per_s), pole_s, integration_s)

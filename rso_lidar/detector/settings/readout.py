@@ -2,11 +2,9 @@
 
 from typing import Annotated, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
 from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
 
 
@@ -82,49 +80,3 @@ class Readout(Part):
     def window_m(self) -> float:
         """Return the depth [m] that the stored samples span."""
         return self.samples * self.sample_s * units.RANGE_PER_DELAY_M_S
-
-    def store(
-        self,
-        amplitude: np.ndarray,
-        row: np.ndarray,
-        first: np.ndarray,
-        per_sample: int,
-        n: int,
-        offset_counts: np.ndarray,
-    ) -> np.ndarray:
-        """Return `n` samples (trace, sample) [counts], converted: every `per_sample`th step of each `row` from `first` on.
-
-        `amplitude` (row, step) is in electrons; `offset_counts` (trace) is what a pixel adds of its own.
-        """
-        if not compiled():
-            step = first[:, None] + per_sample * np.arange(n)
-            return self.convert(np.take_along_axis(amplitude[row], step, axis=1), offset_counts[:, None])
-        from rso_lidar.detector.readout_loops import store
-
-        counts = np.empty((len(row), n), np.float32)
-        stored = store(
-            packed(amplitude, np.float32),
-            packed(row, np.int64),
-            packed(first, np.int64),
-            int(per_sample),
-            np.float32(1.0 / self.electrons_per_count),
-            (offset_counts + self.baseline_counts).astype(np.float32),
-            np.float32(self.full_scale_counts),
-            bool(self.quantised),
-            counts,
-        )
-        assert stored == len(row), "samples: some lie outside their rows"
-        return counts
-
-    def convert(self, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the converter's output [counts], baseline included, of amplitudes [electrons]; float32.
-
-        `offset_counts` is what a pixel adds of its own.
-        """
-        counts = amplitude * np.float32(1.0 / self.electrons_per_count)
-        counts = counts + np.asarray(offset_counts + self.baseline_counts, np.float32)
-        if self.quantised:
-            np.rint(counts, out=counts)
-        np.clip(counts, 0.0, float(self.full_scale_counts), out=counts)
-        result: np.ndarray = counts.astype(np.float32, copy=False)
-        return result

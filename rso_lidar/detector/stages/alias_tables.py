@@ -41,16 +41,16 @@ def words(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=1)
-def normal_table() -> Table:
+def build_normal_table() -> Table:
     """Return the table of a normal number: `NORMAL_ZERO` and `NORMAL_PER_SIGMA` times a standard one, up to 6.3 of those.
 
     On so fine a grid the sums for its moments are their integrals, to exp(−2π² 64²) (Poisson's summation).
     """
     number = np.arange(2 * NORMAL_ZERO + 1) - NORMAL_ZERO
-    return table([np.exp(-0.5 * (number / NORMAL_PER_SIGMA) ** 2)])
+    return build_tables([np.exp(-0.5 * (number / NORMAL_PER_SIGMA) ** 2)])
 
 
-def table(pmfs: list[np.ndarray]) -> Table:
+def build_tables(pmfs: list[np.ndarray]) -> Table:
     """Return the alias tables of some distributions over 0, 1, 2, ...; their sums are right to 2⁻³³."""
     weights, firsts = [], []
     for pmf in pmfs:

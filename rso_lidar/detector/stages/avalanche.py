@@ -1,19 +1,82 @@
-"""The avalanche as one loop over time steps: a look into a table for most, and few more for what light reaches."""
+"""The avalanche: electrons out for electrons in, drawn step by step from tables.
+
+A primary electron leaves the avalanche as n electrons with McIntyre's probability P(n|1) (IEEE Trans. Electron Devices
+13, 164 (1966) and 19, 703 (1972)); the primaries of a time step are Poisson, so the electrons of a step are compound
+Poisson. With p = (1−k)(M−1)/M, P(n|a) = (a/n) [wⁿ⁻ᵃ] (1−p+pw)^(n/(1−k)), Lagrange's inversion: the generating function
+w of a single primary solves w = z (1−p+pw)^(1/(1−k)).
+"""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
-from rso_lidar.detector.alias import NORMAL_PER_SIGMA, NORMAL_ZERO, Table
-from rso_lidar.detector.apd import COARSE, PARTS
+from rso_lidar.detector.settings.apd import Apd, avalanche_share, cumulants, greatest_w, log_z
+from rso_lidar.detector.stages.alias_tables import (
+    NORMAL_PER_SIGMA,
+    NORMAL_ZERO,
+    Table,
+    build_normal_table,
+    build_tables,
+    words,
+)
+from rso_lidar.kernels import kernel
 
+EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
+_SMALL_SKEWNESS = 0.25  # below it a parabola in a normal number has the right tails
+COARSE = 8  # means are made of a multiple of this, and of parts of a primary below it
+PARTS = 8  # of a primary, in which the finer table goes up; a power of two, so that nothing is rounded
 PART = 1.0 / PARTS  # of a primary
 FINE = PARTS * COARSE  # parts in which the coarser table goes up
+_NEGLIGIBLE = 1e-14  # tails below this probability are cut
 
 
-@loop
-def drawn(word: np.uint32, table: Table, row: int) -> np.float32:
+def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: float | None = None) -> np.ndarray:
+    """Draw the electrons (float32) of time steps in which `primaries` photoelectrons are expected: Poisson and avalanche.
+
+    Up to 100 expected primaries a draw is exact to 1e-9 in its distribution. Above that it is a shifted log-normal whose
+    mean, variance and third central moment are those of the compound Poisson, from one normal number. Most steps of a row
+    expect the same, `base`: they take one look into its table.
+
+    Parameters
+    ----------
+    primaries : expected photoelectrons of each step, any shape.
+    apd : the photodiode.
+    rng : random generator.
+    base : what most steps expect (None: the least of all).
+    """
+    expected = np.asarray(primaries, dtype=np.float32)
+    lam = expected.ravel()
+    least, most = (float(lam.min()), float(lam.max())) if lam.size else (0.0, 0.0)
+    if not (least >= 0.0 and math.isfinite(most)):
+        raise ValueError("expected primaries must be finite and not negative; subtract baselines after the avalanche")
+    if apd.statistics == "gaussian":
+        variance = np.float32(cumulants(apd)[1])
+        electrons: np.ndarray = rng.standard_normal(lam.size, dtype=np.float32)
+        electrons = np.float32(apd.gain) * lam + np.sqrt(variance * lam) * electrons
+        return electrons.reshape(expected.shape)
+    floor = np.float32(least if base is None else base)
+    if floor > EXACT_PRIMARIES or not floor > 0.0:
+        floor = np.float32(0.0)
+    tables = base_table(apd.gain, apd.ionisation_ratio, float(floor)), *level_tables(apd.gain, apd.ionisation_ratio)
+    electrons = np.empty(lam.size, np.float32)
+    apart = int(np.count_nonzero((lam != floor) & (lam <= np.float32(EXACT_PRIMARIES))))  # these take three words
+    done = multiply_steps(
+        lam,
+        floor,
+        (*tables, build_normal_table()),
+        cumulants(apd),
+        (EXACT_PRIMARIES, parabolic_from(apd)),
+        words(rng, lam.size + 2 * apart),
+        rng,
+        electrons,
+    )
+    assert done == lam.size, "words: too few for these steps"
+    return electrons.reshape(expected.shape)
+
+
+@kernel
+def draw_from_table(word: np.uint32, table: Table, row: int) -> np.float32:
     """Return the value that a 32-bit word picks from a row of an alias table."""
     columns_log2, cells, first = table
     column = np.int64(word) >> (32 - columns_log2)
@@ -22,8 +85,8 @@ def drawn(word: np.uint32, table: Table, row: int) -> np.float32:
     return np.float32(own + (word >= cells[cell, 0]) * (other - own))  # both are at hand: no branch to guess
 
 
-@loop
-def multiplied(
+@kernel
+def multiply_steps(
     lam: np.ndarray,
     floor: np.float32,
     tables: tuple[Table, ...],
@@ -56,17 +119,17 @@ def multiplied(
         word, more = words[used], used + 1
         used += needed
         if mean == floor:
-            electrons[step] = drawn(word, base, 0)
+            electrons[step] = draw_from_table(word, base, 0)
         elif mean <= exact:
             rest = mean
             if mean > floor and mean - floor < PART:
-                total = drawn(word, base, 0)
+                total = draw_from_table(word, base, 0)
                 rest = mean - floor
             else:
                 parts = int(mean * float(PARTS))
-                total = drawn(words[more], fine, parts % FINE)
+                total = draw_from_table(words[more], fine, parts % FINE)
                 if parts >= FINE:
-                    total += drawn(word, coarse, parts // FINE)
+                    total += draw_from_table(word, coarse, parts // FINE)
                 rest = mean - parts * PART
             # A Poisson number of avalanches of the rest, less than a part: hardly ever one.
             chance = (words[more + 1] + 0.5) * (1.0 / 4294967296.0)
@@ -78,10 +141,10 @@ def multiplied(
                     number += 1
                     share *= rest / number
                     none -= share
-                    total += drawn(np.uint32(rng.integers(0, 4294967296)), single, 0)
+                    total += draw_from_table(np.uint32(rng.integers(0, 4294967296)), single, 0)
             electrons[step] = total
         else:
-            z = (drawn(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
+            z = (draw_from_table(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
             root = math.sqrt(mean)
             skewness = skew / root
             if mean > parabolic:
@@ -96,3 +159,64 @@ def multiplied(
                 shape = math.expm1(w * (z - 0.5 * w)) / t
             electrons[step] = gain * mean + spread * root * shape
     return len(lam)
+
+
+def parabolic_from(apd: Apd) -> float:
+    """Return the primaries above which a step's skewness counts as small."""
+    _, second, third = cumulants(apd)
+    return third**2 / second**3 / _SMALL_SKEWNESS**2
+
+
+@lru_cache(maxsize=32)
+def base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table:
+    """Return the table of the electrons of a step that expects so many primaries."""
+    return build_tables([compound_pmf(primaries, gain, ionisation_ratio)])
+
+
+@lru_cache(maxsize=4)
+def level_tables(gain: float, ionisation_ratio: float) -> tuple[Table, Table, Table]:
+    """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
+    coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(EXACT_PRIMARIES) + 1, COARSE)]
+    fine = [compound_pmf(m / PARTS, gain, ionisation_ratio) for m in range(PARTS * COARSE)]
+    first, single = mcintyre_pmf(1, gain, ionisation_ratio)
+    return build_tables(coarse), build_tables(fine), build_tables([np.concatenate([np.zeros(first), single])])
+
+
+def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[int, np.ndarray]:
+    """Return (n_min, P(n_min), P(n_min + 1), ...) of the electrons n that `primaries` electrons become (McIntyre 1972)."""
+    from scipy.special import gammaln
+
+    if primaries == 0 or gain == 1.0:
+        return primaries, np.ones(1)
+    a, k = primaries, ionisation_ratio
+    p = avalanche_share(gain, k)
+    n = np.arange(a, _longest(gain, k, ones=a) + 1, dtype=float)
+    logarithm = (
+        np.log(a / n)
+        + gammaln(n / (1.0 - k) + 1.0)
+        - gammaln(n - a + 1.0)
+        - gammaln(k * n / (1.0 - k) + a + 1.0)
+        + (a + k * n / (1.0 - k)) * math.log1p(-p)
+        + (n - a) * math.log(p)
+    )
+    return a, np.exp(logarithm)
+
+
+def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) -> np.ndarray:
+    """Return P(0), P(1), ... of the electrons of a Poisson number of primaries, by Fourier transform (to 1e-14)."""
+    from scipy import fft
+
+    first, single = mcintyre_pmf(1, gain, ionisation_ratio)
+    longest = _longest(gain, ionisation_ratio, poisson=mean_primaries)
+    size = fft.next_fast_len(max(longest, first + len(single)) + 1, real=True)
+    padded = np.zeros(size)
+    padded[first : first + len(single)] = single
+    pmf: np.ndarray = np.maximum(fft.irfft(np.exp(mean_primaries * (fft.rfft(padded) - 1.0)), size), 0.0)
+    return pmf[: longest + 1]
+
+
+def _longest(gain: float, ionisation_ratio: float, ones: int = 0, poisson: float = 0.0) -> int:
+    """Return electrons that are exceeded with a negligible probability (Chernoff's bound, best of many)."""
+    w = 1.0 + (greatest_w(gain, ionisation_ratio) - 1.0) * np.geomspace(1e-7, 1.0, 500)
+    exponent = ones * np.log(w) + poisson * (w - 1.0) - math.log(_NEGLIGIBLE)
+    return int(np.min(exponent / log_z(w, gain, ionisation_ratio))) + 1

@@ -1,15 +1,119 @@
-"""The comparators of all rows as one loop: what `first_crossing` finds, and which rows `crossed_between` has to look at."""
+"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
-from rso_lidar.detector.trigger import NEAR, NEVER
+from rso_lidar.kernels import kernel, packed
+
+NEVER = -1
+NEAR = -2  # not at a step, perhaps between two
 
 
-@loop
-def first_crossings(
+class Bridge:
+    """What filtered noise does between two steps, given the steps: so that no result depends on how long a step is.
+
+    Between steps the noise is its best estimate from the four steps around (kriging with the autocorrelation of the two-pole
+    amplifier) and a Gaussian rest that these say nothing about, drawn at fifteen points; the mean, which is smooth, is
+    interpolated by the quintic through six steps.
+    """
+
+    reach = 5.0  # sigmas of the rest that are worth looking at
+
+    def __init__(self, pole_s: float, step_s: float, points: int = 15) -> None:
+        known = np.arange(-1.0, 3.0) * step_s / pole_s
+        between = np.arange(1, points + 1) / (points + 1.0) * step_s / pole_s
+
+        def correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+            x = np.abs(np.subtract.outer(a, b))
+            return (1.0 + x) * np.exp(-x)  # type: ignore[no-any-return]
+
+        across = correlation(between, known)
+        self.weights: np.ndarray = np.linalg.solve(correlation(known, known), across.T).T
+        rest = correlation(between, between) - self.weights @ across.T
+        nodes, at, power = np.arange(-2.0, 4.0), np.arange(1, points + 1) / (points + 1.0), np.arange(6)[:, None]
+        self.mean_weights: np.ndarray = np.linalg.solve(nodes**power, at**power).T
+        self.mean_weights[:, 1:5] -= self.weights
+        self.root: np.ndarray = np.linalg.cholesky(rest + 1e-12 * np.eye(points))
+        self.sigma = float(np.sqrt(rest.diagonal().max()))
+
+    def path(
+        self,
+        amplitude: np.ndarray,
+        mean: np.ndarray,
+        row: np.ndarray,
+        step: np.ndarray,
+        sigma: np.ndarray,
+        rng: np.random.Generator,
+    ) -> np.ndarray:
+        """Draw the amplitude at points evenly between `step` and the next of each `row`, without these two (row, point).
+
+        Parameters
+        ----------
+        amplitude : (row, step) [electrons].
+        mean : (row, step) the amplitude without noise [electrons].
+        row, step : where to draw.
+        sigma : rms of the noise there [electrons].
+        rng : random generator of the noise between the steps.
+        """
+        around = np.clip(step[:, None] + np.arange(-2, 4), 0, amplitude.shape[1] - 1)
+        near = around[:, 1:5]
+        white = rng.standard_normal((len(row), len(self.root)))
+        path: np.ndarray = np.einsum("pn,rn->rp", self.weights, amplitude[row[:, None], near])
+        path += np.einsum("pn,rn->rp", self.mean_weights, mean[row[:, None], around])
+        path += sigma[:, None] * np.einsum("pq,rq->rp", self.root, white)
+        return path
+
+
+@lru_cache(maxsize=8)
+def make_bridge(pole_s: float, step_s: float) -> Bridge:
+    """Return the bridge of an amplifier's noise over steps of this length [s], kept."""
+    return Bridge(pole_s, step_s)
+
+
+def find_latches(
+    amplitude: np.ndarray,
+    primaries: np.ndarray,
+    threshold: np.ndarray,
+    base_per_s: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    arming: np.ndarray,
+    *,
+    hysteresis: float,
+    step_s: float,
+    quiet_electrons: float,
+    shot_electrons_rs: float,
+    reach: float,
+) -> np.ndarray:
+    """Return the step (row) at which each row latches, NEVER, or NEAR where `find_crossings_between` has to look.
+
+    A row being armed must first be below the threshold less the hysteresis, and is never near.
+    `primaries` (row, step) and `base_per_s` (row) make the noise: an rms of `quiet_electrons`, and of `shot_electrons_rs`
+    times the root of the rate [1/s]. `reach` is in units of that rms.
+    """
+    latch = np.empty(len(amplitude), np.int64)
+    find_first_crossings(
+        packed(amplitude, np.float32),
+        packed(primaries, np.float32),
+        packed(threshold, np.float32),
+        packed(base_per_s, np.float64),
+        packed(first, np.int64),
+        packed(last, np.int64),
+        packed(arming, np.bool_),
+        np.float32(hysteresis),
+        1.0 / float(step_s),
+        float(quiet_electrons) ** 2,
+        float(shot_electrons_rs) ** 2,
+        float(reach),
+        latch,
+    )
+    return latch
+
+
+@kernel
+def find_first_crossings(
     amplitude: np.ndarray,
     primaries: np.ndarray,
     threshold: np.ndarray,
@@ -48,3 +152,86 @@ def first_crossings(
             if below < reach * math.sqrt(quiet_square + square_s * rate_per_s):
                 latch[row] = NEAR
                 break
+
+
+def mark_watched(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return which steps (row, step) the comparator watches."""
+    step = np.arange(n_steps)
+    watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
+    return watched
+
+
+def mark_near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Return whether each step or the next, both watched, comes within `reach` (row, step) of the threshold [electrons]."""
+    pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
+    near: np.ndarray = (pair > threshold[:, None] - reach[:, :-1]) & watched[:, :-1] & watched[:, 1:]
+    return near
+
+
+def find_crossings_between(
+    amplitude: np.ndarray,
+    mean: np.ndarray,
+    threshold: np.ndarray,
+    watched: np.ndarray,
+    sigma: np.ndarray,
+    bridge: Bridge,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return where (row) [steps] rows that are below the threshold at every step cross it between two steps, or -1.
+
+    `mean` (row, step) is the amplitude without noise, `sigma` (row, step) the rms of the noise [electrons].
+    """
+    row, step = np.nonzero(mark_near(amplitude, threshold, watched, bridge.reach * bridge.sigma * sigma))
+    path = bridge.path(amplitude, mean, row, step, sigma[row, step], rng)
+    above = path >= threshold[row, None]
+    crossed = np.flatnonzero(above.any(axis=1))
+    point = above[crossed].argmax(axis=1)
+    row, step, path = row[crossed], step[crossed], path[crossed]
+    before = np.where(point > 0, path[np.arange(len(point)), point - 1], amplitude[row, step])
+    after = path[np.arange(len(point)), point]
+    share = np.clip((threshold[row] - before) / np.maximum(after - before, 1e-30), 0.0, 1.0)
+    result = np.full(len(amplitude), float(NEVER))
+    place = step + (point + share) / (path.shape[1] + 1.0)
+    result[row[::-1]] = place[::-1]  # the first of a row is written last
+    return result
+
+
+def refine_crossings(
+    amplitude: np.ndarray, row: np.ndarray, threshold: np.ndarray, latch: np.ndarray, earliest: np.ndarray
+) -> np.ndarray:
+    """Return where (trace) [steps] the amplitude passes the threshold upward, in rows that are above it at `latch`.
+
+    The edge is a cubic through the two steps before the crossing and the two after it, in asinh(8 a/T): a straight line is
+    one there while the amplitude a is small, and the flank of a Gaussian, exponential and more, is a parabola. Of a pulse
+    without noise the error is below 0.01 ns up to ten times the threshold, and below 0.1 ns up to a million times.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    row : (trace) the rows to look at.
+    threshold : (trace) [electrons].
+    latch : (trace) a step at which the row is above; the crossing lies before it.
+    earliest : (trace) the first step to look at. A row that is above from there on crosses there.
+    """
+    step = latch.copy()
+    back = np.flatnonzero(step > earliest)
+    while len(back):
+        back = back[amplitude[row[back], step[back] - 1] >= threshold[back]]
+        step[back] -= 1
+        back = back[step[back] > earliest[back]]
+    around = np.clip(step[:, None] + np.arange(-2, 2), 0, amplitude.shape[1] - 1)
+    scale, half = (np.float32(8.0) / threshold).astype(np.float32), np.float32(0.5)  # single precision: twice as fast
+    two_before, before, after, two_after = np.arcsinh(amplitude[row[:, None], around].T * scale)
+    level = np.float32(math.asinh(8.0))
+    # Divided differences about the step before the crossing. Newton's method finds the root, from the straight line on.
+    slope, bend = after - before, half * (after - before - before + two_before)
+    twist = (two_after - two_before - np.float32(3.0) * slope) * np.float32(1.0 / 6.0)
+    place = np.divide(level - before, slope, out=np.ones_like(slope), where=slope > 0.0)
+    least = np.float32(0.2) * np.abs(slope) + np.float32(1e-9)
+    for _ in range(3):
+        further = bend + (place + 1) * twist
+        steep = slope + (place + place - 1) * further + place * (place - 1) * twist
+        value = before + place * (slope + (place - 1) * further)
+        place = np.clip(place - (value - level) / np.maximum(steep, least), 0, 1)
+    crossing: np.ndarray = np.where((step <= earliest) | (before >= level), step.astype(float), step - 1.0 + place)
+    return crossing

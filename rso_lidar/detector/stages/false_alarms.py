@@ -11,33 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.detector.apd import Apd, cumulants, mcintyre_pmf, tail_per_electron
+from rso_lidar.detector.settings.apd import Apd, cumulants, tail_per_electron
+from rso_lidar.detector.settings.noise import noise_rms, rice_rate
+from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 
 _GRID = 8192  # steps of amplitude in a density
 _STEEPEST = 0.8  # share of the tail's own decay to which a density is tilted
 _TILTS = 24  # with four deviations each; beyond them the rate is nil
 _NIL = -250.0  # log of the least rate that is told from none
-
-
-def rice_rate(threshold_electrons: np.ndarray, sigma_electrons: np.ndarray | float, pole_s: float) -> np.ndarray:
-    """Return upcrossings of Gaussian noise [1/s]: ν₀ exp(−T²/2σ²), ν₀ = 1/(2πτ) for two equal poles (Rice 1945).
-
-    ν₀² = ∫f²|H|² df / ∫|H|² df with |H|² = 1/(1 + (2πfτ)²)² is (1/(2πτ))².
-    """
-    sigma = np.asarray(sigma_electrons, dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        over = np.where(sigma > 0.0, np.maximum(threshold_electrons, 0.0) / sigma, np.inf)
-    rate: np.ndarray = np.exp(-0.5 * over**2) / (2.0 * math.pi * pole_s)
-    return rate
-
-
-def noise_rms(
-    apd: Apd, rate_per_s: np.ndarray | float, noise_electrons: float, pole_s: float, integration_s: float
-) -> np.ndarray:
-    """Return the rms [electrons] of the output: of amplifier and shot noise M²F · rate · integration² ∫h², ∫h² = 1/4τ."""
-    shot = cumulants(apd)[1] * np.asarray(rate_per_s, dtype=float) * integration_s**2 / (4.0 * pole_s)
-    rms: np.ndarray = np.sqrt(noise_electrons**2 + shot)
-    return rms
 
 
 def false_alarm_rate(

@@ -7,56 +7,90 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rso_lidar import units
-from rso_lidar.arithmetic import compiled, packed
-from rso_lidar.detector.noise import false_alarm_rate, noise_rms
-
-if TYPE_CHECKING:
-    from rso_lidar.detector.gsfl import Gsfl
+from rso_lidar.detector.settings.amplifier import Amplifier
+from rso_lidar.detector.settings.apd import Apd
+from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.false_alarms import false_alarm_rate
+from rso_lidar.kernels import kernel, packed
 
 _AT_ONCE = 4096  # traces of noise, so that what is worked on stays small
 _NIL = -250.0  # log of a rate that is none
 
 
-def rates_per_s(gsfl: Gsfl, threshold: np.ndarray, base_per_s: np.ndarray) -> np.ndarray:
-    """Return how often noise crosses each pixel's threshold [electrons] upward, a second of being armed."""
+def rates_per_s(apd: Apd, amplifier: Amplifier, threshold: np.ndarray, base_per_s: np.ndarray) -> np.ndarray:
+    """Return how often noise crosses each pixel's threshold upward, for each second of being armed.
+
+    Parameters
+    ----------
+    apd, amplifier : where the noise comes from.
+    threshold : (pixel) [electrons].
+    base_per_s : (pixel) primaries of dark current and sunlight [1/s].
+    """
     rates: np.ndarray = false_alarm_rate(
         threshold,
-        apd=gsfl.apd,
+        apd=apd,
         rate_per_s=base_per_s,
-        noise_electrons=gsfl.amplifier.noise_electrons,
-        pole_s=gsfl.amplifier.pole_s,
-        integration_s=gsfl.amplifier.integration_s,
+        noise_electrons=amplifier.noise_electrons,
+        pole_s=amplifier.pole_s,
+        integration_s=amplifier.integration_s,
     )
     return rates
 
 
-def first_false_s(
-    gsfl: Gsfl, n_pixels: int, sunlight_per_s: np.ndarray | None, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels, rising, that noise triggers while they are armed, and when it first does [s since emission].
+class Armed(NamedTuple):
+    """Comparators that wait for a crossing: what makes their noise, their thresholds, and when they are armed.
 
-    `sunlight_per_s` (pixel) are the primaries of the background, None without. With it the crossings of the brightest
-    background there may be are drawn, whose rates are kept, and each stays with the probability of its own pixel's rate over
-    that: a Poisson process thinned is one of the lower rate. Dead pixels never trigger.
+    Parameters
+    ----------
+    apd, amplifier : where the noise comes from.
+    threshold_electrons : nominal threshold.
+    camera : the pixels.
+    from_s, to_s : begin and end of the armed window [s since emission].
     """
-    from_s, to_s = (m / units.RANGE_PER_DELAY_M_S for m in (gsfl.armed_from_m, gsfl.armed_to_m))
+
+    apd: Apd
+    amplifier: Amplifier
+    threshold_electrons: float
+    camera: Camera
+    from_s: float
+    to_s: float
+
+
+def draw_first_false(
+    armed: Armed, sunlight_per_s: np.ndarray | None, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the pixels, rising, that noise triggers while they are armed, and when it first does [s since emission].
+
+    With sunlight, the crossings of the brightest background there may be are drawn, whose rates are kept, and each stays
+    with the probability of its own pixel's rate over that: a Poisson process thinned is one of the lower rate. Dead pixels
+    never trigger.
+
+    Parameters
+    ----------
+    armed : the comparators.
+    sunlight_per_s : (pixel) primaries of the background [1/s], None without.
+    rng : random generator.
+    """
+    from_s, to_s = armed.from_s, armed.to_s
     brightest = 0.0 if sunlight_per_s is None else float(sunlight_per_s.max(initial=0.0))
-    rates = _rates(gsfl, n_pixels, math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
+    rates = _rates(*armed[:4], math.ceil(math.log2(brightest)) if brightest > 0.0 else None)
+    n_pixels = len(armed.camera.threshold)
     if rates.table is None or sunlight_per_s is None:
-        return first_crossings(rates.sums_per_s, from_s, to_s, rng)
+        return draw_first_crossings(rates.sums_per_s, from_s, to_s, rng)
     if rates.sums_per_s[-1] * (to_s - from_s) > n_pixels:
-        return first_crossings(np.cumsum(rates.at(slice(None), sunlight_per_s)), from_s, to_s, rng)
-    pixel, at_s = crossings(rates.sums_per_s, from_s, to_s, rng)
+        return draw_first_crossings(np.cumsum(rates.at(slice(None), sunlight_per_s)), from_s, to_s, rng)
+    pixel, at_s = draw_crossings(rates.sums_per_s, from_s, to_s, rng)
     kept = rng.random(len(pixel)) * rates.most_per_s[pixel] < rates.at(pixel, sunlight_per_s[pixel])
     return _firsts(pixel[kept], at_s[kept])
 
 
-def first_crossings(
+def draw_first_crossings(
     sums_per_s: np.ndarray, from_s: float, to_s: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels, rising, with a crossing from `from_s` to `to_s`, and the time of their first [s].
@@ -65,14 +99,14 @@ def first_crossings(
     first by itself: an exponential time.
     """
     if sums_per_s[-1] * (to_s - from_s) <= len(sums_per_s):
-        return _firsts(*crossings(sums_per_s, from_s, to_s, rng))
+        return _firsts(*draw_crossings(sums_per_s, from_s, to_s, rng))
     with np.errstate(divide="ignore"):
         at_s = from_s + rng.standard_exponential(len(sums_per_s)) / np.diff(sums_per_s, prepend=0.0)
     pixel = np.flatnonzero(at_s < to_s)
     return pixel, at_s[pixel]
 
 
-def crossings(
+def draw_crossings(
     sums_per_s: np.ndarray, from_s: float, to_s: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return pixels, rising, and times [s], rising in a pixel, of all crossings of all pixels.
@@ -113,12 +147,11 @@ class _Rates(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _rates(gsfl: Gsfl, n_pixels: int, level: int | None) -> _Rates:
+def _rates(apd: Apd, amplifier: Amplifier, threshold_electrons: float, camera: Camera, level: int | None) -> _Rates:
     """Return the rates of a camera in the dark, or under a background of up to 2^level primaries a second."""
-    camera = gsfl.camera(n_pixels)
-    threshold, dark = gsfl.trigger.threshold_electrons * camera.threshold, gsfl.dark_per_s(camera)
+    threshold, dark = threshold_electrons * camera.threshold, camera.dark_per_s
     brightest = dark if level is None else dark + 2.0**level
-    most = np.where(camera.dead, 0.0, rates_per_s(gsfl, threshold, brightest))
+    most = np.where(camera.dead, 0.0, rates_per_s(apd, amplifier, threshold, brightest))
     known = _Rates(most, np.cumsum(most), threshold, dark, camera.dead)
     if level is None:
         return known
@@ -127,27 +160,36 @@ def _rates(gsfl: Gsfl, n_pixels: int, level: int | None) -> _Rates:
     low, high = (math.log(max(float(value), 1.0)) for value in (dark.min(), brightest.max()))
     primaries = np.linspace(low - 0.01, high + 0.01, max(4, math.ceil(4.0 * (high - low)) + 1))
     thresholds = np.linspace(0.99 * threshold.min(), 1.01 * threshold.max(), 65)
-    rates = rates_per_s(gsfl, *np.meshgrid(thresholds, np.exp(primaries)))
+    rates = rates_per_s(apd, amplifier, *np.meshgrid(thresholds, np.exp(primaries)))
     table = np.log(np.maximum(rates, math.exp(_NIL)))
     return known._replace(table=RectBivariateSpline(primaries, thresholds, table))
 
 
-def false_traces(
-    gsfl: Gsfl,
+def draw_false_traces(
+    apd: Apd,
+    amplifier: Amplifier,
+    readout: Readout,
     crossing_s: np.ndarray,
     threshold: np.ndarray,
     base_per_s: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is stored of noise that crosses its threshold upward at `crossing_s`: amplitudes and first samples.
+    """Draw what is stored of noise that crosses its threshold upward: amplitudes (trace, sample), and first samples.
 
     At an upcrossing the slope is Rayleigh-distributed (Slepian 1963; Leadbetter, Lindgren and Rootzén 1983, chapter 10).
     Behind two poles, value and slope at one moment are all that noise remembers: from there it is drawn sample by sample,
     onward and, since it looks the same in reverse, back.
+
+    Parameters
+    ----------
+    apd, amplifier, readout : where the noise comes from, and what is stored.
+    crossing_s : (trace) when the noise crosses [s since emission].
+    threshold : (trace) [electrons].
+    base_per_s : (trace) primaries of dark current and sunlight [1/s].
+    rng : random generator.
     """
-    readout, amplifier = gsfl.readout, gsfl.amplifier
     pole_s, lag = amplifier.pole_s, readout.sample_s / amplifier.pole_s
-    sigma = noise_rms(gsfl.apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
+    sigma = noise_rms(apd, base_per_s, amplifier.noise_electrons, pole_s, amplifier.integration_s)
     sample = np.floor(crossing_s / readout.sample_s)  # the last before the latch
     since = np.clip(crossing_s / pole_s - sample * lag, 0.0, lag)
     before, n = readout.pretrigger_samples + 1, readout.samples
@@ -156,43 +198,60 @@ def false_traces(
     for start in range(0, len(crossing_s), _AT_ONCE):
         of = slice(start, start + _AT_ONCE)
         level, rising, past, scale = threshold[of] / sigma[of], slope[of], since[of], sigma[of, None]
-        amplitude[of, before:] = scale * _onward(level, rising, lag - past, lag, n - before, rng)
-        amplitude[of, :before] = scale * _onward(level, -rising, past, lag, before, rng)[:, ::-1]
+        amplitude[of, before:] = scale * draw_onward(level, rising, lag - past, lag, n - before, rng)
+        amplitude[of, :before] = scale * draw_onward(level, -rising, past, lag, before, rng)[:, ::-1]
     return amplitude, sample.astype(np.int64) - readout.pretrigger_samples
 
 
-def _onward(
+def draw_onward(
     value: np.ndarray, slope: np.ndarray, first_lag: np.ndarray, lag: float, n: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return n samples (trace, sample) of noise behind two poles that has this value and slope before them.
+    """Draw n samples (trace, sample) of noise behind two poles that has this value and slope before them.
 
     Time is in poles, noise of rms 1. `slope` + `value` is what comes out of the first pole, an Ornstein-Uhlenbeck process of
-    variance 2; the second follows it. `first_lag` (trace) leads to the first sample, `lag` from each to the next.
+    variance 2; the second follows it.
+
+    Parameters
+    ----------
+    value, slope : (trace) of the noise before the first sample.
+    first_lag : (trace) from there to the first sample.
+    lag : from each sample to the next.
+    n : number of samples.
+    rng : random generator.
     """
     samples, white = np.empty((n, len(value))), rng.standard_normal((n, 2, len(value)))
-    if compiled():
-        from rso_lidar.detector.false_triggers_loops import onward
-
-        known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)
-        onward(*known, lag, white, samples)
-        return samples.T
-    between, later, halfway = gained(first_lag), gained(lag), value + slope
-    for sample, (one, other) in zip(samples, white, strict=True):
-        decay, driven, rms, with_it, alone = between
-        sample[:] = decay * value + driven * halfway + with_it * one + alone * other
-        halfway = decay * halfway + rms * one
-        value, between = sample, later
+    known = packed(value, np.float64), packed(slope, np.float64), packed(first_lag, np.float64)
+    continue_noise(*known, lag, white, samples)
     return samples.T
 
 
-def gained(lag: np.ndarray | float) -> tuple[np.ndarray | float, ...]:
+@kernel
+def noise_factors(lag: float) -> tuple[float, float, float, float, float]:
     """Return what a lag [poles] does to noise behind two poles, as factors: what is left, and what is new.
 
     The decay; the first pole's share in the second; the rms that the first gains; what the second gains along with it, and
     alone.
     """
-    decay = np.exp(-lag)
-    rms = np.sqrt(np.maximum(-2.0 * np.expm1(-2.0 * lag), 1e-30))
-    with_it = (1.0 - decay**2 * (1.0 + 2.0 * lag)) / rms
-    value = 1.0 - decay**2 * (1.0 + 2.0 * lag + 2.0 * lag**2)
-    return decay, lag * decay, rms, with_it, np.sqrt(np.maximum(value - with_it**2, 0.0))
+    decay = math.exp(-lag)
+    rms = math.sqrt(max(-2.0 * math.expm1(-2.0 * lag), 1e-30))
+    with_it = (1.0 - decay * decay * (1.0 + 2.0 * lag)) / rms
+    value = 1.0 - decay * decay * (1.0 + 2.0 * lag + 2.0 * lag * lag)
+    return decay, lag * decay, rms, with_it, math.sqrt(max(value - with_it * with_it, 0.0))
+
+
+@kernel
+def continue_noise(
+    value: np.ndarray, slope: np.ndarray, first_lag: np.ndarray, lag: float, white: np.ndarray, samples: np.ndarray
+) -> None:
+    """Fill `samples` (sample, trace) with noise that has a value and a slope before them, of `white` (sample, 2, trace)."""
+    later = noise_factors(lag)
+    for trace in range(len(value)):
+        between = noise_factors(first_lag[trace])
+        now, halfway = value[trace], value[trace] + slope[trace]
+        for sample in range(len(samples)):
+            decay, driven, rms, with_it, alone = between
+            one, other = white[sample, 0, trace], white[sample, 1, trace]
+            now = decay * now + driven * halfway + with_it * one + alone * other
+            halfway = decay * halfway + rms * one
+            samples[sample, trace] = now
+            between = later

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rso_lidar.arithmetic import compiled
-from rso_lidar.detector.waveform import Rows
+from rso_lidar.detector.stages.time_axis import Rows
+from rso_lidar.kernels import kernel
 
 
 class Overlap(NamedTuple):
@@ -32,7 +32,7 @@ class Overlap(NamedTuple):
         some = shared > 0
         return Overlap(row[some], lag[some], shared[some])
 
-    def part(self, block: slice) -> "Overlap":
+    def select(self, block: slice) -> "Overlap":
         """Return that of some rows, counted from the first of them, which must be the first of a pixel."""
         first, last = np.searchsorted(self.row, (block.start, block.stop))
         return Overlap(self.row[first:last] - block.start, self.lag[first:last], self.shared[first:last])
@@ -41,17 +41,19 @@ class Overlap(NamedTuple):
         """Write over what was drawn (row, step; 32 bits each) where the row before has drawn it already."""
         if not len(self.row):
             return
-        if not compiled():
-            for row, lag, shared in zip(*self, strict=True):
-                drawn[row, :shared] = drawn[row - 1, lag : lag + shared]
-            return
-        from rso_lidar.detector.overlap_loops import carry
-
-        carry(drawn.view(np.uint32), *self)
+        copy_shared(drawn.view(np.uint32), *self)
 
 
-def blocks(rows: Rows, at_once: int) -> list[slice]:
+def split_rows(rows: Rows, at_once: int) -> list[slice]:
     """Return slices of about so many rows, each of which begins with the first of a pixel."""
     pixel = rows.pixel
     edges = np.unique([*np.searchsorted(pixel, pixel[::at_once]), len(pixel)]).astype(int)
     return [slice(a, b) for a, b in pairwise(edges.tolist())]
+
+
+@kernel
+def copy_shared(drawn: np.ndarray, row: np.ndarray, lag: np.ndarray, shared: np.ndarray) -> None:
+    """Write the first `shared` steps of each `row` of `drawn` (row, step) from `lag` steps later in the row before."""
+    for k in range(len(row)):
+        for step in range(shared[k]):
+            drawn[row[k], step] = drawn[row[k] - 1, lag[k] + step]

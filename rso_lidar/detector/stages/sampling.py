@@ -1,12 +1,48 @@
-"""Storing and converting as one loop: the samples of each trace from the steps of its row, in counts."""
+"""Sampling and conversion: some steps of each row become counts."""
 
 import numpy as np
 
-from rso_lidar.arithmetic import loop
+from rso_lidar.detector.settings.readout import Readout
+from rso_lidar.kernels import kernel, packed
 
 
-@loop
-def store(
+def store_samples(
+    readout: Readout,
+    amplitude: np.ndarray,
+    row: np.ndarray,
+    first: np.ndarray,
+    per_sample: int,
+    n: int,
+    offset_counts: np.ndarray,
+) -> np.ndarray:
+    """Return `n` samples (trace, sample) [counts], converted: every `per_sample`th step of each `row` from `first` on.
+
+    Parameters
+    ----------
+    readout : the converter.
+    amplitude : (row, step) [electrons].
+    row, first : (trace) row and step of the first sample.
+    per_sample, n : steps from sample to sample, and samples of a trace.
+    offset_counts : (trace) what a pixel adds of its own.
+    """
+    counts = np.empty((len(row), n), np.float32)
+    stored = store_traces(
+        packed(amplitude, np.float32),
+        packed(row, np.int64),
+        packed(first, np.int64),
+        int(per_sample),
+        np.float32(1.0 / readout.electrons_per_count),
+        (offset_counts + readout.baseline_counts).astype(np.float32),
+        np.float32(readout.full_scale_counts),
+        bool(readout.quantised),
+        counts,
+    )
+    assert stored == len(row), "samples: some lie outside their rows"
+    return counts
+
+
+@kernel
+def store_traces(
     amplitude: np.ndarray,
     row: np.ndarray,
     first: np.ndarray,
@@ -33,3 +69,17 @@ def store(
                 count = np.rint(count)
             counts[trace, sample] = min(max(count, np.float32(0.0)), full_scale)
     return len(counts)
+
+
+def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the converter's output [counts], baseline included, of amplitudes [electrons]; float32.
+
+    `offset_counts` is what a pixel adds of its own.
+    """
+    counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
+    counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)
+    if readout.quantised:
+        np.rint(counts, out=counts)
+    np.clip(counts, 0.0, float(readout.full_scale_counts), out=counts)
+    result: np.ndarray = counts.astype(np.float32, copy=False)
+    return result

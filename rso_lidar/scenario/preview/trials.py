@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import array_load
-from rso_lidar.detector.trial import Surroundings, Trial, trial
+from rso_lidar.detector.bench.trial import Surroundings, Trial, trial
 from rso_lidar.records import Photons
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.returns import TargetReturns

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rso_lidar import detector, motion, units
-from rso_lidar.detector.trial import Trial
+from rso_lidar.detector.bench.trial import Trial
 from rso_lidar.orbit import Numerical, Tle, format_utc
 from rso_lidar.orbit.sets.sgp4_motion import Omm
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state

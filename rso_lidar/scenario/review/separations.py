@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rso_lidar.detector import describe_storage
-from rso_lidar.detector.separation import OVER, listed_separations
+from rso_lidar.detector.bench.separation import OVER, listed_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.detector import array_load, detection_probability
-from rso_lidar.detector.trial import plate, trial
+from rso_lidar.detector.bench.trial import plate, trial
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.returns import cast_target

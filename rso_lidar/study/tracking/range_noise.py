@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import array_load, detect, isolate
-from rso_lidar.detector.trial import Surroundings, plate, point_returns, trial
+from rso_lidar.detector.bench.trial import Surroundings, plate, point_returns, trial
 from rso_lidar.records import Frame, Photons, Reading
 from rso_lidar.scenario import Lidar
 

@@ -1,0 +1,53 @@
+"""Pixels under a range gate: all store the same stretch of time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar.detector.chain.analog import base_rate_per_s, quick, simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.timing import plan_time
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.sampling import store_samples
+from rso_lidar.detector.stages.time_axis import place_gate_rows
+from rso_lidar.records import Photons, Waveforms
+
+
+def store_gate(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+    """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers.
+
+    Parameters
+    ----------
+    gsfl : the detector, with a gate.
+    photons : light on every pixel.
+    rng : random generator.
+    """
+    assert gsfl.gate is not None
+    rng = quick(rng)
+    n_pixels = photons.shape[0] * photons.shape[1]
+    camera = build_camera(gsfl, n_pixels)
+    plan = plan_time(gsfl, photons.pulse_fwhm_s)
+    n_samples = gsfl.gate.n_samples(gsfl.readout.sample_s)
+    rows, sample = place_gate_rows(gsfl.gate, gsfl.readout, plan, n_pixels)
+    first = np.full(n_pixels, plan.before)
+    total = np.zeros((n_pixels, n_samples), np.float32)
+    clipped = np.zeros((n_pixels, n_samples), bool)
+    for _ in range(gsfl.gate.pulses):
+        amplitude = simulate_analog(gsfl, photons, rows, plan, camera, rng).amplitude
+        counts = store_samples(
+            gsfl.readout, amplitude, rows.pixel, first, plan.steps_per_sample, n_samples, camera.offset_counts
+        )
+        clipped |= counts >= gsfl.readout.full_scale_counts
+        total += counts
+    alive = np.flatnonzero(~camera.dead)
+    return Waveforms(
+        shape=photons.shape,
+        sample_s=gsfl.readout.sample_s,
+        baseline_counts=gsfl.readout.baseline_counts,
+        pixel=alive,
+        start_s=np.full(len(alive), sample * gsfl.readout.sample_s),
+        latch_s=np.full(len(alive), np.nan),
+        samples_counts=total[alive] / np.float32(gsfl.gate.pulses),
+        clipped=clipped[alive],
+        base_per_s=base_rate_per_s(gsfl.quantum_efficiency, camera, photons)[alive],
+    )

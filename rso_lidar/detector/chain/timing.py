@@ -1,0 +1,38 @@
+"""The axis of time of a detector, and the shape of its pulses on it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from rso_lidar.detector.ranging.pulse import Pulse
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.stages.time_axis import Plan, make_plan
+from rso_lidar.records import Photons
+
+
+def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
+    """Plan the axis of time of a detector.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    pulse_fwhm_s : length of the pulse [s].
+    earliest_s : how long before its delay a return can latch [s], where that is longer than for moderate light.
+    """
+    return make_plan(
+        gsfl.readout, gsfl.amplifier, pulse_fwhm_s, steps_per_sample=gsfl.steps_per_sample, earliest_s=earliest_s
+    )
+
+
+def shape_pulse(gsfl: Gsfl, photons: Photons) -> Pulse:
+    """Return the shape of one return after the amplifier."""
+    amplifier = gsfl.amplifier
+    power = photons.pulse_power_per_s.tobytes()
+    return _shape_pulse(photons.pulse_step_s, power, amplifier.pole_s, amplifier.integration_s)
+
+
+@lru_cache(maxsize=8)
+def _shape_pulse(step_s: float, power_per_s: bytes, pole_s: float, integration_s: float) -> Pulse:
+    return Pulse.after(step_s, np.frombuffer(power_per_s), pole_s, integration_s)

@@ -1,0 +1,200 @@
+"""Pixels that trigger themselves: the first crossing latches, and a few samples about it are stored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.chain.analog import Analog, base_rate_per_s, quick, simulate_analog
+from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.timing import plan_time, shape_pulse
+from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.settings.noise import noise_rms
+from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.comparator import (
+    NEAR,
+    NEVER,
+    find_crossings_between,
+    find_latches,
+    make_bridge,
+    mark_watched,
+    refine_crossings,
+)
+from rso_lidar.detector.stages.false_triggers import Armed, draw_false_traces, draw_first_false
+from rso_lidar.detector.stages.sampling import convert, store_samples
+from rso_lidar.detector.stages.time_axis import Rows, place_rows
+from rso_lidar.records import Photons, Waveforms
+
+_DARK = 1e-3  # of the threshold: so little light on a pixel changes nothing of when noise triggers it
+_SURE = 10.0  # times the threshold: so much light in the watched part of a row latches, however it is spread there
+
+
+def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+    """Simulate the stored samples of self-triggering pixels.
+
+    The first crossing of a threshold, by signal or by noise, starts a trace.
+
+    Parameters
+    ----------
+    gsfl : the detector, without a gate.
+    photons : light on every pixel.
+    rng : random generator.
+    """
+    rng = quick(rng)
+    n_pixels = photons.shape[0] * photons.shape[1]
+    camera = build_camera(gsfl, n_pixels)
+    plan = plan_time(gsfl, photons.pulse_fwhm_s, _earliest_s(gsfl, photons))
+    per_sample = plan.steps_per_sample
+    dark = _DARK * gsfl.threshold_photons
+    sure = _SURE * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
+    rows, arming = arm_rows(gsfl, place_rows(photons, plan, dark, sure), plan.step_s)
+    made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
+    base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)
+    threshold = (gsfl.trigger.threshold_electrons * camera.threshold[rows.pixel]).astype(np.float32)
+    latch = latch_rows(gsfl, made, threshold, base[rows.pixel], arming, plan.step_s, rng)
+    fired = np.flatnonzero((latch >= 0.0) & ~camera.dead[rows.pixel])
+    row = fired[np.diff(rows.pixel[fired], prepend=-1) != 0]  # the first of each pixel
+    pixel, latch_step = rows.pixel[row], rows.start[row] + latch[row]
+
+    sunlight = None if photons.background_photons_per_s is None else base - camera.dark_per_s
+    noisy, false_s = draw_first_false(arm_comparators(gsfl, camera), sunlight, rng)
+    unwatched = ~_is_watched(rows, plan.step_s, noisy, false_s)
+    noisy, false_s = noisy[unwatched], false_s[unwatched]
+    place, both = _find(pixel, noisy)
+    late = both & (false_s >= np.append(latch_step, 0.0)[place] * plan.step_s)
+    real = np.ones(len(pixel), bool)
+    real[place[both & ~late]] = False
+    noisy, false_s = noisy[~late], false_s[~late]
+
+    row, pixel, latch_step = row[real], pixel[real], latch_step[real]
+    sample = np.floor(latch_step / per_sample).astype(np.int64) - gsfl.readout.pretrigger_samples
+    offset = camera.offset_counts
+    first = sample * per_sample - rows.start[row]
+    counts = store_samples(gsfl.readout, made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
+    latch_s = latch_step * plan.step_s
+    if len(noisy):
+        level = gsfl.trigger.threshold_electrons * camera.threshold[noisy]
+        noise, noise_sample = draw_false_traces(
+            gsfl.apd, gsfl.amplifier, gsfl.readout, false_s, level, base[noisy], rng
+        )
+        at = np.searchsorted(pixel, noisy)
+        counts = np.insert(counts, at, convert(gsfl.readout, noise, offset[noisy, None]), axis=0)
+        pixel, sample = np.insert(pixel, at, noisy), np.insert(sample, at, noise_sample)
+        latch_s = np.insert(latch_s, at, false_s)
+    return Waveforms(
+        shape=photons.shape,
+        sample_s=gsfl.readout.sample_s,
+        baseline_counts=gsfl.readout.baseline_counts,
+        pixel=pixel,
+        start_s=sample * gsfl.readout.sample_s,
+        latch_s=latch_s,
+        samples_counts=counts,
+    )
+
+
+def arm_rows(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
+    """Return rows that are watched only inside the armed window, and which of them begin to be watched as it opens."""
+    opens, closes = (np.ceil(m / units.RANGE_PER_DELAY_M_S / step_s) for m in (gsfl.armed_from_m, gsfl.armed_to_m))
+    first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
+    last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
+    return replace(rows, first=first, last=last), first > rows.first
+
+
+def latch_rows(
+    gsfl: Gsfl,
+    made: Analog,
+    threshold: np.ndarray,
+    base_per_s: np.ndarray,
+    arming: np.ndarray,
+    step_s: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return where (row) [steps] each row's comparator latches, the crossing of its threshold, or -1.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    made : the amplifier's output.
+    threshold : (row) [electrons].
+    base_per_s : (row) primaries that no pulse makes [1/s].
+    arming : (row) which rows begin as the pixel is armed.
+    step_s : length of a step [s].
+    rng : random generator of the noise between the steps.
+    """
+    rows, amplitude, bridge, amplifier = (
+        made.rows,
+        made.amplitude,
+        make_bridge(gsfl.amplifier.pole_s, step_s),
+        gsfl.amplifier,
+    )
+    latch = find_latches(
+        amplitude,
+        made.primaries,
+        threshold,
+        base_per_s,
+        rows.first,
+        rows.last,
+        arming,
+        hysteresis=gsfl.trigger.hysteresis_electrons,
+        step_s=step_s,
+        quiet_electrons=amplifier.noise_electrons,
+        shot_electrons_rs=float(noise_rms(gsfl.apd, 1.0, 0.0, amplifier.pole_s, amplifier.integration_s)),
+        reach=bridge.reach * bridge.sigma,
+    )
+    crossing = np.full(len(latch), float(NEVER))
+    above = np.flatnonzero(latch >= 0)
+    # A row that is above the threshold when its watch begins crossed before that, and is searched as far back as it holds
+    # the samples of its trace. A row that continues another, or begins as the pixel is armed, was not above before.
+    back = ~arming & (np.diff(rows.pixel, prepend=-1) != 0)
+    stored_before = gsfl.readout.pretrigger_samples * round(gsfl.readout.sample_s / step_s)
+    earliest = np.where(back, np.minimum(stored_before, rows.first), rows.first)
+    crossing[above] = refine_crossings(amplitude, above, threshold[above], latch[above], earliest[above])
+    missed = np.flatnonzero(latch == NEAR)
+    if not len(missed):
+        return crossing
+    watched = mark_watched(rows.length, rows.first[missed], rows.last[missed])
+    sigma = noise_sigma(gsfl, made.primaries[missed] / step_s + base_per_s[missed, None])
+    crossing[missed] = find_crossings_between(
+        amplitude[missed], made.mean(missed), threshold[missed], watched, sigma, bridge, rng
+    )
+    return crossing
+
+
+def noise_sigma(gsfl: Gsfl, rate_per_s: np.ndarray) -> np.ndarray:
+    """Return the rms [electrons] of the noise where so many primaries come a second, of whatever origin."""
+    amplifier = gsfl.amplifier
+    return noise_rms(gsfl.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
+
+
+def arm_comparators(gsfl: Gsfl, camera: Camera) -> Armed:
+    """Return the comparators of a camera as they wait for noise."""
+    from_s, to_s = (m / units.RANGE_PER_DELAY_M_S for m in (gsfl.armed_from_m, gsfl.armed_to_m))
+    return Armed(gsfl.apd, gsfl.amplifier, gsfl.trigger.threshold_electrons, camera, from_s, to_s)
+
+
+def _earliest_s(gsfl: Gsfl, photons: Photons) -> float:
+    """Return how long before its delay the brightest pixel's light can pass half the threshold [s]; 0 where it does not."""
+    brightest = float(np.bincount(photons.pixel, photons.photons).max(initial=0.0)) if len(photons.pixel) else 0.0
+    pulse = shape_pulse(gsfl, photons)
+    over = brightest * gsfl.electrons_per_photon * pulse.peak / gsfl.trigger.threshold_electrons
+    return max(-pulse.rise_s(0.5 / over), 0.0) if over > 1.0 else 0.0
+
+
+def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Return whether rows say what noise does to these pixels at these times [s]."""
+    row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
+    watched = np.zeros(len(pixel), bool)
+    while (row < end).any():  # a pixel has few rows
+        some = np.flatnonzero(row < end)
+        step, of = at_s[some] / step_s - rows.start[row[some]], row[some]
+        watched[some] |= (step >= rows.first[of]) & (step <= rows.last[of] - 1)  # `last` itself is not looked at
+        row = row + 1
+    return watched
+
+
+def _find(pixel: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each pixel asked for stands, or would, among rising ones, and whether it is there."""
+    place = np.searchsorted(pixel, asked)
+    return place, np.append(pixel, -1)[place] == asked

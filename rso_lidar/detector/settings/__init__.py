@@ -1,0 +1,1 @@
+"""What a user sets: pure parts, with plain derived quantities."""

@@ -1,0 +1,49 @@
+"""The pixels of one camera: what differs from pixel to pixel and stays the same in every flash."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.settings.apd import Apd
+from rso_lidar.detector.settings.focal_plane import Defects, Maps
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One camera's pixels (n_pixels): drawn once from its seed, the same in every flash and every run."""
+
+    threshold: np.ndarray  # factor
+    gain: np.ndarray  # factor
+    offset_counts: np.ndarray
+    t0_s: np.ndarray
+    dead: np.ndarray  # bool
+    hot: np.ndarray  # bool
+    dark_per_s: np.ndarray  # dark current [primary electrons/s]
+
+
+@lru_cache(maxsize=8)
+def make_camera(
+    n_pixels: int, seed: int, apd: Apd, threshold_spread: float, maps: Maps | None, defects: Defects | None
+) -> Camera:
+    """Return the pixels of a camera; each map has its own draws, so that one setting does not move the others."""
+    drawn = [np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(k,)))) for k in range(5)]
+    threshold, gain, offset, t0 = (rng.standard_normal(n_pixels) for rng in drawn[:4])
+    chance = drawn[4].random(n_pixels)
+    none = np.zeros(n_pixels)
+    dead = defects.dead_fraction if defects else 0.0
+    hot = defects.hot_fraction if defects else 0.0
+    is_hot = (chance >= dead) & (chance < dead + hot)
+    dark_per_s = np.full(n_pixels, apd.dark_electrons_per_s)
+    if defects is not None:
+        dark_per_s[is_hot] = defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
+    return Camera(
+        threshold=np.maximum(1.0 + threshold_spread * threshold, 0.2),
+        gain=np.maximum(1.0 + maps.gain_spread_fraction * gain, 0.2) if maps else none + 1.0,
+        offset_counts=maps.offset_spread_counts * offset if maps else none,
+        t0_s=maps.t0_spread_ns * units.NS * t0 if maps else none,
+        dead=chance < dead,
+        hot=is_hot,
+        dark_per_s=dark_per_s,
+    )

@@ -1,0 +1,81 @@
+"""The laser's pulse laid over light: expected photoelectrons, and their mean behind the amplifier."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rso_lidar.detector.stages.light import sharing_response
+from rso_lidar.kernels import kernel
+
+
+def transform_pulse(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s: float) -> np.ndarray:
+    """Return what lays a laser's pulse over `n` steps of `expected` light, complex factors of its transform."""
+    time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
+    frequency_hz = np.fft.rfftfreq(n, step_s)
+    turn = np.exp(-2j * math.pi * np.multiply.outer(frequency_hz, time_s))
+    transfer: np.ndarray = (turn * (power_per_s * pulse_step_s)).sum(axis=1) / sharing_response(n)
+    transfer[frequency_hz > 0.5 / pulse_step_s] = 0.0  # finer than the taps nothing is known of the pulse
+    return transfer
+
+
+class PulseFilters(NamedTuple):
+    """Two filters, on the circle of a row: factors of its transform, and responses of its steps, twice around."""
+
+    pulse: np.ndarray  # light to primaries
+    amplified: np.ndarray  # light to amplitude
+    pulse_response: np.ndarray
+    amplified_response: np.ndarray
+
+    @staticmethod
+    def of(pulse: np.ndarray, amplified: np.ndarray, n: int) -> "PulseFilters":
+        """Return the filters of so many steps with these factors."""
+        from scipy.fft import irfft
+
+        responses = (np.tile(irfft(factors, n), 2).astype(np.float32) for factors in (pulse, amplified))
+        return PulseFilters(pulse.astype(np.complex64), amplified.astype(np.complex64), *responses)
+
+
+def convolve_light(
+    light: np.ndarray, filters: PulseFilters, least_primaries: np.float32
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return expected primaries and amplitude (row, step): light behind two filters.
+
+    A transform costs the same whatever is lit. Little of a row is, so a response is added for each lit step.
+
+    Parameters
+    ----------
+    light : (row, step) expected photons, float32.
+    filters : of the pulse, and of the pulse and the amplifier.
+    least_primaries : fewer primaries in a step count as none.
+    """
+    primaries, amplitude = np.empty(light.shape, np.float32), np.empty(light.shape, np.float32)
+    convolve_rows(light, filters.pulse_response, filters.amplified_response, least_primaries, primaries, amplitude)
+    return primaries, amplitude
+
+
+@kernel
+def convolve_rows(
+    light: np.ndarray,
+    pulse: np.ndarray,
+    amplified: np.ndarray,
+    least: np.float32,
+    primaries: np.ndarray,
+    amplitude: np.ndarray,
+) -> None:
+    """Lay two responses (twice around the circle) over the light of each row; `primaries` below `least` count as none."""
+    n_rows, n = light.shape
+    for row in range(n_rows):
+        expected, mean = primaries[row], amplitude[row]
+        expected[:] = 0.0
+        mean[:] = 0.0
+        for lit in range(n):
+            photons = light[row, lit]
+            if photons != 0.0:
+                from_pulse, from_amplified = pulse[n - lit : 2 * n - lit], amplified[n - lit : 2 * n - lit]
+                for step in range(n):
+                    expected[step] += photons * from_pulse[step]
+                    mean[step] += photons * from_amplified[step]
+        for step in range(n):
+            if expected[step] < least:
+                expected[step] = 0.0

@@ -1,0 +1,121 @@
+"""The avalanche as a loop: tables draw word for word as with NumPy, and the two paths make samples of one distribution."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector.stages.alias_tables import (
+    NORMAL_PER_SIGMA,
+    NORMAL_ZERO,
+    build_normal_table,
+    build_tables,
+    draw,
+    words,
+)
+from rso_lidar.detector.stages.avalanche import (
+    EXACT_PRIMARIES,
+    base_table,
+    draw_from_table,
+    level_tables,
+    multiply,
+    multiply_steps,
+    parabolic_from,
+)
+from tests.reference.detector import avalanche as reference
+
+
+def test_a_word_draws_the_same_from_a_table_either_way():
+    weights = np.random.default_rng(1).random((3, 37))
+    tables = build_tables([np.r_[np.zeros(5), weights[0]], weights[1], weights[2]])
+    row = np.arange(3000) % 3
+    by_numpy = draw(tables, np.random.default_rng(2), 3000, row)
+    one_by_one = [
+        draw_from_table(word, tables, k) for word, k in zip(words(np.random.default_rng(2), 3000), row, strict=True)
+    ]
+    assert np.array_equal(by_numpy, one_by_one)
+    assert by_numpy[row == 0].min() >= 5.0
+
+
+def test_the_normal_table_is_standard():
+    """A million draws: mean, variance, fourth moment to 4.5 standard errors; and the whole distribution on the grid."""
+    n = 1_000_000
+    x = (draw(build_normal_table(), np.random.default_rng(3), n) - NORMAL_ZERO) / NORMAL_PER_SIGMA
+    for power, moment, spread in ((1, 0.0, 1.0), (2, 1.0, 2.0), (4, 3.0, 96.0)):
+        assert abs((x.astype(float) ** power).mean() - moment) < 4.5 * np.sqrt(spread / n)
+    edges = np.arange(-4.0, 4.0, 0.125)
+    above = np.searchsorted(np.sort(x), edges + 0.5 / NORMAL_PER_SIGMA) / n
+    assert np.abs(above - stats.norm.cdf(edges + 0.5 / NORMAL_PER_SIGMA)).max() < 2.2 / np.sqrt(n)  # Kolmogorov, 1e-4
+    assert np.abs(x).max() > 4.4
+
+
+@pytest.mark.parametrize("mean", [4.9, 4.95, 8.3, 60.7, 110.0, 400.0])
+def test_paths_draw_from_one_distribution(mean):
+    """Two samples of 200,000: Kolmogorov-Smirnov, 1e-4."""
+    samples = []
+    for seed, draw_electrons in enumerate((multiply, reference.multiply)):
+        samples.append(draw_electrons(np.full(200_000, mean), Apd(), np.random.default_rng(seed), base=4.9))
+    assert stats.ks_2samp(*samples).pvalue > 1e-4
+
+
+def test_steps_do_not_know_of_each_other():
+    """Steps of every kind side by side: each kind has the mean of its own, and neighbours do not correlate; 5 sigma."""
+    means = np.tile(np.array([4.9, 4.9, 5.0, 30.3, 150.0, 500.0, 0.3, 0.0], np.float32), (50_000, 1))
+    x = multiply(means, Apd(), np.random.default_rng(5), base=4.9)
+    assert multiply(means[:0], Apd(), np.random.default_rng(5), base=4.9).shape == (0, 8)
+    assert np.all(np.abs(x.mean(axis=0) - 10.0 * means[0]) <= 5.0 * np.sqrt(352.0 * means[0] / 50_000))
+    assert np.corrcoef(x[:, :7].T) == pytest.approx(np.eye(7), abs=5.0 / np.sqrt(50_000))
+    assert len(multiply_steps.dispatcher.signatures) == 1
+
+
+class Given:
+    """Normal numbers that were drawn before, in place of a generator."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def standard_normal(self, size, dtype):
+        return self.numbers.astype(dtype)
+
+
+@pytest.mark.parametrize("ionisation_ratio", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("gain", [1.0, 10.0, 60.0])
+@pytest.mark.parametrize("mean", [100.5, 300.0, 1e4])
+def test_large_means_bend_a_normal_number_alike(mean, gain, ionisation_ratio):
+    """By series and Newton's rounds, or in closed form: float32's rounding, and 1e-5 of the noise."""
+    apd = Apd(gain=gain, ionisation_ratio=ionisation_ratio)
+    z = np.linspace(-4.0, 4.0, 999)
+    word = np.interp(stats.norm.cdf(z), [0.0, 1.0], [0.0, 2.0**32 - 1]).astype(np.uint32)
+    z = (np.array([draw_from_table(one, build_normal_table(), 0) for one in word]) - NORMAL_ZERO) / NORMAL_PER_SIGMA
+    assert z.std() > 1.0
+    lam, made = np.full(len(z), mean, np.float32), np.empty(len(z), np.float32)
+    tables = (
+        base_table(gain, ionisation_ratio, 1.0),
+        *level_tables(gain, ionisation_ratio),
+        build_normal_table(),
+    )
+    limits = EXACT_PRIMARIES, parabolic_from(apd)
+    rng = np.random.default_rng(1)
+    assert multiply_steps(lam, np.float32(1.0), tables, cumulants(apd), limits, word, rng, made) == len(z)
+    noise = np.sqrt(cumulants(apd)[1] * mean)
+    assert np.abs(made - reference.draw_bent(lam, apd, Given(z))).max() < 1e-5 * noise + 4e-7 * made.max()
+
+
+def test_a_small_rest_is_poisson_too():
+    """Gain 1 counts the primaries: two and three of 0.12 expected come as often as Poisson's law says, 4.5 sigma."""
+    n = 2_000_000
+    counted = multiply(np.full(n, 0.12), Apd(gain=1.0), np.random.default_rng(7), base=0.0)
+    for number in (0, 1, 2, 3):
+        share = stats.poisson.pmf(number, 0.12)
+        assert abs(np.count_nonzero(counted == number) - n * share) < 4.5 * np.sqrt(n * share)
+
+
+def test_too_few_words_write_nothing_beyond():
+    """Three words for each step that expects a little more, and as many steps as those suffice for."""
+    apd, lam = Apd(), np.full(10, 5.5, np.float32)
+    tables = base_table(10.0, 0.2, 5.0), *level_tables(10.0, 0.2), build_normal_table()
+    electrons, rng = np.full(10, -1.0, np.float32), np.random.default_rng(1)
+    random = words(rng, 14)
+    assert multiply_steps(lam, np.float32(5.0), tables, cumulants(apd), (100.0, 1e3), random, rng, electrons) == 4
+    assert np.all(electrons[:4] >= 0.0) and np.all(electrons[4:] == -1.0)
+    assert len(multiply_steps.dispatcher.signatures) == 1
