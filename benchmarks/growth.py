@@ -16,7 +16,7 @@ from benchmarks import scenes
 from benchmarks.clock import fresh, seconds
 from benchmarks.report import Findings, table
 from benchmarks.stages import ROWS, flash_s, medians, warm
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import PARTS
 
 FIGURE = "growth.png"
@@ -167,8 +167,10 @@ def drawn(found: Sequence[Axis]) -> Any:
         panel.loglog(axis.size, axis.cost[-1] * axis.size / axis.size[-1], ":", color="0.6", lw=1.0)
         decades = np.floor(np.log10(axis.cost.min())), np.ceil(np.log10(axis.cost.max()))
         panel.set_ylim(*np.power(10.0, decades))
-        dress(panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, at the end {axis.at_the_end:.2f}")
-        in_thousands(panel.xaxis, panel.yaxis)
+        style_axes(
+            panel, axis.name, axis.note, axis.unit, f"exponent {axis.exponent:.2f}, at the end {axis.at_the_end:.2f}"
+        )
+        format_thousands(panel.xaxis, panel.yaxis)
         panel.minorticks_off()
     return figure
 

@@ -36,8 +36,8 @@ from rso_lidar.detector.stages.false_alarms import false_alarm_rate
 from rso_lidar.detector.stages.sampling import convert
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.picture.selection.scale import nice_down
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.surfaces import build_whole_surface
@@ -76,7 +76,7 @@ def binomial_bars(found: int, n: int) -> tuple[float, float, float]:
 
 def key(axes: Any, where: str = "best", **more: Any) -> None:
     """Put a legend in quiet ink."""
-    axes.legend(fontsize=8, frameon=False, loc=where, labelcolor=hexed(QUIET), **more)
+    axes.legend(fontsize=8, frameon=False, loc=where, labelcolor=hex_colour(QUIET), **more)
 
 
 # --------------------------------------------------------------------------------------------------------- figures
@@ -102,13 +102,13 @@ def counts() -> Any:
         noise_of.plot(levels, spread, ".-", color=colour, label=label, ms=4, lw=1.0)
     fast = rl.Empirical()
     mean_of.plot(
-        levels, fast.counts(levels), "--", color=hexed(INK), lw=0.9, label="empirical, fitted to the blue curve"
+        levels, fast.counts(levels), "--", color=hex_colour(INK), lw=0.9, label="empirical, fitted to the blue curve"
     )
     mean_of.set(xscale="log", yscale="log")
     noise_of.set(xscale="log", ylim=(0, None))
-    in_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
-    dress(mean_of, "Mean", x="Photons on the pixel", y="Intensity [counts]")
-    dress(noise_of, "Standard deviation", x="Photons on the pixel", y="[counts]")
+    format_thousands(mean_of.xaxis, mean_of.yaxis, noise_of.xaxis)
+    style_axes(mean_of, "Mean", x="Photons on the pixel", y="Intensity [counts]")
+    style_axes(noise_of, "Standard deviation", x="Photons on the pixel", y="[counts]")
     key(mean_of)
     key(noise_of)
     return figure
@@ -131,15 +131,15 @@ def detection() -> Any:
     draw(by_preset, rl.Gsfl(), BLUE, "noise_limited")
     draw(by_preset, rl.Gsfl(preset="offset_limited"), ORANGE, "offset_limited")
     fast = rl.Empirical().detection_probability(levels.astype(float))
-    by_preset.plot(levels, fast, "--", color=hexed(INK), lw=0.9, label="empirical, fitted to noise_limited")
+    by_preset.plot(levels, fast, "--", color=hex_colour(INK), lw=0.9, label="empirical, fitted to noise_limited")
     for fwhm_ns, colour in ((6.0, GREEN), (8.0, BLUE), (10.0, RED)):
         draw(by_pulse, rl.Gsfl(), colour, f"{fwhm_ns:g} ns", fwhm_ns)
     for axes in (by_preset, by_pulse):
-        axes.axhline(0.95, color=hexed(LINE), lw=0.8)
-        axes.axvline(1000, color=hexed(LINE), lw=0.8)
-    dress(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
-    dress(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
-    in_thousands(by_preset.xaxis, by_pulse.xaxis)
+        axes.axhline(0.95, color=hex_colour(LINE), lw=0.8)
+        axes.axvline(1000, color=hex_colour(LINE), lw=0.8)
+    style_axes(by_preset, "Presets", x="Photons on the pixel", y="Probability of detection")
+    style_axes(by_pulse, "Length of the pulse, noise_limited", x="Photons on the pixel")
+    format_thousands(by_preset.xaxis, by_pulse.xaxis)
     key(by_preset)
     key(by_pulse)
     return figure
@@ -169,10 +169,14 @@ def false_alarms() -> Any:
             own = detector.threshold_over_noise
             axes.plot(own, np.exp(np.interp(own, over, np.log(rate))), "o", color=colour, ms=5)
     axes.plot(
-        over, rice_rate(over, 1.0, rl.detector.Amplifier().pole_s), color=hexed(INK), lw=1.4, label="Gaussian (Rice)"
+        over,
+        rice_rate(over, 1.0, rl.detector.Amplifier().pole_s),
+        color=hex_colour(INK),
+        lw=1.4,
+        label="Gaussian (Rice)",
     )
     axes.set(yscale="log", ylim=(1e-6, 1e7), xlim=(3, 18.5))
-    dress(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
+    style_axes(axes, x="Threshold over the rms noise in the dark", y="False alarms of an armed pixel [1/s]")
     key(axes)
     return figure
 
@@ -208,7 +212,7 @@ def precision() -> Any:
         )
         for snr in snrs
     ]
-    bench.plot(snrs, np.array(bound) * CM, color=hexed(INK), lw=1.4, label="Cramér–Rao bound")
+    bench.plot(snrs, np.array(bound) * CM, color=hex_colour(INK), lw=1.4, label="Cramér–Rao bound")
     levels = np.geomspace(700, 60_000, 12)
     for name, colour in ALGORITHMS.items():
         detector = rl.Gsfl(timing=STILL, ranging=rl.detector.Ranging(algorithm=name, walk_correction=True))
@@ -218,9 +222,9 @@ def precision() -> Any:
     whole.plot(levels, spread, "--", color=BLUE, lw=1.3, label="matched_filter with the default jitter: 5 cm")
     for axes in (bench, whole):
         axes.set(xscale="log", yscale="log")
-        in_thousands(axes.xaxis, axes.yaxis)
-    dress(bench, "Amplifier noise alone", x="Amplitude over rms noise", y="Range, 1 sigma [cm]")
-    dress(whole, "Whole chain, jitter off, walk corrected", x="Photons on the pixel", y="Range, 1 sigma [cm]")
+        format_thousands(axes.xaxis, axes.yaxis)
+    style_axes(bench, "Amplifier noise alone", x="Amplitude over rms noise", y="Range, 1 sigma [cm]")
+    style_axes(whole, "Whole chain, jitter off, walk corrected", x="Photons on the pixel", y="Range, 1 sigma [cm]")
     key(bench)
     key(whole)
     return figure
@@ -251,14 +255,14 @@ def walk() -> Any:
             bias = np.array([one.range_bias_m for one in trials]) / units.CM
             bar = [1.96 * one.range_error_m.std() / math.sqrt(len(one.range_error_m)) / units.CM for one in trials]
             axes.errorbar(levels, bias, bar, fmt=".-", color=colour, ms=4, lw=1.0, label=name)
-        axes.axhline(0.0, color=hexed(INK), lw=0.6)
+        axes.axhline(0.0, color=hex_colour(INK), lw=0.6)
         axes.set(xscale="log", ylim=(-160, 100))
         axes.set_yscale("symlog", linthresh=5.0, linscale=1.2)
         axes.set_yticks([-100, -50, -20, -10, -5, -2, 0, 2, 5, 10, 20, 50])
         axes.yaxis.set_minor_locator(NullLocator())
-        in_thousands(axes.xaxis, axes.yaxis)
-    dress(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
-    dress(both[1], "walk_correction = true", x="Photons on the pixel")
+        format_thousands(axes.xaxis, axes.yaxis)
+    style_axes(both[0], "Raw", x="Photons on the pixel", y="Range minus truth [cm]")
+    style_axes(both[1], "walk_correction = true", x="Photons on the pixel")
     key(both[1], "lower left")
     return figure
 
@@ -298,20 +302,24 @@ def pixel() -> Any:
     light.stem(
         range_m[made.light[0] > 1.0], made.light[0][made.light[0] > 1.0], basefmt=" ", linefmt=BLUE, markerfmt="."
     )
-    dress(light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps")
+    style_axes(light, "Light", y="Photons", note="expected, each return as a flash of no length, shared among steps")
     current.plot(
-        range_m, detector.apd.gain * made.primaries[0], color=hexed(INK), lw=1.1, label="gain × expected photoelectrons"
+        range_m,
+        detector.apd.gain * made.primaries[0],
+        color=hex_colour(INK),
+        lw=1.1,
+        label="gain × expected photoelectrons",
     )
     current.step(
         range_m, made.electrons[0], where="mid", color=ORANGE, lw=1.0, label="drawn: Poisson, avalanche, dark current"
     )
-    dress(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
+    style_axes(current, "APD", y="Electrons in a step", note=f"steps of {plan.step_s / units.NS:.2f} ns")
     key(current)
-    voltage.plot(range_m, made.mean()[0], color=hexed(INK), lw=0.9, label="without noise")
+    voltage.plot(range_m, made.mean()[0], color=hex_colour(INK), lw=0.9, label="without noise")
     voltage.plot(range_m, made.amplitude[0], color=BLUE, lw=1.2, label="amplitude")
     voltage.axhline(threshold[0], color=RED, lw=0.9, ls="--", label="threshold of this pixel")
     voltage.axvline(np.interp(latch, np.arange(rows.length), range_m), color=RED, lw=0.9, label="latch")
-    dress(voltage, "Amplifier and trigger", y="Electrons")
+    style_axes(voltage, "Amplifier and trigger", y="Electrons")
     key(voltage)
     counts_at = samples[0] - detector.readout.baseline_counts
     stored.plot(range_m[at], counts_at, "o", color=BLUE, ms=4, label="20 samples, less the baseline")
@@ -331,14 +339,14 @@ def pixel() -> Any:
         stored.text(
             where, 1.02, f"{where:.2f} m", transform=stored.get_xaxis_transform(), fontsize=8, ha="center", color=GREEN
         )
-    dress(
+    style_axes(
         stored,
         "Samples and fit",
         x="Two-way delay as a range [m]; the amplifier's own delay shows, and is taken off",
         y="Counts",
     )
     key(stored)
-    in_thousands(light.yaxis, current.yaxis, voltage.yaxis)
+    format_thousands(light.yaxis, current.yaxis, voltage.yaxis)
     stored.set_xlim(range_m[at[0]] - 0.3, range_m[at[-1]] + 0.3)
     figure.align_ylabels([light, current, voltage, stored])
     return figure
@@ -386,13 +394,13 @@ def gate() -> Any:
             axes.errorbar(levels, share, [low, high], fmt=".-", color=colour, ms=4, lw=0.9, capsize=2, label=label)
     for axes in (single, averaged):
         axes.set(xscale="log", ylim=(-0.03, 1.03))
-        in_thousands(axes.xaxis)
-    single.axvline(30, color=hexed(LINE), lw=0.8)
-    dress(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
-    dress(averaged, "30 photons a pulse", x="Pulses averaged")
+        format_thousands(axes.xaxis)
+    single.axvline(30, color=hex_colour(LINE), lw=0.8)
+    style_axes(single, "One pulse", x="Photons on the pixel", y="Probability of detection")
+    style_axes(averaged, "30 photons a pulse", x="Pulses averaged")
     lines, labels = single.get_legend_handles_labels()
     figure.legend(
-        lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hexed(QUIET)
+        lines, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False, labelcolor=hex_colour(QUIET)
     )
     return figure
 
@@ -414,8 +422,8 @@ def shared() -> Any:
             f"droop, {share:.0%} lit: {np.round(lost, 2).tolist()} % at {levels.round().tolist()} photons\n"
         )
     sag.set(xscale="log", yscale="log", ylim=(0.002, 50.0))
-    in_thousands(sag.xaxis)
-    dress(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
+    format_thousands(sag.xaxis)
+    style_axes(sag, "Droop: gain lost, mean over the pulse", x="Photons on each lit pixel", y="Lost [%]")
     key(sag)
     shares = np.array([0.01, 0.1, 0.25, 0.5, 0.75, 1.0])
     for name, detector, colour in (
@@ -431,10 +439,10 @@ def shared() -> Any:
         scatter.plot(shares, spread, ".-", color=colour, ms=4, lw=1.0, label=name)
         sys.stdout.write(f"{name}: {np.round(spread, 2).tolist()} cm at {shares.tolist()}\n")
     scatter.plot(
-        [0.5], [8.04], "D", color=hexed(INK), ms=6, label="published, before a checkerboard (Opt. Eng. 60, 083101)"
+        [0.5], [8.04], "D", color=hex_colour(INK), ms=6, label="published, before a checkerboard (Opt. Eng. 60, 083101)"
     )
     scatter.set(ylim=(0, 16), xlim=(0, 1.03))
-    dress(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
+    style_axes(scatter, "Crosstalk: range, 1 sigma", x="Share of the array that latches together", y="[cm]")
     key(scatter, "upper left")
     return figure
 
@@ -468,7 +476,7 @@ def separation() -> Any:
         _both(by_trace, longer, deep, 5.0 * detector.threshold_photons, f"{samples} samples", colour)
     for axes, title in ((by_light, "20 samples"), (by_trace, f"{5.0 * detector.threshold_photons:,.0f} photons each")):
         axes.set(ylim=(-0.03, 1.03))
-        dress(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
+        style_axes(axes, title, x="Separation in range [m]", y="Both are listed" if axes is by_light else "")
         key(axes, "upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
     return figure
 
@@ -558,15 +566,15 @@ def operations() -> Any:
             drift = _adrift(plan, safety.failure_s) / unit
             axes.plot(drift[:, right], drift[:, up], "--", color=ORANGE, lw=0.9, zorder=1)
         start = plan.relative(np.zeros(1))[0][0] / unit
-        axes.plot(start[right], start[up], "o", color=hexed(INK), ms=4, zorder=5)
+        axes.plot(start[right], start[up], "o", color=hex_colour(INK), ms=4, zorder=5)
         axes.plot(0.0, 0.0, "s", color=GREEN, ms=6, zorder=5)
         _frame(axes, plan.relative(np.linspace(0.0, plan.duration_s, 400))[0][:, [right, up]] / unit)
         cost = f"{plan.delta_v_m_s:.3g} m/s" if plan.delta_v_m_s > 0.0 else "free"
         letters = "km" if unit != 1.0 else "m"
-        dress(axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]")
+        style_axes(axes, name, x=f"{'Along-track' if plane == 'rt' else 'Across'} [{letters}]", y=f"Radial [{letters}]")
         axes.text(
             0.03, 0.05, f"{cost}; safe {safety.distance_m:.0f} m", transform=axes.transAxes, fontsize=8,
-            color=hexed(QUIET), bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+            color=hex_colour(QUIET), bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
         )  # fmt: skip
     return figure
 
@@ -633,13 +641,15 @@ def relative_models() -> Any:
         more = {"nonlinear, two bodies": INK, "relative_elements": GREEN} if axes is flattened else {}
         for name, colour in (drawn | more).items():
             line = [error[name] for error in errors]
-            axes.plot(over, line, ".-", color=hexed(colour) if colour == INK else colour, ms=4, lw=1.1, label=name)
+            axes.plot(over, line, ".-", color=hex_colour(colour) if colour == INK else colour, ms=4, lw=1.1, label=name)
         axes.set(xscale="log", yscale="log", ylim=(1e-4, 1e7))
-    apart.plot(separations, 6 * math.pi * separations**2 / 7e6, "--", color=hexed(QUIET), lw=0.9, label="6π ρ² / r")
-    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=hexed(QUIET), lw=0.9, label="30 e × 1 km")
-    dress(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
-    dress(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
-    dress(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
+    apart.plot(
+        separations, 6 * math.pi * separations**2 / 7e6, "--", color=hex_colour(QUIET), lw=0.9, label="6π ρ² / r"
+    )
+    eccentric.plot(eccentricities, 3e4 * eccentricities, "--", color=hex_colour(QUIET), lw=0.9, label="30 e × 1 km")
+    style_axes(apart, "Two bodies, e = 0", x="Behind by [m]", y="Error [m]")
+    style_axes(eccentric, "Two bodies, 1 km", x="Eccentricity of the chief")
+    style_axes(flattened, "With J2 to J6, e = 0.001", x="Behind by [m]")
     for axes in (apart, eccentric, flattened):
         key(axes, "upper left")
     return figure
@@ -730,14 +740,14 @@ def models() -> Any:
         image, width_m = _shape(name)
         axes.imshow(image, interpolation="none")
         axes.set_axis_off()
-        axes.set_title(name, fontsize=9.5, color=hexed(INK), pad=2)
+        axes.set_title(name, fontsize=9.5, color=hex_colour(INK), pad=2)
         bar_m = nice_down(0.35 * width_m)
         wide, high = SHAPE_PIXELS
         axes.set_ylim(high + 26, 0)  # the bar stands below the picture: a craft may reach into every corner of that
         foot = high + 22
-        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=hexed(INK), lw=1.5, solid_capstyle="butt")
+        axes.plot([4, 4 + bar_m / width_m * wide], [foot, foot], color=hex_colour(INK), lw=1.5, solid_capstyle="butt")
         text = f"{bar_m:g} m" if bar_m >= 1.0 else f"{100 * bar_m:g} cm"
-        axes.text(4, foot - 5, text, fontsize=8, color=hexed(QUIET), va="bottom")
+        axes.text(4, foot - 5, text, fontsize=8, color=hex_colour(QUIET), va="bottom")
     return figure
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import rso_lidar as rl
-from rso_lidar.picture.style.figures import dress, new_figure
+from rso_lidar.picture.style.figures import new_figure, style_axes
 from rso_lidar.study.elevation import (
     HAZARD,
     SAFE,
@@ -94,11 +94,11 @@ def figure(found: ElevationMap, truth: ElevationMap):
         )
         axes.imshow(shaded, **span)
         _key(made, shown, axes, "height [m]")
-        dress(axes, title, "east [m]", "north [m]", note)
+        style_axes(axes, title, "east [m]", "north [m]", note)
     apart = 100.0 * (found.height_m - truth.height_m)
     shown = panels[1, 0].imshow(apart, cmap="RdBu_r", vmin=-30.0, vmax=30.0, **span)
     _key(made, shown, panels[1, 0], "found less true [cm]")
-    dress(panels[1, 0], "the difference", "east [m]", "north [m]", "grey: no height")
+    style_axes(panels[1, 0], "the difference", "east [m]", "north [m]", "grey: no height")
     panels[1, 0].set_facecolor("#9a9da3")
     said, there = hazards(found), hazards(truth)
     kinds = np.select(
@@ -114,7 +114,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
         "feared": "#f2c14e",
     }
     panels[1, 1].imshow(kinds, cmap=ListedColormap(list(colours.values())), vmin=-0.5, vmax=4.5, **span)
-    dress(
+    style_axes(
         panels[1, 1],
         "where to land",
         "east [m]",

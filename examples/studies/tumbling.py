@@ -157,8 +157,8 @@ def _median(values: np.ndarray) -> float:
 
 def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
     """Return the picture: points, errors of place, and of turn, over time, one column for each camera."""
-    from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-    from rso_lidar.picture.style.palette import PARTS, QUIET, hexed
+    from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+    from rso_lidar.picture.style.palette import PARTS, QUIET, hex_colour
 
     blue, orange, green, red = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
     drawn = new_figure(
@@ -173,28 +173,28 @@ def figure(tables: dict[str, dict[str, np.ndarray]]) -> Any:
         for axes in column:
             for arrival_s in ARRIVALS_S[1:]:
                 axes.axvspan(arrival_s, min(arrival_s + HOLD_S, DURATION_S), color="0.93", lw=0, zorder=0)
-        column[0].plot(time_s, table["true_range_m"], color=hexed(QUIET), lw=1.4, label="range [m]")
+        column[0].plot(time_s, table["true_range_m"], color=hex_colour(QUIET), lw=1.4, label="range [m]")
         column[0].plot(time_s, table["points"], color=orange, lw=1.0, label="points")
-        dress(column[0], f"Camera {name}", y="range [m], points")
+        style_axes(column[0], f"Camera {name}", y="range [m], points")
         for kind, word, colour in (("centroid", "centroid", QUIET), ("cv", "CV", orange), ("cw", "CW", blue)):
-            tone = hexed(colour) if colour is QUIET else colour
+            tone = hex_colour(colour) if colour is QUIET else colour
             column[1].plot(time_s, _length(table, f"{kind}_error"), ".", ms=1.8, color=tone, label=word)
         column[1].plot(time_s, table["icp_error_m"], ".", ms=1.8, color=green, label="ICP")
-        dress(column[1], y="error of place [m]")
+        style_axes(column[1], y="error of place [m]")
         column[2].plot(time_s, table["icp_error_rad"] / rl.units.DEG, ".", ms=1.8, color=red, label="whole turn")
         axis_deg = table["icp_long_axis_error_rad"] / rl.units.DEG
         column[2].plot(time_s, axis_deg, ".", ms=1.8, color=blue, label="long axis")
-        dress(column[2], y="ICP, turn [deg]")
+        style_axes(column[2], y="ICP, turn [deg]")
         column[3].plot(time_s, np.abs(table["axis_rate_error_rad_s"]) / rl.units.DEG, ".", ms=1.8, color=blue)
-        dress(column[3], y="rate of the\nlong axis [deg/s]")
-        column[3].set_xlabel("time [s]", fontsize=9, color=hexed(QUIET))
-        in_thousands(column[3].xaxis)
+        style_axes(column[3], y="rate of the\nlong axis [deg/s]")
+        column[3].set_xlabel("time [s]", fontsize=9, color=hex_colour(QUIET))
+        format_thousands(column[3].xaxis)
     for row in panels:
         row[0].set_yscale("log")
     for axes, mark in zip(panels[:3, -1], (1, 4, 4), strict=True):
         axes.legend(
             fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, markerscale=mark,
-            borderaxespad=0.0, labelcolor=hexed(QUIET),
+            borderaxespad=0.0, labelcolor=hex_colour(QUIET),
         )  # fmt: skip
     panels[0, 0].set_ylim(8, 2.5e4)
     panels[1, 0].set_ylim(3e-3, 60)

@@ -10,7 +10,7 @@ from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.picture.plots.curves import curve_figure
 from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.plots.trajectory import orbit_figure
-from rso_lidar.picture.selection.sequence import evenly
+from rso_lidar.picture.selection.sequence import even_indices
 from rso_lidar.picture.style.output import save_figure
 
 __all__ = [
@@ -18,7 +18,7 @@ __all__ = [
     "animate",
     "contact_sheet",
     "curve_figure",
-    "evenly",
+    "even_indices",
     "frame_figure",
     "inertial_figure",
     "orbit_figure",

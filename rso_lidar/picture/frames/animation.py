@@ -11,9 +11,9 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import beside, free
-from rso_lidar.picture.frames.raster import GAP, fitted, legend, pair, write
+from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Glimpse, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, pick
 from rso_lidar.picture.selection.window import Window, crop
 from rso_lidar.picture.style.palette import INK, LINE, MARK, PAPER, QUIET, fixed_palette
 from rso_lidar.records import Frame
@@ -45,60 +45,60 @@ def animate(
     place = free(path, ANIMATION_SUFFIXES, overwrite=True)
     if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
         raise RecordingError(f"{place}: plays at {frame_rate_hz:g} Hz: choose a rate above 0, up to {FASTEST_HZ:g} Hz")
-    ffmpeg = _ffmpeg(place) if place.suffix.lower() == ".mp4" else None
-    glimpses, _ = pick(frames, max_frames, Glimpse.of)
-    rate_hz = frame_rate_hz or min(max(len(glimpses) / SHOWN_S, 4.0), 20.0)
+    ffmpeg = _import_ffmpeg(place) if place.suffix.lower() == ".mp4" else None
+    thumbnails, _ = pick(frames, max_frames, Thumbnail.of)
+    rate_hz = frame_rate_hz or min(max(len(thumbnails) / SHOWN_S, 4.0), 20.0)
     with beside(place) as draft:
         if ffmpeg is None:
-            _write_gif(draft, _pictures(glimpses), rate_hz)
+            _write_gif(draft, _draw_all(thumbnails), rate_hz)
         else:
-            _write_mp4(ffmpeg, draft, _pictures(glimpses), rate_hz)
+            _write_mp4(ffmpeg, draft, _draw_all(thumbnails), rate_hz)
     return place
 
 
-def _pictures(glimpses: Sequence[Glimpse]) -> Iterator[Image]:
-    """Yield one picture for each glimpse."""
+def _draw_all(thumbnails: Sequence[Thumbnail]) -> Iterator[Image]:
+    """Yield one picture for each thumbnail."""
     from PIL import Image, ImageDraw
 
-    scale = Scale.of(glimpses)
+    scale = Scale.of(thumbnails)
     page = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
     draw = ImageDraw.Draw(page)
     inner = WIDTH - 2 * MARGIN
-    write(draw, MARGIN, 12, fitted(draw, glimpses[0].title, 17, inner, bold=True), 17, INK, bold=True)
-    legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 11)
-    plot = _timeline(page, glimpses)
+    write(draw, MARGIN, 12, shorten(draw, thumbnails[0].title, 17, inner, bold=True), 17, INK, bold=True)
+    draw_legend(draw, MARGIN, HEIGHT - FOOT + 6, scale, inner, 11)
+    plot = _draw_timeline(page, thumbnails)
     window: Window | None = None
-    for k, glimpse in enumerate(glimpses):
-        window = crop(glimpse.bounds, window)
-        yield _picture(page.copy(), glimpse, scale, window, plot[k])
+    for k, thumbnail in enumerate(thumbnails):
+        window = crop(thumbnail.bounds, window)
+        yield _draw_one(page.copy(), thumbnail, scale, window, plot[k])
 
 
-def _picture(page: Image, glimpse: Glimpse, scale: Scale, window: Window, now: tuple[float, float]) -> Image:
+def _draw_one(page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, now: tuple[float, float]) -> Image:
     """Return the page with one frame drawn on it."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
-    page.paste(pair(glimpse, scale, window, SIDE), (MARGIN, HEAD))
+    page.paste(draw_pair(thumbnail, scale, window, SIDE), (MARGIN, HEAD))
     y = HEAD + SIDE + 8
-    seen = math.isfinite(glimpse.median_m)
-    said = f"{glimpse.median_m:,.1f} m" if seen else f"{glimpse.true_range_m:,.1f} m (truth)"
+    seen = math.isfinite(thumbnail.median_m)
+    said = f"{thumbnail.median_m:,.1f} m" if seen else f"{thumbnail.true_range_m:,.1f} m (truth)"
     write(draw, MARGIN, y, said, 18, INK, bold=True)
     field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
-    write(draw, MARGIN + SIDE + GAP, y + 4, f"{glimpse.returns:,} returns   ·   {field}", 12, QUIET)
-    write(draw, WIDTH - MARGIN, y + 2, f"{glimpse.time_s:,.1f} s", 15, INK, anchor="ra")
+    write(draw, MARGIN + SIDE + GAP, y + 4, f"{thumbnail.returns:,} returns   ·   {field}", 12, QUIET)
+    write(draw, WIDTH - MARGIN, y + 2, f"{thumbnail.time_s:,.1f} s", 15, INK, anchor="ra")
     across, down = now
     draw.line((across, HEAD + SIDE + CAPTION + 2, across, HEAD + SIDE + CAPTION + TIMELINE - 8), fill=LINE)
     draw.ellipse((across - 4, down - 4, across + 4, down + 4), fill=MARK)
     return page
 
 
-def _timeline(page: Image, glimpses: Sequence[Glimpse]) -> list[tuple[float, float]]:
-    """Return where on the page each glimpse lies on the line of range over time, which is drawn."""
+def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[float, float]]:
+    """Return where on the page each thumbnail lies on the line of range over time, which is drawn."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
-    times_s = np.array([glimpse.time_s for glimpse in glimpses])
-    ranges_m = np.array([g.true_range_m if math.isfinite(g.true_range_m) else g.median_m for g in glimpses])
+    times_s = np.array([thumbnail.time_s for thumbnail in thumbnails])
+    ranges_m = np.array([g.true_range_m if math.isfinite(g.true_range_m) else g.median_m for g in thumbnails])
     known = np.isfinite(ranges_m)
     low_m, high_m = (float(ranges_m[known].min()), float(ranges_m[known].max())) if known.any() else (0.0, 0.0)
     top, bottom = HEAD + SIDE + CAPTION + 6, HEAD + SIDE + CAPTION + TIMELINE - 12
@@ -126,7 +126,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
     next(drawn).save(draft, save_all=True, append_images=drawn, duration=delay_ms, loop=0, optimize=False)
 
 
-def _ffmpeg(place: Path):  # type: ignore[no-untyped-def]
+def _import_ffmpeg(place: Path):  # type: ignore[no-untyped-def]
     """Return the module that writes MP4; the extra has to be installed."""
     try:
         import imageio_ffmpeg

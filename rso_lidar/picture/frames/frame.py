@@ -12,9 +12,9 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.files import free
 from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import on_target, pixel_rad, sighted, started, target_ranges_m
-from rso_lidar.picture.selection.window import Window, around, crop
-from rso_lidar.picture.style.figures import new_figure, with_minus
+from rso_lidar.picture.selection.sequence import find_target_pixels, format_start, on_target, pixel_rad, target_ranges_m
+from rso_lidar.picture.selection.window import Window, bounding_window, crop
+from rso_lidar.picture.style.figures import new_figure, use_minus_sign
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import (
     ERROR_RAMP,
@@ -28,7 +28,7 @@ from rso_lidar.picture.style.palette import (
     PARTS,
     QUIET,
     RANGE_RAMP,
-    hexed,
+    hex_colour,
     ramp,
 )
 from rso_lidar.records import Frame, Reading, specs
@@ -64,25 +64,25 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
     parts : which parts get a colour of their own where there are more parts than colours, the first first (none:
         those with most pixels); `parts_in_order` of all frames of a series gives a part one colour in all.
     """
-    window = crop(around(sighted(frame)))
-    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summary(frame), tuple(_geometry(frame)))
+    window = crop(bounding_window(find_target_pixels(frame)))
+    figure = new_figure(WIDTH_IN, 9.0, frame.source.title, summarise(frame), tuple(_describe_geometry(frame)))
     panels = figure.subplots(2, 2, squeeze=True)
-    range_panel(panels[0, 0], frame, window)
-    intensity_panel(panels[0, 1], frame, window)
-    _part_panel(panels[1, 0], frame, window, parts)
-    _error_panel(panels[1, 1], frame, window)
+    draw_range(panels[0, 0], frame, window)
+    draw_intensity(panels[0, 1], frame, window)
+    _draw_parts(panels[1, 0], frame, window, parts)
+    _draw_error(panels[1, 1], frame, window)
     for axes in panels.flat:
-        axes.set_xlabel("col", fontsize=9, color=hexed(QUIET))
-        axes.set_ylabel("row", fontsize=9, color=hexed(QUIET))
-        axes.tick_params(labelsize=8, colors=hexed(QUIET))
+        axes.set_xlabel("col", fontsize=9, color=hex_colour(QUIET))
+        axes.set_ylabel("row", fontsize=9, color=hex_colour(QUIET))
+        axes.tick_params(labelsize=8, colors=hex_colour(QUIET))
         for spine in axes.spines.values():
-            spine.set_color(hexed(QUIET))
+            spine.set_color(hex_colour(QUIET))
     return figure
 
 
-def summary(frame: Frame) -> str:
+def summarise(frame: Frame) -> str:
     """Return a frame in one line: number, instant, range, returns, photons."""
-    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {started(frame)}"]
+    words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {format_start(frame)}"]
     returned = on_target(frame)
     if returned.any():
         words.append(f"mean range {float(np.mean(frame.range_m[returned], dtype=float)):,.2f} m")
@@ -91,7 +91,7 @@ def summary(frame: Frame) -> str:
     return "   ·   ".join(words)
 
 
-def _geometry(frame: Frame) -> list[str]:
+def _describe_geometry(frame: Frame) -> list[str]:
     """Return lines on where the targets are and where the lidar looks."""
     lines = []
     ranges_m = target_ranges_m(frame)
@@ -101,15 +101,15 @@ def _geometry(frame: Frame) -> list[str]:
         off_deg = float(np.arctan2(np.hypot(right, down), ahead)) / units.DEG
         velocity_m_s, _ = frame.truth.rates("lidar", name)
         speed = float(lidar_from_target.translation @ velocity_m_s) / range_m if range_m > 0 else 0.0
-        rate = with_minus(f"{speed:+.3f}")
+        rate = use_minus_sign(f"{speed:+.3f}")
         about = f"{name}: {range_m:,.2f} m, range rate {rate} m/s, {off_deg:.3f}° off the boresight;  "
         if f"{name}.rtn" in frame.truth.poses:
             place = frame.truth.pose(f"{name}.rtn", "lidar").translation
-            radial, along, cross = (with_minus(f"{value:,.1f}") for value in place)
+            radial, along, cross = (use_minus_sign(f"{value:,.1f}") for value in place)
             about += f"in its rtn axes the lidar is at radial {radial}, along-track {along}, cross-track {cross} m"
         else:
             turn = ", ".join(f"{value:.4f}" for value in lidar_from_target.rotation.as_quat(canonical=True))
-            about += f"lidar_from_{name} x, y, z, w = {with_minus(turn)}"
+            about += f"lidar_from_{name} x, y, z, w = {use_minus_sign(turn)}"
         lines += textwrap.wrap(about, LETTERS)
     pitch_rad = pixel_rad(frame)
     n_rows, n_cols = frame.valid.shape
@@ -119,7 +119,7 @@ def _geometry(frame: Frame) -> list[str]:
         words.append(f"{pitch_rad * min(ranges_m.values()):.3g} m at the target")
     if frame.observation.pan_tilt_rad is not None:
         pan_deg, tilt_deg = frame.observation.pan_tilt_rad / units.DEG
-        words.append(with_minus(f"measured pan {pan_deg:+.3f}°, tilt {tilt_deg:+.3f}°"))
+        words.append(use_minus_sign(f"measured pan {pan_deg:+.3f}°, tilt {tilt_deg:+.3f}°"))
     return [*lines, ",  ".join(words)]
 
 
@@ -142,24 +142,24 @@ def _show(
     return axes.imshow(shown, cmap=colours, norm=norm, extent=extent, interpolation="nearest")
 
 
-def _bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, logarithmic: bool = False) -> None:
+def _draw_bar(axes: Axes, drawn: Any, label: str, extend: str = "neither", *, logarithmic: bool = False) -> None:
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
     place = axes.inset_axes((1.03, 0.0, 0.045, 1.0))
     bar = axes.figure.colorbar(drawn, cax=place, extend=extend)
-    bar.ax.tick_params(labelsize=8, colors=hexed(QUIET))
+    bar.ax.tick_params(labelsize=8, colors=hex_colour(QUIET))
     if logarithmic:
         bar.locator, bar.formatter = LogLocator(subs=(1.0, 2.0, 5.0)), StrMethodFormatter("{x:,.0f}")
         bar.minorticks_off()
     else:
         bar.ax.ticklabel_format(useOffset=False, style="plain")
-    bar.outline.set_edgecolor(hexed(QUIET))
-    bar.set_label(label, fontsize=8.5, color=hexed(QUIET))
+    bar.outline.set_edgecolor(hex_colour(QUIET))
+    bar.set_label(label, fontsize=8.5, color=hex_colour(QUIET))
 
 
-def _head(axes: Axes, text: str, note: str = "") -> None:
-    axes.set_title(text, loc="left", fontsize=11, color=hexed(INK))
-    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
+def _write_heading(axes: Axes, text: str, note: str = "") -> None:
+    axes.set_title(text, loc="left", fontsize=11, color=hex_colour(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
 
 
 def range_limits_m(frame: Frame) -> tuple[float, float]:
@@ -172,22 +172,22 @@ def range_limits_m(frame: Frame) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def range_panel(axes: Axes, frame: Frame, window: Window) -> None:
+def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
     """Draw the measured range of a frame."""
     from matplotlib import colormaps
 
     low, high = range_limits_m(frame)
-    colours = colormaps[RANGE_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    colours = colormaps[RANGE_RAMP].with_extremes(bad=hex_colour(NO_RETURN))
     drawn = _show(axes, frame.range_m, window, colours, low, high)
     shown = window.cut(frame.range_m)
     below, above = bool((shown < low).any()), bool((shown > high).any())
-    _bar(axes, drawn, _caption("range_m"), ("neither", "min", "max", "both")[below + 2 * above])
-    _head(axes, "Range", "dark: no return")
+    _draw_bar(axes, drawn, _caption("range_m"), ("neither", "min", "max", "both")[below + 2 * above])
+    _write_heading(axes, "Range", "dark: no return")
     if not window.whole:
-        _locate(axes, window)
+        _draw_locator(axes, window)
 
 
-def _locate(axes: Axes, window: Window) -> None:
+def _draw_locator(axes: Axes, window: Window) -> None:
     """Draw the whole field small in a corner, with the window in it."""
     from matplotlib.patches import Rectangle
 
@@ -195,13 +195,13 @@ def _locate(axes: Axes, window: Window) -> None:
     wide, high = 0.16 * window.n_cols / longest, 0.16 * window.n_rows / longest
     small = axes.inset_axes((0.985 - wide, 0.985 - high, wide, high))
     small.set(xlim=(0, window.n_cols), ylim=(window.n_rows, 0), xticks=[], yticks=[], facecolor="black")
-    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=hexed(MARK), lw=0))
+    small.add_patch(Rectangle((window.left, window.top), window.width, window.height, color=hex_colour(MARK), lw=0))
     for spine in small.spines.values():
         spine.set_color("white")
         spine.set_linewidth(0.7)
 
 
-def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
+def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
     """Draw the measured intensity of a frame, with a bar that tells the size of things at the target.
 
     It is drawn in logarithms where a few glints outshine the rest, as in contact sheets.
@@ -218,9 +218,9 @@ def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
     colours = ListedColormap(ramp(INTENSITY_RAMP) / 255.0).with_extremes(bad="black")
     drawn = _show(axes, np.where(counts > 0, counts, np.nan), window, colours, low, high, logarithmic=logarithmic)
     extend = ("neither", "min", "max", "both")[below + 2 * above]
-    _bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
+    _draw_bar(axes, drawn, _caption("intensity_counts"), extend, logarithmic=logarithmic)
     saturated = int(frame.saturated.sum())
-    _head(
+    _write_heading(
         axes, "Intensity, logarithmic" if logarithmic else "Intensity", f"{saturated:,} saturated" if saturated else ""
     )
     seen = frame.range_m[on_target(frame)]
@@ -238,7 +238,7 @@ def intensity_panel(axes: Axes, frame: Frame, window: Window) -> None:
         )  # fmt: skip
 
 
-def _part_panel(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
+def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKey]) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -249,7 +249,7 @@ def _part_panel(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
     colour = _part_colours(frame, kinds, order, parts)
     shown = np.full(there.shape, np.nan)
     shown[there] = colour[places.reshape(-1)]
-    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hexed(NO_RETURN))
+    colours = ListedColormap([*PARTS, OTHER_PART]).with_extremes(bad=hex_colour(NO_RETURN))
     _show(axes, shown, window, colours, -0.5, named + 0.5)
     entries = [
         Patch(color=PARTS[colour[which]], label=f"{_part_name(frame, *kinds[which])}  {counts[which]:,}")
@@ -266,12 +266,12 @@ def _part_panel(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
             bbox_to_anchor=(1.02, 1.02),
             fontsize=7.5,
             frameon=False,
-            labelcolor=hexed(QUIET),
+            labelcolor=hex_colour(QUIET),
             handlelength=1.0,
             borderpad=0.0,
             labelspacing=0.45,
         )
-    _head(
+    _write_heading(
         axes,
         "Parts, by the labels",
         f"{int(there.sum()):,} pixels on a target" if entries else "no target in the field",
@@ -337,7 +337,7 @@ def _free_corner(busy: np.ndarray) -> Corner:
     return min(corners, key=lambda corner: int(corners[corner].sum()))
 
 
-def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
+def _draw_error(axes: Axes, frame: Frame, window: Window) -> None:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -347,7 +347,7 @@ def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
     single = np.isfinite(error_cm) & (frame.labels.cluster_count == 1)
     judged = error_cm[single] if single.any() else error_cm[np.isfinite(error_cm)]
     limit = nice_up(float(np.percentile(np.abs(judged), 99))) if judged.size else 1.0
-    colours = colormaps[ERROR_RAMP].with_extremes(bad=hexed(NO_RETURN))
+    colours = colormaps[ERROR_RAMP].with_extremes(bad=hex_colour(NO_RETURN))
     drawn = _show(axes, error_cm, window, colours, -limit, limit)
     missed, false = there & ~frame.valid, frame.valid & ~there & bool(there.any())
     marks = [(missed, MISSED, "missed"), (false, FALSE, "false")]
@@ -356,14 +356,16 @@ def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
             axes,
             np.where(mask, 1.0, np.nan),
             window,
-            ListedColormap([hexed(colour)]).with_extremes(bad=(0, 0, 0, 0)),
+            ListedColormap([hex_colour(colour)]).with_extremes(bad=(0, 0, 0, 0)),
             0,
             2,
         )
     outside = bool((np.abs(window.cut(error_cm)) > limit).any())
-    _bar(axes, drawn, "Range minus truth of the brightest cluster [cm]", "both" if outside else "neither")
+    _draw_bar(axes, drawn, "Range minus truth of the brightest cluster [cm]", "both" if outside else "neither")
     entries = [
-        Patch(color=hexed(colour), label=f"{word}  {int(mask.sum()):,}") for mask, colour, word in marks if mask.any()
+        Patch(color=hex_colour(colour), label=f"{word}  {int(mask.sum()):,}")
+        for mask, colour, word in marks
+        if mask.any()
     ]
     if entries:
         axes.legend(
@@ -380,5 +382,5 @@ def _error_panel(axes: Axes, frame: Frame, window: Window) -> None:
     if judged.size:
         middle = float(np.median(judged))
         within = float(np.percentile(np.abs(judged - middle), 68.27))
-        note = with_minus(f"median {middle:+.1f} cm, 68 % within ± {within:.1f} cm")
-    _head(axes, "Error", note)
+        note = use_minus_sign(f"median {middle:+.1f} cm, 68 % within ± {within:.1f} cm")
+    _write_heading(axes, "Error", note)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar.picture.selection.scale import Scale, nice_down
-from rso_lidar.picture.selection.sequence import Glimpse
+from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.selection.window import Window
 from rso_lidar.picture.style.palette import (
     BLACK,
@@ -35,7 +35,7 @@ GAP = 4  # pixels between the two panels of a pair
 
 
 @cache
-def font(size: int, bold: bool = False) -> FreeTypeFont:
+def load_font(size: int, bold: bool = False) -> FreeTypeFont:
     """Return DejaVu Sans, which travels with matplotlib, at `size` [pixels]."""
     import matplotlib
     from PIL import ImageFont
@@ -55,20 +55,20 @@ def write(
     bold: bool = False,
 ) -> float:
     """Return where a line of text ended [pixels from the left], written at x, y by Pillow's `anchor`."""
-    draw.text((x, y), text, fill=colour, font=font(size, bold), anchor=anchor)
-    return x + float(draw.textlength(text, font=font(size, bold)))
+    draw.text((x, y), text, fill=colour, font=load_font(size, bold), anchor=anchor)
+    return x + float(draw.textlength(text, font=load_font(size, bold)))
 
 
-def fitted(draw: ImageDraw, text: str, size: int, width: float, bold: bool = False) -> str:
+def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = False) -> str:
     """Return a line of text, shortened at its end to fit `width` [pixels]."""
-    if draw.textlength(text, font=font(size, bold)) <= width:
+    if draw.textlength(text, font=load_font(size, bold)) <= width:
         return text
-    while text and draw.textlength(text + "…", font=font(size, bold)) > width:
+    while text and draw.textlength(text + "…", font=load_font(size, bold)) > width:
         text = text[:-1]
     return text.rstrip() + "…"
 
 
-def panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
+def draw_panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
     """Return a square of `side` pixels that shows colours (row, col, rgb) enlarged, edges kept sharp."""
     from PIL import Image
 
@@ -86,19 +86,19 @@ def panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
     return square
 
 
-def pair(glimpse: Glimpse, scale: Scale, window: Window, side: int) -> Image:
+def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int) -> Image:
     """Return range and intensity of one frame side by side, each `side` pixels square, with the locator of the crop."""
     from PIL import Image, ImageDraw
 
     both = Image.new("RGB", (2 * side + GAP, side), PAPER)
-    both.paste(panel(scale.range_rgb(window.cut(glimpse.range_m), glimpse.median_m), side, NO_RETURN), (0, 0))
-    both.paste(panel(scale.intensity_rgb(window.cut(glimpse.intensity_counts)), side, BLACK), (side + GAP, 0))
+    both.paste(draw_panel(scale.range_rgb(window.cut(thumbnail.range_m), thumbnail.median_m), side, NO_RETURN), (0, 0))
+    both.paste(draw_panel(scale.intensity_rgb(window.cut(thumbnail.intensity_counts)), side, BLACK), (side + GAP, 0))
     draw = ImageDraw.Draw(both)
     if not window.whole:
         small = max(26, side // 7)
-        right, top = _free_corner(np.isfinite(window.cut(glimpse.range_m)), small / side)
-        _locate(draw, side - 4 if right else small + 3, 3 if top else side - small - 4, small, window)
-    _measure(draw, side + GAP + 8, side - 9, side, glimpse.pixel_m * max(window.width, window.height))
+        right, top = _free_corner(np.isfinite(window.cut(thumbnail.range_m)), small / side)
+        _draw_locator(draw, side - 4 if right else small + 3, 3 if top else side - small - 4, small, window)
+    _draw_scale_bar(draw, side + GAP + 8, side - 9, side, thumbnail.pixel_m * max(window.width, window.height))
     return both
 
 
@@ -114,21 +114,21 @@ def _free_corner(returns: np.ndarray, share: float) -> tuple[bool, bool]:
     return min(corners, key=lambda corner: int(corners[corner].sum()))
 
 
-def _measure(draw: ImageDraw, x: float, y: float, side: int, across_m: float) -> None:
+def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: float) -> None:
     """Draw a bar of a round length in a panel that is `across_m` [m] wide at the target's range, on black."""
     if not (math.isfinite(across_m) and across_m > 0):
         return
     length_m = nice_down(0.34 * across_m)
     long = side * length_m / across_m
     text, size = f"{length_m:g} m", max(10, side // 28)
-    left, top, right, _ = draw.textbbox((x, y - 3), text, font=font(size), anchor="ld")
+    left, top, right, _ = draw.textbbox((x, y - 3), text, font=load_font(size), anchor="ld")
     draw.rectangle((left - 2, top - 1, right + 2, y), fill=BLACK)  # saturated pixels are as white as the words
     draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=BLACK)
     draw.rectangle((x, y, x + long, y + 2), fill=PAPER)
     write(draw, x, y - 3, text, size, PAPER, anchor="ld")
 
 
-def _locate(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
+def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
     """Draw the whole field small, its top right corner at `right`, `top`, with the crop marked in it."""
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
@@ -139,7 +139,7 @@ def _locate(draw: ImageDraw, right: int, top: int, side: int, window: Window) ->
     draw.rectangle((x, y, max(left + window.right * scale, x + 2), max(top + window.bottom * scale, y + 2)), fill=MARK)
 
 
-def _bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str) -> None:
+def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str) -> None:
     colours = ramp(name)
     for k in range(width):
         colour = tuple(int(v) for v in colours[k * 255 // (width - 1)])
@@ -147,18 +147,18 @@ def _bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name: str
     draw.rectangle((x - 1, y - 1, x + width, y + height), outline=LINE)
 
 
-def legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, size: int = 12) -> None:
+def draw_legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, size: int = 12) -> None:
     """Draw what the colours mean, in one row from `x`, `y` on that is at most `width` pixels wide."""
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
-    texts = [draw.textlength("".join(words), font=font(size)) for words, _ in rows]
-    swatch = draw.textlength("no return", font=font(size)) + size + 8
+    texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]
+    swatch = draw.textlength("no return", font=load_font(size)) + size + 8
     room = width - sum(texts) - swatch - 2 * 26 - 2 * 24
     long = int(min(max(room // 2, 60), 200))
     here = x
     for (title, low, high), name in rows:
         here = write(draw, here, y, title, size, INK) + 10
         here = write(draw, here, y, low, size, QUIET) + 6
-        _bar(draw, here, y + 2, long, size - 1, name)
+        _draw_bar(draw, here, y + 2, long, size - 1, name)
         here = write(draw, here + long + 6, y, high, size, QUIET) + 24
     draw.rectangle((here, y + 1, here + size, y + 1 + size), fill=NO_RETURN)
     write(draw, here + size + 6, y, "no return", size, INK)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import beside, free
-from rso_lidar.picture.frames.raster import GAP, fitted, legend, pair, write
+from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Glimpse, on_target, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
 from rso_lidar.picture.selection.window import Window, crop
 from rso_lidar.picture.style.palette import INK, PAPER, QUIET
 from rso_lidar.records import Frame
@@ -38,46 +38,46 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
     place = free(path, SHEET_SUFFIXES, overwrite=True)
     if columns < 1 or rows < 1:
         raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
-    glimpses, total = pick(frames, columns * rows, _look)
-    columns = min(columns, len(glimpses))
-    rows = -(-len(glimpses) // columns)
-    scale = Scale.of(glimpses)
+    thumbnails, total = pick(frames, columns * rows, _look)
+    columns = min(columns, len(thumbnails))
+    rows = -(-len(thumbnails) // columns)
+    scale = Scale.of(thumbnails)
     cell_width = 2 * SIDE + GAP
     width = max(2 * MARGIN + columns * cell_width + (columns - 1) * SPACE, 2 * MARGIN + 860)
     height = HEAD + rows * (SIDE + CAPTION) + (rows - 1) * (SPACE // 2) + FOOT + MARGIN
     page = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(page)
-    first, last = glimpses[0], glimpses[-1]
+    first, last = thumbnails[0], thumbnails[-1]
     inner = width - 2 * MARGIN
-    write(draw, MARGIN, 14, fitted(draw, first.title, 20, inner, bold=True), 20, INK, bold=True)
-    count = f"{len(glimpses)} of {total} frames" if len(glimpses) < total else f"{total} frame{'s' * (total != 1)}"
+    write(draw, MARGIN, 14, shorten(draw, first.title, 20, inner, bold=True), 20, INK, bold=True)
+    count = f"{len(thumbnails)} of {total} frames" if len(thumbnails) < total else f"{total} frame{'s' * (total != 1)}"
     span = (
         f"{count}, {first.time_s:,.1f} s to {last.time_s:,.1f} s after {first.start_utc}; left range, right intensity"
     )
-    write(draw, MARGIN, 40, fitted(draw, span, 12, inner), 12, QUIET)
-    for k, glimpse in enumerate(glimpses):
+    write(draw, MARGIN, 40, shorten(draw, span, 12, inner), 12, QUIET)
+    for k, thumbnail in enumerate(thumbnails):
         x = MARGIN + (k % columns) * (cell_width + SPACE)
         y = HEAD + (k // columns) * (SIDE + CAPTION + SPACE // 2)
-        window = crop(glimpse.bounds)
-        page.paste(pair(glimpse, scale, window, SIDE), (x, y))
-        seen = glimpse.median_m == glimpse.median_m
-        range_m = glimpse.median_m if seen else glimpse.true_range_m
+        window = crop(thumbnail.bounds)
+        page.paste(draw_pair(thumbnail, scale, window, SIDE), (x, y))
+        seen = thumbnail.median_m == thumbnail.median_m
+        range_m = thumbnail.median_m if seen else thumbnail.true_range_m
         said = f"{range_m:,.1f} m" + ("" if seen else " (truth)") if math.isfinite(range_m) else "no target"
         write(draw, x, y + SIDE + 5, said, 14, INK, bold=True)
-        write(draw, x + cell_width, y + SIDE + 6, f"{glimpse.time_s:,.1f} s", 13, INK, anchor="ra")
-        write(draw, x, y + SIDE + 23, f"{glimpse.returns:,} returns", 11, QUIET)
+        write(draw, x + cell_width, y + SIDE + 6, f"{thumbnail.time_s:,.1f} s", 13, INK, anchor="ra")
+        write(draw, x, y + SIDE + 23, f"{thumbnail.returns:,} returns", 11, QUIET)
         field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
         write(draw, x + cell_width, y + SIDE + 23, field, 11, QUIET, anchor="ra")
-    legend(draw, MARGIN, height - FOOT - 4, scale, inner)
+    draw_legend(draw, MARGIN, height - FOOT - 4, scale, inner)
     with beside(place) as draft:
         page.save(draft, optimize=True)
     return place
 
 
-def _look(frame: Frame) -> Glimpse:
-    """Return a glimpse of a frame; its bounds are the whole field where nothing but stray returns is in it."""
-    glimpse = Glimpse.of(frame)
+def _look(frame: Frame) -> Thumbnail:
+    """Return a thumbnail of a frame; its bounds are the whole field where nothing but stray returns is in it."""
+    thumbnail = Thumbnail.of(frame)
     if (frame.labels.target >= 0).any() or on_target(frame).any():
-        return glimpse
+        return thumbnail
     n_rows, n_cols = frame.valid.shape
-    return replace(glimpse, bounds=Window(0, n_rows, 0, n_cols, n_rows, n_cols))
+    return replace(thumbnail, bounds=Window(0, n_rows, 0, n_cols, n_rows, n_cols))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.picture.selection.sequence import pick, started
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.selection.sequence import format_start, pick
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Frame, PtuAngles, Truth
 from rso_lidar.units import DEG
 from rso_lidar.viewing_geometry import (
@@ -52,10 +52,10 @@ def angles_figure(
     shadow_s : spans [s] in which the Earth hides the Sun from the target, infinite where they go on (None: as the frames
         have it, from middle to middle between two).
     """
-    seen, heading, note = _seen(source, target)
+    seen, heading, note = _find_sight(source, target)
     if not np.isfinite(seen.phase_rad).any():
         note += "   ·   no Sun in this world"
-    dark_s = _shadow(seen, shadow_s)
+    dark_s = _clip_shadow(seen, shadow_s)
     if dark_s:
         coarse = "" if shadow_s is not None else ", as the frames have it"
         note += f"   ·   grey: the target is in the Earth's shadow{coarse}"
@@ -67,38 +67,42 @@ def angles_figure(
             axes.axvspan(begins_s, ends_s, color=str(SHADE), lw=0, zorder=0)
 
     ranges.plot(seen.time_s, seen.range_m, color=BLUE, lw=1.4)
-    dress(ranges, y="Range [m]")
+    style_axes(ranges, y="Range [m]")
     ranges.yaxis.label.set_color(BLUE)
     ranges.set_ylim(0.0, HEADROOM * float(seen.range_m.max()) or 1.0)
-    in_thousands(ranges.yaxis)
+    format_thousands(ranges.yaxis)
     rate = ranges.twinx()
     rate.plot(seen.time_s, seen.range_rate_m_s, color=ORANGE, lw=1.0)
-    dress(rate, y="Range rate [m/s]")
+    style_axes(rate, y="Range rate [m/s]")
     rate.grid(False)
     rate.yaxis.label.set_color(ORANGE)
 
-    directions.plot(seen.time_s, _unbroken(seen.azimuth_rad) / DEG, color=BLUE, lw=2.8, label="azimuth, left positive")
+    directions.plot(
+        seen.time_s, _break_at_jumps(seen.azimuth_rad) / DEG, color=BLUE, lw=2.8, label="azimuth, left positive"
+    )
     directions.plot(seen.time_s, seen.elevation_rad / DEG, color=GREEN, lw=1.2, label="elevation, up positive")
-    dress(directions, y="To the target, in\nfollower axes [deg]")
-    _room(directions)
-    _entries(directions)
+    style_axes(directions, y="To the target, in\nfollower axes [deg]")
+    _widen(directions)
+    _draw_legend(directions)
 
     off.plot(seen.time_s, seen.off_boresight_rad / DEG, color=RED, lw=1.2, label="target")
     if half_field_rad is not None:
-        off.axhline(half_field_rad / DEG, color=hexed(QUIET), lw=0.9, ls=(0, (4, 3)), label="half the field's side")
-    dress(off, y="Off the boresight\n[deg]")
+        off.axhline(
+            half_field_rad / DEG, color=hex_colour(QUIET), lw=0.9, ls=(0, (4, 3)), label="half the field's side"
+        )
+    style_axes(off, y="Off the boresight\n[deg]")
     greatest_deg = max(float(np.nanmax(seen.off_boresight_rad)), half_field_rad or 0.0) / DEG
     top_deg = max(HEADROOM * greatest_deg, FINE_DEG)
     off.set_ylim(-SILL * top_deg, top_deg)
-    _entries(off)
+    _draw_legend(off)
 
     sun.plot(seen.time_s, seen.sun_off_boresight_rad / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight")
     sun.plot(seen.time_s, seen.phase_rad / DEG, color=PINK, lw=1.2, label="phase angle, Sun-target-lidar")
-    dress(sun, x="Time [s]", y="Sun [deg]")
+    style_axes(sun, x="Time [s]", y="Sun [deg]")
     sun.set_ylim(-SILL * 180, (1 + SILL) * 180)
     sun.set_yticks(range(0, 181, 45))
-    _entries(sun)
-    in_thousands(sun.xaxis)
+    _draw_legend(sun)
+    format_thousands(sun.xaxis)
     sun.set_xlim(seen.time_s[0], seen.time_s[-1] if seen.time_s.size > 1 else seen.time_s[0] + 1.0)
     figure.align_ylabels(rows)
     return figure
@@ -119,7 +123,7 @@ def ptu_figure(
     travel_rad : the ends of pan and of tilt [rad], drawn where finite and near.
     max_rate_rad_s : the drive's greatest rate [rad/s], drawn where finite.
     """
-    time_s, angles, heading, note = _ptu(source)
+    time_s, angles, heading, note = _read_ptu(source)
     table = {
         name: np.stack([getattr(angle, name) for angle in angles]) / DEG for name in PtuAngles.__dataclass_fields__
     }
@@ -128,14 +132,14 @@ def ptu_figure(
     figure = new_figure(9.0, 9.0, title or heading or "Pan and tilt", note)
     pan, tilt, errors, rates = rows = figure.subplots(4, 1, sharex=True)
     for k, (axes, word) in enumerate(((pan, "Pan"), (tilt, "Tilt"))):
-        axes.plot(time_s, table["demand_rad"][:, k], color=hexed(LINE), lw=4.5, label="demanded")
+        axes.plot(time_s, table["demand_rad"][:, k], color=hex_colour(LINE), lw=4.5, label="demanded")
         axes.plot(time_s, table["actual_rad"][:, k], color=BLUE, lw=1.0, label="true", zorder=3)
         axes.plot(time_s, table["measured_rad"][:, k], ".", color=ORANGE, ms=4.0, label="measured")
-        dress(axes, y=f"{word} [deg]")
-        _room(axes)
-        _limits(axes, () if travel_rad is None else [end / DEG for end in travel_rad[k]])
+        style_axes(axes, y=f"{word} [deg]")
+        _widen(axes)
+        _draw_limits(axes, () if travel_rad is None else [end / DEG for end in travel_rad[k]])
     pan.legend(
-        fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=hexed(QUIET),
+        fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, labelcolor=hex_colour(QUIET),
         borderaxespad=0.0,
     )  # fmt: skip
     for k, (word, colour) in enumerate((("pan", BLUE), ("tilt", GREEN))):
@@ -144,35 +148,35 @@ def ptu_figure(
         if np.abs(measured).max() > 1e-9:
             errors.plot(time_s, measured, ".", color=colour, ms=2.0, alpha=0.5, label=f"{word}, measured − true")
         rates.plot(time_s, table["rate_rad_s"][:, k], color=colour, lw=1.1, label=word)
-    errors.axhline(0, color=hexed(LINE), lw=0.8, zorder=0)
-    dress(errors, y="Error [deg]")
-    _room(errors)
-    _entries(errors, columns=2)
-    dress(rates, x="Time [s]", y="Rate [deg/s]")
-    _room(rates)
+    errors.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
+    style_axes(errors, y="Error [deg]")
+    _widen(errors)
+    _draw_legend(errors, columns=2)
+    style_axes(rates, x="Time [s]", y="Rate [deg/s]")
+    _widen(rates)
     if max_rate_rad_s is not None:
-        _limits(rates, (-max_rate_rad_s / DEG, max_rate_rad_s / DEG), rates=True)
-    _entries(rates)
-    in_thousands(rates.xaxis)
+        _draw_limits(rates, (-max_rate_rad_s / DEG, max_rate_rad_s / DEG), rates=True)
+    _draw_legend(rates)
+    format_thousands(rates.xaxis)
     rates.set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
     figure.align_ylabels(rows)
     return figure
 
 
-def _seen(source: Truth | Iterable[Frame], target: str | None) -> tuple[ViewingGeometry, str, str]:
+def _find_sight(source: Truth | Iterable[Frame], target: str | None) -> tuple[ViewingGeometry, str, str]:
     """Return the line of sight, a title and a note."""
     if isinstance(source, Truth):
-        name = _chosen(target, [body for body in source.states if body != "follower"], list(source.poses))
+        name = _choose_target(target, [body for body in source.states if body != "follower"], list(source.poses))
         return compute_viewing_geometry(source, name), "", f"from the lidar to {name}"
-    picked, _ = pick(source, DRAWN, lambda frame: (frame.truth, frame.source.title, started(frame), frame))
+    picked, _ = pick(source, DRAWN, lambda frame: (frame.truth, frame.source.title, format_start(frame), frame))
     first = picked[0][3]
     entries = [entry.name for entry in first.source.targets]
-    name = _chosen(target, entries, [*entries, *first.truth.poses])
+    name = _choose_target(target, entries, [*entries, *first.truth.poses])
     note = f"from the lidar to {name}   ·   time since {picked[0][2]}"
     return join_viewing_geometry([truth for truth, *_ in picked], name), picked[0][1], note
 
 
-def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
+def _choose_target(target: str | None, first: list[str], known: list[str]) -> str:
     if target is None and first:
         return first[0]
     if target not in known:
@@ -180,7 +184,7 @@ def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
     return target
 
 
-def _ptu(
+def _read_ptu(
     source: tuple[np.ndarray, Sequence[PtuAngles]] | Iterable[Frame],
 ) -> tuple[np.ndarray, Sequence[PtuAngles], str, str]:
     """Return instants [s], angles at each, a title and a note."""
@@ -191,7 +195,7 @@ def _ptu(
         picked, _ = pick(
             source,
             DRAWN,
-            lambda frame: (frame.time_s, frame.truth.pointing, frame.source.title, started(frame)),
+            lambda frame: (frame.time_s, frame.truth.pointing, frame.source.title, format_start(frame)),
         )
         angles = [pointing for _, pointing, *_ in picked if pointing is not None]
         times_s = np.array([time_s for time_s, pointing, *_ in picked if pointing is not None])
@@ -201,7 +205,7 @@ def _ptu(
     return np.asarray(times_s, dtype=float), angles, heading, note
 
 
-def _shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
+def _clip_shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
     """Return the spans [s] in shadow, cut to the instants drawn; without any given, as the instants tell."""
     if given_s is None:
         return find_shadow_spans_s(seen.time_s, seen.sunlit)
@@ -209,14 +213,14 @@ def _shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] | None
     return [(max(low, first_s), min(high, last_s)) for low, high in given_s if low <= last_s and high >= first_s]
 
 
-def _unbroken(angle_rad: np.ndarray) -> np.ndarray:
+def _break_at_jumps(angle_rad: np.ndarray) -> np.ndarray:
     """Return an angle with NaN where it jumps by more than half a turn, so that no line is drawn across."""
     broken = angle_rad.copy()
     broken[1:][np.abs(np.diff(angle_rad)) > np.pi] = np.nan
     return broken
 
 
-def _room(axes: Axes) -> None:
+def _widen(axes: Axes) -> None:
     """Widen an axis that shows next to nothing, so that rounding does not look like motion."""
     low, high = axes.get_ylim()
     if high - low < FINE_DEG:
@@ -225,7 +229,7 @@ def _room(axes: Axes) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
-def _limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> None:
+def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> None:
     """Draw limits that are near what is shown; the far ones are told at the right."""
     low, high = axes.get_ylim()
     far = []
@@ -233,15 +237,18 @@ def _limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> None:
         if not np.isfinite(end):
             continue
         if low - 0.6 * (high - low) <= end <= high + 0.6 * (high - low):
-            axes.axhline(end, color=hexed(INK), lw=0.9, ls=(0, (4, 3)))
+            axes.axhline(end, color=hex_colour(INK), lw=0.9, ls=(0, (4, 3)))
         else:
             far.append(f"{end:g}")
     if far:
         words = f"±{far[-1]}" if len(far) == 2 and far[0] == f"-{far[1]}" else " and ".join(far)
         axes.set_title(
-            f"limits off the scale: {words}°" + ("/s" if rates else ""), loc="right", fontsize=8.5, color=hexed(QUIET)
+            f"limits off the scale: {words}°" + ("/s" if rates else ""),
+            loc="right",
+            fontsize=8.5,
+            color=hex_colour(QUIET),
         )
 
 
-def _entries(axes: Axes, columns: int = 1) -> None:
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hexed(QUIET), ncols=columns)
+def _draw_legend(axes: Axes, columns: int = 1) -> None:
+    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET), ncols=columns)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.figures import LINE_IN, dress, log_ticks, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.style.figures import LINE_IN, log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def budget_figure(
     for number, line in enumerate(lines):
         look = {"color": _COLOURS[number % len(_COLOURS)], "ls": _STYLES[number // len(_COLOURS) % 2], "lw": 1.5}
         ends = _ARMED if line.armed_limits else _FILLED if line.fill_limits else ""
-        reach = ": never" if np.isnan(line.max_range_m) else f": {_length(line.max_range_m)}{ends}"
+        reach = ": never" if np.isnan(line.max_range_m) else f": {_format_length(line.max_range_m)}{ends}"
         shown = np.where(line.probability >= 0.01, line.range_precision_m / units.CM, np.nan)
         light.plot([], [], label=f"{line.name}{reach}", **look)
         for axes, values in ((light, line.photons), (found, line.probability), (precision, shown)):
@@ -73,14 +73,14 @@ def budget_figure(
     filled_to_m = min(line.filled_to_m for line in lines)
     if first < filled_to_m < last:
         for axes in (light, found, precision):
-            axes.axvline(filled_to_m, color=hexed(QUIET), lw=0.8, ls=(0, (2, 3)), zorder=0)
-    found.axhline(probability, color=hexed(LINE), lw=0.9, zorder=0)
-    _axes(light, "Photons on the pixel", "expected, after the optics")
-    _axes(found, "Probability of detection", f"marked: P = {probability:g}")
-    _axes(precision, "Range precision [cm]", "1 sigma of detected returns")
-    _axes(pixels, "Pixels on the target", "lit and in the field")
+            axes.axvline(filled_to_m, color=hex_colour(QUIET), lw=0.8, ls=(0, (2, 3)), zorder=0)
+    found.axhline(probability, color=hex_colour(LINE), lw=0.9, zorder=0)
+    _prepare_axes(light, "Photons on the pixel", "expected, after the optics")
+    _prepare_axes(found, "Probability of detection", f"marked: P = {probability:g}")
+    _prepare_axes(precision, "Range precision [cm]", "1 sigma of detected returns")
+    _prepare_axes(pixels, "Pixels on the target", "lit and in the field")
     for axes in (light, precision, pixels):
-        _log(axes)
+        _use_log_scale(axes)
     low, high = light.get_ylim()
     if high > 10.0 * _LOWEST_PHOTONS:
         light.set_ylim(max(_LOWEST_PHOTONS, low), high)
@@ -90,13 +90,13 @@ def budget_figure(
     for axes in (light, found, precision, pixels):
         log_ticks(axes.xaxis, *axes.get_xlim())
     for axes in (precision, pixels):
-        axes.set_xlabel("Range [m]", fontsize=9, color=hexed(QUIET))
+        axes.set_xlabel("Range [m]", fontsize=9, color=hex_colour(QUIET))
     figure.align_ylabels()
-    _legend(figure, light, probability, len(small_print))
+    _draw_legend(figure, light, probability, len(small_print))
     return figure
 
 
-def _legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
+def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
     """Put the names of the curves between the plots and the small print, and make room for them."""
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
@@ -111,11 +111,11 @@ def _legend(figure: Figure, axes: Axes, probability: float, printed: int) -> Non
         ncols=columns,
         fontsize=8.5,
         frameon=False,
-        labelcolor=hexed(INK),
+        labelcolor=hex_colour(INK),
         borderaxespad=0.0,
     )
     legend.set_in_layout(False)
-    legend.get_title().set(fontsize=8.5, color=hexed(QUIET))
+    legend.get_title().set(fontsize=8.5, color=hex_colour(QUIET))
     room_in = float(legend.get_window_extent().height) / figure.dpi
     head_in = 0.66
     engine: Any = figure.get_layout_engine()
@@ -128,13 +128,13 @@ _FAINT = 0.3
 _LEAST_SPAN = 1.5  # greatest over least of a log axis: a shorter one shows rounding
 
 
-def _axes(axes: Axes, title: str, note: str) -> None:
+def _prepare_axes(axes: Axes, title: str, note: str) -> None:
     axes.set_xscale("log")
-    dress(axes, title, note=note)
+    style_axes(axes, title, note=note)
     axes.tick_params(labelbottom=True)
 
 
-def _log(axes: Axes) -> None:
+def _use_log_scale(axes: Axes) -> None:
     """Make the axis of values logarithmic; where nothing is above 0, it runs over one decade."""
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
     if not np.any(values > 0.0):
@@ -150,5 +150,5 @@ def _mark(axes: Axes, x: float, y: float, colour: str) -> None:
     axes.plot([x], [y], "o", color=colour, ms=5, mec="white", mew=0.8, zorder=5)
 
 
-def _length(metres: float) -> str:
+def _format_length(metres: float) -> str:
     return f"{metres / units.KM:.3g} km" if metres >= units.KM else f"{metres:.3g} m"

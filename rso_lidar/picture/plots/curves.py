@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.selection.sequence import on_target, pick, started, target_ranges_m
-from rso_lidar.picture.style.figures import dress, in_thousands, log_ticks, new_figure
-from rso_lidar.picture.style.palette import LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.selection.sequence import format_start, on_target, pick, target_ranges_m
+from rso_lidar.picture.style.figures import format_thousands, log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Frame
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 
 
 @dataclass(frozen=True)
-class Point:
+class FrameStatistics:
     """What one frame adds to the curves; NaN where it has nothing to say."""
 
     time_s: float
@@ -43,7 +43,7 @@ class Point:
     error_84_m: float
 
     @staticmethod
-    def of(frame: Frame) -> Point:
+    def of(frame: Frame) -> FrameStatistics:
         """Return the numbers of a frame; errors are those of pixels with one cluster."""
         labels = frame.labels
         there = labels.target >= 0
@@ -52,7 +52,7 @@ class Point:
         judged = returned & (labels.cluster_count == 1)
         error_m = frame.range_m[judged].astype(float) - labels.range_m[judged]
         errors_m = np.percentile(error_m, [15.87, 50, 84.13]) if error_m.size else (NONE, NONE, NONE)
-        return Point(
+        return FrameStatistics(
             time_s=frame.time_s,
             true_range_m=min(target_ranges_m(frame).values(), default=NONE),
             measured_m=float(np.mean(frame.range_m[returned], dtype=float)) if returned.any() else NONE,
@@ -74,32 +74,37 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     Frames are a sequence, a recording or an iterator, thinned to 600. The band of photons runs from the 10th to the
     90th percentile of pixels that see a target, that of errors from the 16th to the 84th of pixels with one cluster.
     """
-    points, total = pick(frames, DRAWN, lambda frame: (Point.of(frame), frame.source.title, started(frame)))
-    table = {name: np.array([getattr(point, name) for point, _, _ in points]) for name in Point.__dataclass_fields__}
+    points, total = pick(
+        frames, DRAWN, lambda frame: (FrameStatistics.of(frame), frame.source.title, format_start(frame))
+    )
+    table = {
+        name: np.array([getattr(point, name) for point, _, _ in points])
+        for name in FrameStatistics.__dataclass_fields__
+    }
     time_s = table["time_s"]
     _, title, start = points[0]
     count = f"{total:,} frame{'s' * (total != 1)}" if total == len(points) else f"{len(points):,} of {total:,} frames"
     figure = new_figure(8.4, 9.2, title, f"{count}   ·   time since {start}")
     ranges, share, photons, errors = figure.subplots(4, 1, sharex=True)
 
-    ranges.plot(time_s, table["true_range_m"], color=hexed(LINE), lw=3.5, label="truth, to the target's origin")
+    ranges.plot(time_s, table["true_range_m"], color=hex_colour(LINE), lw=3.5, label="truth, to the target's origin")
     ranges.plot(time_s, table["measured_m"], ".", color=BLUE, ms=4, label="mean of the returns")
-    dress(ranges, y="Range [m]")
-    in_thousands(ranges.yaxis)
+    style_axes(ranges, y="Range [m]")
+    format_thousands(ranges.yaxis)
     farthest_m = np.nanmax([table["true_range_m"], table["measured_m"]], initial=0.0)
     ranges.set_ylim(0.0, HEADROOM * float(farthest_m) or 1.0)
-    _entries(ranges)
+    _draw_legend(ranges)
 
     lit = table["lit"]
     share.plot(time_s, np.where(lit > 0, table["detected"] / np.maximum(lit, 1), NONE), ".-", color=GREEN, ms=4, lw=0.8)
     share.set_ylim(-0.03, 1.03)
-    dress(share, y="Detected share of\nthe target's pixels")
+    style_axes(share, y="Detected share of\nthe target's pixels")
     pixels = share.twinx()
     pixels.plot(time_s, table["lit"], color=ORANGE, lw=1.0, alpha=0.9)
     pixels.set_ylim(0.0, HEADROOM * float(lit.max()) or 1.0)
-    dress(pixels, y="Pixels on the target")
+    style_axes(pixels, y="Pixels on the target")
     pixels.grid(False)
-    in_thousands(pixels.yaxis)
+    format_thousands(pixels.yaxis)
     pixels.yaxis.label.set_color(ORANGE)
     share.yaxis.label.set_color(GREEN)
 
@@ -109,31 +114,31 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     photons.plot(time_s, table["photons_50"], color=BLUE, lw=1.2, label="median")
     if np.nanmax(table["photons_50"], initial=0.0) > 0:
         photons.set_yscale("log")
-    dress(photons, y="Expected photons\nper pixel on the target")
-    _entries(photons)
+    style_axes(photons, y="Expected photons\nper pixel on the target")
+    _draw_legend(photons)
 
     low_cm, middle_cm, high_cm = (table[f"error_{rank}_m"] / units.CM for rank in (16, 50, 84))
-    errors.axhline(0, color=hexed(LINE), lw=0.8)
+    errors.axhline(0, color=hex_colour(LINE), lw=0.8)
     errors.fill_between(time_s, low_cm, high_cm, color=ORANGE, alpha=0.25, lw=0, label="16 to 84 %")
     errors.plot(time_s, middle_cm, ".", color=RED, ms=4, label="median, pixels of one cluster")
-    dress(errors, x="Time [s]", y="Range minus truth [cm]")
-    in_thousands(errors.xaxis)
-    _entries(errors)
+    style_axes(errors, x="Time [s]", y="Range minus truth [cm]")
+    format_thousands(errors.xaxis)
+    _draw_legend(errors)
     if len(points) == 1:  # a line of one point shows nothing
         for axes in (ranges, pixels, photons):
             axes.get_lines()[0].set(marker="_", ms=14, mew=axes.get_lines()[0].get_linewidth())
     if photons.get_yscale() == "log":
-        photons.set_ylim(*_decade(*photons.get_ylim()))
+        photons.set_ylim(*_widen_to_decade(*photons.get_ylim()))
         log_ticks(photons.yaxis, *photons.get_ylim())
     figure.align_ylabels([ranges, share, photons, errors])
     return figure
 
 
-def _decade(low: float, high: float) -> tuple[float, float]:
+def _widen_to_decade(low: float, high: float) -> tuple[float, float]:
     """Return limits of a log axis that span a decade at least: a shorter one shows rounding."""
     wider = max(1.0, math.sqrt(10.0 * low / high))
     return low / wider, high * wider
 
 
-def _entries(axes: Axes) -> None:
-    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hexed(QUIET))
+def _draw_legend(axes: Axes) -> None:
+    axes.legend(fontsize=8, frameon=False, loc="best", labelcolor=hex_colour(QUIET))

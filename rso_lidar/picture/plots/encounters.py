@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.picture.style.figures import dress, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, MARK, QUIET, RANGE_RAMP, hexed
+from rso_lidar.picture.style.figures import new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, MARK, QUIET, RANGE_RAMP, hex_colour
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -63,7 +63,7 @@ def encounter_figure(
     spread = bool(nearest_km * units.KM < 0.03 * within_m)
     lowest, highest = (float(speed.min()), float(speed.max())) if len(speed) else (0.0, 1.0)
     drawn = None
-    for lit, marker, rim in ((True, "o", "white"), (False, "s", hexed(INK))):
+    for lit, marker, rim in ((True, "o", "white"), (False, "s", hex_colour(INK))):
         of = np.asarray(sunlit, dtype=bool) == lit
         drawn = axes.scatter(
             np.asarray(time_utc)[of],
@@ -80,7 +80,7 @@ def encounter_figure(
         )
     busy: list[Artist] = []  # what names do not cover
     if reach_m is not None and reach_m < within_m:
-        line = axes.axhline(reach_m / units.KM, color=hexed(MARK), lw=1.1, ls="--", zorder=2)
+        line = axes.axhline(reach_m / units.KM, color=hex_colour(MARK), lw=1.1, ls="--", zorder=2)
         told = axes.annotate(
             f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
@@ -89,7 +89,7 @@ def encounter_figure(
             textcoords="offset points",
             ha="right",
             fontsize=8.5,
-            color=hexed(MARK),
+            color=hex_colour(MARK),
         )
         busy += [line, told]
     if spread:
@@ -110,10 +110,19 @@ def encounter_figure(
     ends = time_utc if window_utc is None else np.array([window_utc[0], window_utc[1] - np.timedelta64(1, "ms")])
     days = np.unique(ends.astype("datetime64[D]")).astype(str)
     when = ", ".join(["UTC", " to ".join(dict.fromkeys([*days[:1], *days[-1:]]))]) if len(days) else "UTC"
-    dress(axes, said, when, "Range at the closest approach [km]")
+    style_axes(axes, said, when, "Range at the closest approach [km]")
     marks = [
-        Line2D([], [], ls="", marker=marker, ms=6, mfc=hexed(LINE), mec=hexed(QUIET) if lit else hexed(INK), label=word)
-        for lit, marker, word in ((True, "o", "sunlit"), (False, "s", "in the Earth's shadow"))
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker=marker,
+            ms=6,
+            mfc=hex_colour(LINE),
+            mec=hex_colour(QUIET) if lit else hex_colour(INK),
+            label=word,
+        )
+        for marker, rim, word in (("o", QUIET, "sunlit"), ("s", INK, "in the Earth's shadow"))
     ]
     axes.legend(
         handles=marks,
@@ -122,23 +131,23 @@ def encounter_figure(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncols=2,
-        labelcolor=hexed(QUIET),
+        labelcolor=hex_colour(QUIET),
         borderaxespad=0.1,
     )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=[axes], fraction=0.035, pad=0.015, aspect=30)
-        bar.set_label(f"Relative speed [{'m/s' if slow else 'km/s'}]", fontsize=9, color=hexed(QUIET))
-        bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+        bar.set_label(f"Relative speed [{'m/s' if slow else 'km/s'}]", fontsize=9, color=hex_colour(QUIET))
+        bar.ax.tick_params(labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
         bar.outline.set_visible(False)
     points = np.stack([date2num(np.asarray(time_utc)), range_km], axis=1)  # type: ignore[no-untyped-call]
     named: dict[str, int] = {}  # an object with several encounters is labelled once, at the nearest
     for k in np.argsort(range_km, kind="stable").tolist():
         named.setdefault(labels[k], k)
-    _name(figure, axes, points, [(k, label) for label, k in named.items()][: _NAMED * 2], busy)
+    _write_names(figure, axes, points, [(k, label) for label, k in named.items()][: _NAMED * 2], busy)
     return figure
 
 
-def _name(
+def _write_names(
     figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
 ) -> None:
     """Write names at the first few of some points, each where it covers no point and no other name, or not at all."""
@@ -167,9 +176,9 @@ def _name(
                 ha={1: "left", 0: "center", -1: "right"}[x],
                 va={1: "bottom", 0: "center", -1: "top"}[y],
                 fontsize=8,
-                color=hexed(INK),
+                color=hex_colour(INK),
                 zorder=4,
-                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": hexed(QUIET), "shrinkA": 0, "shrinkB": 3}
+                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": hex_colour(QUIET), "shrinkA": 0, "shrinkB": 3}
                 if far > 7
                 else None,
             )

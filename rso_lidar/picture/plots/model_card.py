@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rso_lidar.picture.style.figures import LINE_IN, new_figure
-from rso_lidar.picture.style.palette import INK, OTHER_PART, PAPER, PARTS, QUIET, hexed
+from rso_lidar.picture.style.palette import INK, OTHER_PART, PAPER, PARTS, QUIET, hex_colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,7 +72,7 @@ def model_card_figure(
             axes = grid[row, column]
             half_m = 0.5 * view.cell_m * index.shape[1]
             axes.imshow(
-                _shaded(index, rgb, view.cosine), extent=(-half_m, half_m, -half_m, half_m), interpolation="antialiased"
+                _shade(index, rgb, view.cosine), extent=(-half_m, half_m, -half_m, half_m), interpolation="antialiased"
             )
             axes.set_ylim(-tall_m, tall_m)
             axes.set_xticks([])
@@ -80,8 +80,8 @@ def model_card_figure(
             for spine in axes.spines.values():
                 spine.set_visible(False)
             if row == 0:
-                axes.set_title(view.side, fontsize=10, color=hexed(INK))
-    _bar(grid[1, 0], views[0], tall_m)
+                axes.set_title(view.side, fontsize=10, color=hex_colour(INK))
+    _draw_bar(grid[1, 0], views[0], tall_m)
     names = [first.part_names[part] for part in shown[: len(PARTS)]]
     others = len(shown) - len(names)
     _names(grid[0, -1], "parts, by what is seen of them", names, part_rgb[shown[: len(PARTS)]], others)
@@ -98,7 +98,7 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
         for column, cell in enumerate(cells):
             x = _TABLE_FROM if column == 0 else _TABLE_FROM + 0.10 + _CELL * column
             side: Any = "left" if column == 0 else "right"
-            ink = hexed(QUIET if row == 0 or column == 0 else INK)
+            ink = hex_colour(QUIET if row == 0 or column == 0 else INK)
             figure.text(x, y, cell, fontsize=8.5, color=ink, ha=side, va="bottom", in_layout=False)
 
 
@@ -108,7 +108,7 @@ def _by_area(views: Sequence[CardView], count: int) -> list[int]:
     return [int(part) for part in np.argsort(-np.asarray(seen), kind="stable") if np.asarray(seen)[part] > 0]
 
 
-def _shaded(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+def _shade(index: np.ndarray, rgb: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     light = (_DARKEST + (1.0 - _DARKEST) * cosine)[..., None]
     paper = np.array(PAPER) / 255.0
     return np.where((index >= 0)[..., None], rgb[np.maximum(index, 0)] * light, paper)
@@ -131,26 +131,26 @@ def _half_height_m(views: Sequence[CardView]) -> float:
     return float(min(1.06 * tallest + 0.14 * half_m, half_m))
 
 
-def _bar(axes: Any, view: CardView, tall_m: float) -> None:
+def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
     """Draw a bar of a round length at the foot of a view."""
     half_m = 0.5 * view.cell_m * view.part.shape[1]
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))
     left, low = -0.97 * half_m, -tall_m + 0.03 * half_m
-    axes.plot([left, left + length], [low, low], color=hexed(INK), lw=2.0, solid_capstyle="butt")
+    axes.plot([left, left + length], [low, low], color=hex_colour(INK), lw=2.0, solid_capstyle="butt")
     said = f"{length:g} m" if length >= 1.0 else f"{length * 100:g} cm"
-    axes.text(left, low + 0.03 * half_m, said, fontsize=9, color=hexed(INK), va="bottom")
+    axes.text(left, low + 0.03 * half_m, said, fontsize=9, color=hex_colour(INK), va="bottom")
 
 
 def _names(axes: Any, title: str, names: Sequence[str], rgb: np.ndarray, others: int) -> None:
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(_MOST_NAMES + 1.0, 0.0)
-    axes.text(0.0, 0.4, title, fontsize=9, color=hexed(QUIET), va="center")
+    axes.text(0.0, 0.4, title, fontsize=9, color=hex_colour(QUIET), va="center")
     listed = list(names[:_MOST_NAMES])
     for row, (name, colour) in enumerate(zip(listed, rgb, strict=False), start=1):
-        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=hexed(QUIET), mew=0.3, clip_on=False)
-        axes.text(0.10, row + 0.3, name, fontsize=8.5, color=hexed(INK), va="center")
+        axes.plot([0.03], [row + 0.3], "s", color=colour, ms=8, mec=hex_colour(QUIET), mew=0.3, clip_on=False)
+        axes.text(0.10, row + 0.3, name, fontsize=8.5, color=hex_colour(INK), va="center")
     left = others + len(names) - len(listed)
     if left:
-        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=8.5, color=hexed(QUIET), va="center")
+        axes.text(0.10, len(listed) + 1.3, f"and {left} more", fontsize=8.5, color=hex_colour(QUIET), va="center")

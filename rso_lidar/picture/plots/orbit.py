@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.selection.sequence import evenly
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hexed
+from rso_lidar.picture.selection.sequence import even_indices
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, MARK, PARTS, QUIET, hex_colour
 from rso_lidar.records import BodyState, Truth
 from rso_lidar.units import DEG, EARTH_GM_M3_S2, EARTH_RADIUS_M, KM
 from rso_lidar.viewing_geometry import find_shadow_spans_s
@@ -44,7 +44,7 @@ class _View:
         right = right / np.linalg.norm(right)
         return _View(right, np.cross(eye, right), eye)
 
-    def seen(self, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def project(self, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return right, up and toward the eye of vectors (…, 3)."""
         x, y, z = (np.einsum("...i,i->...", vectors, axis) for axis in (self.right, self.up, self.eye))
         return x, y, z
@@ -80,10 +80,10 @@ def inertial_figure(
     normal /= np.linalg.norm(normal)
     flat = sun - np.sum(sun * normal) * normal
     flat = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-3 else _across(normal)
-    eye = _eye(normal, sun, first.position_m[len(first.position_m) // 2])
+    eye = _choose_view(normal, sun, first.position_m[len(first.position_m) // 2])
     start, end = (float(np.atleast_1d(truth.time_s)[k]) for k in (0, -1))
     note = f"inertial axes (GCRS)   ·   {start:,.0f} to {end:,.0f} s, from the circle to the square"
-    paths = [_flown(name, truth, state, (shadows_s or {}).get(name)) for name, state in states.items()]
+    paths = [_collect_paths(name, truth, state, (shadows_s or {}).get(name)) for name, state in states.items()]
     if any(path.dark.any() for path in paths):
         coarse = "" if set(states) <= set(shadows_s or {}) else ", as the frames have it"
         note += f"   ·   black where the Earth hides the Sun{coarse}"
@@ -92,11 +92,11 @@ def inertial_figure(
     _draw(oblique, paths, _View.along(eye, np.array([0.0, 0.0, 1.0])), sun)
     _draw(pole, paths, _View.along(normal, np.cross(normal, flat)), sun)
     longitude = np.arctan2(eye[1], eye[0]) / DEG % 360.0
-    dress(oblique, f"From right ascension {longitude:.0f}°, declination {NORTH / DEG:.0f}°", "[km]", "[km]")
-    dress(pole, "From the orbit's pole, the Sun to the right", "[km]", "[km]")
+    style_axes(oblique, f"From right ascension {longitude:.0f}°, declination {NORTH / DEG:.0f}°", "[km]", "[km]")
+    style_axes(pole, "From the orbit's pole, the Sun to the right", "[km]", "[km]")
     handles, words = oblique.get_legend_handles_labels()
     oblique.legend(
-        handles, words, fontsize=8.5, frameon=False, loc="lower left", labelcolor=hexed(QUIET), borderaxespad=0.0
+        handles, words, fontsize=8.5, frameon=False, loc="lower left", labelcolor=hex_colour(QUIET), borderaxespad=0.0
     )
     return figure
 
@@ -127,7 +127,7 @@ def _orbits(state: BodyState) -> bool:
     return bool(np.all(distance > 0.9 * EARTH_RADIUS_M) and np.all(speed > 1.0))
 
 
-def _eye(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> np.ndarray:
+def _choose_view(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> np.ndarray:
     """Return the way to an eye that sees the orbit open, the Earth mostly lit, and the middle of the path before it."""
     turn = np.arange(0.0, 360.0, 5.0) * DEG
     north = np.sin(NORTH)
@@ -147,7 +147,7 @@ def _across(normal: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Flown:
+class _OrbitPath:
     """A body's path (point, 3) [m], where it is in shadow (point), and its osculating orbit at the start (point, 3) [m]."""
 
     name: str
@@ -156,7 +156,7 @@ class _Flown:
     orbit_m: np.ndarray
 
 
-def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> _Flown:
+def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> _OrbitPath:
     """Return the path of a body, filled in between instants that lie far apart, with the ends of shadow as points."""
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
@@ -164,7 +164,7 @@ def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> 
         lit = np.broadcast_to(np.asarray(truth.sunlit.get(name, 1.0), dtype=float), time_s.shape)
         spans_s = find_shadow_spans_s(time_s, lit)
     spans_s = list(spans_s)
-    chosen = evenly(time_s.size, DRAWN)
+    chosen = even_indices(time_s.size, DRAWN)
     time_s, position_m, velocity_m_s = time_s[chosen], position_m[chosen], velocity_m_s[chosen]
     whole = osculating_orbit_m(position_m[0], velocity_m_s[0])
     turn = np.linalg.norm(velocity_m_s, axis=-1) / np.linalg.norm(position_m, axis=-1)  # at most [rad/s]
@@ -176,10 +176,10 @@ def _flown(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> 
     dark = np.zeros(at_s.size, dtype=bool)
     for begins_s, ends in spans_s:
         dark |= (at_s >= begins_s) & (at_s <= ends)
-    return _Flown(name, _between(at_s, time_s, position_m, velocity_m_s), dark, whole)
+    return _OrbitPath(name, _interpolate(at_s, time_s, position_m, velocity_m_s), dark, whole)
 
 
-def _between(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
+def _interpolate(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
     """Return positions (time, 3) [m] between instants by Hermite's cubic through positions and velocities.
 
     On a circle it is off by a^4 / 384 of the radius for instants that are an angle a apart: 0.5 % at 1.2 rad.
@@ -195,46 +195,46 @@ def _between(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, veloc
     return between
 
 
-def _draw(axes: Axes, paths: Sequence[_Flown], view: _View, sun: np.ndarray) -> None:
+def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray) -> None:
     """Draw Earth, orbits and Sun as one view has them, in km; what is behind the Earth is hidden by its disc."""
-    _earth(axes, view, sun)
+    _draw_earth(axes, view, sun)
     reach = EARTH_RADIUS_M
     for k, flown in enumerate(paths):
         colour = COLOURS[k % len(COLOURS)]
         wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is seen on the first where both are near
         path, whole = flown.position_m, flown.orbit_m
-        _line(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
-        _line(axes, view, path, color=colour, lw=wide, label=flown.name)
+        _draw_path(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
+        _draw_path(axes, view, path, color=colour, lw=wide, label=flown.name)
         for at, marker in ((0, "o"), (-1, "s")):
-            right, up, depth = view.seen(path[at])
+            right, up, depth = view.project(path[at])
             order = 6 if depth > 0 else 1.5
             axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc="white", mec=colour, mew=1.3, zorder=order)
-        reach = max(reach, *(float(np.abs(v).max()) for v in view.seen(np.vstack([path, whole]))[:2]))
+        reach = max(reach, *(float(np.abs(v).max()) for v in view.project(np.vstack([path, whole]))[:2]))
     for flown in paths:  # over the colours of all, which often cover one another
         dark = np.where(flown.dark[:, None], flown.position_m, np.nan)
-        _line(axes, view, dark, color=hexed(INK), lw=1.6)
-    x, y, _ = (float(v) for v in view.seen(sun))
+        _draw_path(axes, view, dark, color=hex_colour(INK), lw=1.6)
+    x, y, _ = (float(v) for v in view.project(sun))
     along = np.hypot(x, y)
     if along > 0.05:
         tail, head = 1.12 * reach / KM, (1.12 + 0.22 * along) * reach / KM
         start, tip = (tail * x / along, tail * y / along), (head * x / along, head * y / along)
-        arrow = {"arrowstyle": "-|>", "color": hexed(MARK), "lw": 2.0, "shrinkA": 0, "shrinkB": 0}
+        arrow = {"arrowstyle": "-|>", "color": hex_colour(MARK), "lw": 2.0, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", xy=tip, xytext=start, arrowprops=arrow, zorder=7)
         axes.annotate(
             "Sun", tip, xytext=(12 * x / along, 12 * y / along), textcoords="offset points", ha="center", va="center",
-            fontsize=9, color=hexed(MARK), zorder=7,
+            fontsize=9, color=hex_colour(MARK), zorder=7,
         )  # fmt: skip
     axes.set_aspect("equal", adjustable="box")
     edge = 1.55 * reach / KM
     axes.set_xlim(-edge, edge)
     axes.set_ylim(-edge, edge)
     axes.locator_params(nbins=6)
-    in_thousands(axes.xaxis, axes.yaxis)
+    format_thousands(axes.xaxis, axes.yaxis)
 
 
-def _line(axes: Axes, view: _View, points: np.ndarray, **style: object) -> None:
+def _draw_path(axes: Axes, view: _View, points: np.ndarray, **style: object) -> None:
     """Draw a path in two: what is behind the plane through the Earth's centre under the disc, the rest above it."""
-    x, y, depth = view.seen(points)
+    x, y, depth = view.project(points)
     label = style.pop("label", None)
     near = depth >= -1e-3 * EARTH_RADIUS_M
     far = ~near
@@ -245,7 +245,7 @@ def _line(axes: Axes, view: _View, points: np.ndarray, **style: object) -> None:
         axes.plot(right_km, up_km, zorder=order, label=name, solid_capstyle="butt", **style)  # type: ignore[arg-type]
 
 
-def _earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
+def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
     """Draw the Earth's disc with its lit side, and its parallels and meridians in inertial axes every 30 degrees."""
     from matplotlib.patches import Circle
 
@@ -260,7 +260,7 @@ def _earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
     image = np.concatenate([colour, inside[..., None].astype(float)], axis=-1)
     edge = EARTH_RADIUS_M / KM
     shown = axes.imshow(image, extent=(-edge, edge, -edge, edge), origin="lower", zorder=2, interpolation="bilinear")
-    disc = Circle((0, 0), edge, transform=axes.transData, fc="none", ec=hexed(QUIET), lw=0.7, zorder=4)
+    disc = Circle((0, 0), edge, transform=axes.transData, fc="none", ec=hex_colour(QUIET), lw=0.7, zorder=4)
     axes.add_patch(disc)
     shown.set_clip_path(disc)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -273,6 +273,6 @@ def _earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
         for lon in np.arange(0, 180, 30) * DEG
     ]
     for ring in rings:
-        right, up, depth = view.seen(ring)
+        right, up, depth = view.project(ring)
         front = np.where(depth > 0, edge, np.nan)
-        axes.plot(right * front, up * front, color=hexed(LINE), lw=0.4, alpha=0.55, zorder=3)
+        axes.plot(right * front, up * front, color=hex_colour(LINE), lw=0.4, alpha=0.55, zorder=3)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hexed
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.palette import FALSE, INK, PARTS, QUIET, hex_colour
 from rso_lidar.units import DEG
 from rso_lidar.viewing_geometry import find_shadow_spans_s
 
@@ -47,17 +47,20 @@ def timeline_figure(
     shadow_s : spans [s] in which the Earth hides the Sun from the target (None: as `sunlit_fraction` has it).
     """
     time_s = table["time_s"]
-    panels: list[Callable[[Axes], None]] = [lambda axes: _range(axes, table), lambda axes: _rates(axes, table)]
+    panels: list[Callable[[Axes], None]] = [
+        lambda axes: _draw_range(axes, table),
+        lambda axes: _draw_rates(axes, table),
+    ]
     if "phase_rad" in table:
-        panels.append(lambda axes: _sun(axes, table))
+        panels.append(lambda axes: _draw_sun(axes, table))
     if "pan_demand_rad" in table:
-        panels.append(lambda axes: _angles(axes, table, travel_rad))
-        panels.append(lambda axes: _drive(axes, table, max_rate_rad_s))
+        panels.append(lambda axes: _draw_angles(axes, table, travel_rad))
+        panels.append(lambda axes: _draw_drive(axes, table, max_rate_rad_s))
     panels += [
-        lambda axes: _field(axes, table, half_field_rad),
-        lambda axes: _pixels(axes, table),
-        lambda axes: _photons(axes, table),
-        lambda axes: _detection(axes, table),
+        lambda axes: _draw_field(axes, table, half_field_rad),
+        lambda axes: _draw_pixels(axes, table),
+        lambda axes: _draw_photons(axes, table),
+        lambda axes: _draw_detection(axes, table),
     ]
     if shadow_s is None and "sunlit_fraction" in table:
         shadow_s = find_shadow_spans_s(time_s, table["sunlit_fraction"])
@@ -66,7 +69,7 @@ def timeline_figure(
     part_s, outside_s = (
         find_shadow_spans_s(time_s, (table["in_field_fraction"] >= share).astype(float)) for share in (_WHOLE, _SOME)
     )
-    note = f"from the lidar to {target}   ·   from {_instant(table)}   ·   {time_s.size:,} frames"
+    note = f"from the lidar to {target}   ·   from {_format_start(table)}   ·   {time_s.size:,} frames"
     shades = [f"grey: {target} in the Earth's shadow"] if dark_s else []
     shades += [f"pale red: {target} not wholly in the field"] if part_s != outside_s else []
     shades += ["red: out of it" if part_s != outside_s else f"red: {target} out of the field"] if outside_s else []
@@ -81,150 +84,152 @@ def timeline_figure(
         for begins_s, ends_s in (*part_s, *outside_s):  # what is out altogether twice, and so deeper
             axes.axvspan(begins_s, ends_s, color=_OUTSIDE, lw=0, zorder=0, alpha=0.6)
         draw(axes)
-    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hexed(QUIET))
-    in_thousands(rows[-1].xaxis)
+    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hex_colour(QUIET))
+    format_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(first_s, last_s if time_s.size > 1 else first_s + 1.0)
     figure.align_ylabels(rows)
     return figure
 
 
-def _instant(table: Table) -> str:
+def _format_start(table: Table) -> str:
     return f"{table['utc'][0]}"[:19].replace("T", " ") + " UTC"
 
 
 # ------------------------------------------------------------------------------------------------------ the panels
 
 
-def _range(axes: Axes, table: Table) -> None:
+def _draw_range(axes: Axes, table: Table) -> None:
     axes.plot(table["time_s"], table["range_m"], color=BLUE, lw=1.4)
-    dress(axes, y="Range [m]")
+    style_axes(axes, y="Range [m]")
     axes.yaxis.label.set_color(BLUE)
     axes.set_ylim(0.0, 1.06 * float(table["range_m"].max()) or 1.0)
-    in_thousands(axes.yaxis)
-    rate = _beside(axes, "Range rate [m/s]", ORANGE)
+    format_thousands(axes.yaxis)
+    rate = _add_right_axis(axes, "Range rate [m/s]", ORANGE)
     rate.plot(table["time_s"], table["range_rate_m_s"], color=ORANGE, lw=1.0)
-    _room(rate, 0.01)
+    _widen(rate, 0.01)
 
 
-def _rates(axes: Axes, table: Table) -> None:
+def _draw_rates(axes: Axes, table: Table) -> None:
     for name, word, colour, width in (
-        ("line_of_sight_rate_rad_s", "line of sight, inertial", hexed(QUIET), 2.6),
+        ("line_of_sight_rate_rad_s", "line of sight, inertial", hex_colour(QUIET), 2.6),
         ("azimuth_rate_rad_s", "azimuth", BLUE, 1.2),
         ("elevation_rate_rad_s", "elevation", GREEN, 1.2),
     ):
         axes.plot(table["time_s"], table[name] / DEG, color=colour, lw=width, label=word)
-    dress(axes, y="Rates to the\ntarget [deg/s]")
-    _room(axes, 1e-4)
-    _entries(axes)
+    style_axes(axes, y="Rates to the\ntarget [deg/s]")
+    _widen(axes, 1e-4)
+    _draw_legend(axes)
 
 
-def _sun(axes: Axes, table: Table) -> None:
+def _draw_sun(axes: Axes, table: Table) -> None:
     axes.plot(table["time_s"], table["phase_rad"] / DEG, color=PINK, lw=1.2, label="phase, Sun-target-lidar")
     axes.plot(
         table["time_s"], table["sun_off_boresight_rad"] / DEG, color=ORANGE, lw=1.2, label="Sun off the boresight"
     )
-    dress(axes, y="Sun [deg]")
+    style_axes(axes, y="Sun [deg]")
     axes.set_ylim(-7, 187)
     axes.set_yticks(range(0, 181, 60))
-    _entries(axes)
+    _draw_legend(axes)
 
 
-def _angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
+def _draw_angles(axes: Axes, table: Table, travel_rad: Sequence[tuple[float, float]] | None) -> None:
     for word, colour in (("pan", BLUE), ("tilt", GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rad"] / DEG, color=colour, lw=3.5, alpha=0.3)
         axes.plot(table["time_s"], table[f"{word}_actual_rad"] / DEG, color=colour, lw=1.1, label=word)
-        _marked(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
-    dress(axes, y="PTU [deg]\npale: asked")
-    _room(axes, 0.01)
+        _mark(axes, table, f"{word}_beyond_travel", f"{word}_demand_rad", f"{word} beyond its travel")
+    style_axes(axes, y="PTU [deg]\npale: asked")
+    _widen(axes, 0.01)
     for (low, high), colour in zip(travel_rad or (), (BLUE, GREEN), strict=False):
-        _limit(axes, low / DEG, colour)
-        _limit(axes, high / DEG, colour)
-    _entries(axes)
+        _draw_limit(axes, low / DEG, colour)
+        _draw_limit(axes, high / DEG, colour)
+    _draw_legend(axes)
 
 
-def _drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
+def _draw_drive(axes: Axes, table: Table, max_rate_rad_s: float) -> None:
     for word, colour in (("pan", BLUE), ("tilt", GREEN)):
         axes.plot(table["time_s"], table[f"{word}_demand_rate_rad_s"] / DEG, color=colour, lw=3.5, alpha=0.3)
         axes.plot(table["time_s"], table[f"{word}_rate_rad_s"] / DEG, color=colour, lw=1.1, label=word)
-        _marked(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
+        _mark(axes, table, f"{word}_at_greatest_rate", f"{word}_rate_rad_s", f"{word} at its greatest rate")
     most = max_rate_rad_s / DEG
-    dress(axes, y="PTU rates\n[deg/s]")
-    _room(axes, 1e-3)
-    shown = [_limit(axes, value, hexed(INK)) for value in (-most, most)]
+    style_axes(axes, y="PTU rates\n[deg/s]")
+    _widen(axes, 1e-3)
+    shown = [_draw_limit(axes, value, hex_colour(INK)) for value in (-most, most)]
     if np.isfinite(most):
         beyond = "" if any(shown) else ", beyond the axis"
-        axes.plot([], [], color=hexed(INK), lw=0.9, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}")
-    _entries(axes)
+        axes.plot([], [], color=hex_colour(INK), lw=0.9, ls=_DASHED, label=f"greatest rate ±{most:g}°/s{beyond}")
+    _draw_legend(axes)
 
 
-def _field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
+def _draw_field(axes: Axes, table: Table, half_field_rad: float | None) -> None:
     off_deg = table["off_boresight_rad"] / DEG
     axes.plot(table["time_s"], off_deg, color=RED, lw=1.2, label="target's origin")
     greatest = float(np.nanmax(off_deg))
     if half_field_rad is not None:
-        axes.axhline(half_field_rad / DEG, color=hexed(QUIET), lw=0.9, ls=_DASHED, label="half the field's side")
+        axes.axhline(half_field_rad / DEG, color=hex_colour(QUIET), lw=0.9, ls=_DASHED, label="half the field's side")
         greatest = max(greatest, half_field_rad / DEG)
-    dress(axes, y="Off boresight\n[deg]")
+    style_axes(axes, y="Off boresight\n[deg]")
     axes.set_ylim(-0.04 * greatest, 1.08 * greatest or 1.0)
-    share = _beside(axes, "Of its bounds,\nin the field [%]", BLUE)
+    share = _add_right_axis(axes, "Of its bounds,\nin the field [%]", BLUE)
     share.plot(table["time_s"], 100.0 * table["in_field_fraction"], color=BLUE, lw=1.0)
     share.set_ylim(-4, 108)
     share.set_yticks(range(0, 101, 25))
-    _headroom(share)
-    _entries(axes)
+    _raise_top(share)
+    _draw_legend(axes)
 
 
-def _pixels(axes: Axes, table: Table) -> None:
+def _draw_pixels(axes: Axes, table: Table) -> None:
     for name, word, colour, width in (
-        ("width_pixels", "width of its bounds", hexed(QUIET), 2.2),
+        ("width_pixels", "width of its bounds", hex_colour(QUIET), 2.2),
         ("height_pixels", "height of its bounds", ORANGE, 1.0),
         ("target_pixels", "pixels on the target", BLUE, 1.4),
     ):
-        axes.plot(table["time_s"], _positive(table[name]), color=colour, lw=width, label=word)
-    dress(axes, y="Pixels")
-    _decades(axes)
-    _entries(axes)
+        axes.plot(table["time_s"], _hide_zeros(table[name]), color=colour, lw=width, label=word)
+    style_axes(axes, y="Pixels")
+    _use_log_scale(axes)
+    _draw_legend(axes)
 
 
-def _photons(axes: Axes, table: Table) -> None:
-    axes.plot(table["time_s"], _positive(table["brightest_photons"]), color=RED, lw=1.2, label="brightest pixel")
-    axes.plot(table["time_s"], _positive(table["median_photons"]), color=BLUE, lw=1.2, label="median pixel")
-    dress(axes, y="Expected photons\nin a pixel")
-    _decades(axes)
-    _entries(axes)
+def _draw_photons(axes: Axes, table: Table) -> None:
+    axes.plot(table["time_s"], _hide_zeros(table["brightest_photons"]), color=RED, lw=1.2, label="brightest pixel")
+    axes.plot(table["time_s"], _hide_zeros(table["median_photons"]), color=BLUE, lw=1.2, label="median pixel")
+    style_axes(axes, y="Expected photons\nin a pixel")
+    _use_log_scale(axes)
+    _draw_legend(axes)
 
 
-def _detection(axes: Axes, table: Table) -> None:
+def _draw_detection(axes: Axes, table: Table) -> None:
     pixels = table["target_pixels"]
     share = np.where(pixels > 0.0, table["expected_returns"] / np.maximum(pixels, 1e-9), np.nan)
     axes.plot(table["time_s"], table["detection_probability"], color=RED, lw=1.2, label="of the best pixel")
     axes.plot(table["time_s"], share, color=BLUE, lw=1.2, label="mean over the target's pixels")
-    dress(axes, y="Probability of\ndetection")
+    style_axes(axes, y="Probability of\ndetection")
     axes.set_ylim(-0.04, 1.06)
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    _entries(axes)
+    _draw_legend(axes)
 
 
 # ------------------------------------------------------------------------------------------------------- the parts
 
 
-def _beside(axes: Axes, label: str, colour: str) -> Axes:
+def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
     """Return a second axis at the right, with its own colour."""
     twin = axes.twinx()
-    dress(twin, y=label)
+    style_axes(twin, y=label)
     twin.grid(False)
     twin.yaxis.label.set_color(colour)
     return twin
 
 
-def _marked(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
+def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
     """Mark where a drive stands at a limit."""
     at = np.flatnonzero(table[where])
     if at.size:
-        axes.plot(table["time_s"][at], table[value][at] / DEG, ".", color=hexed(FALSE), ms=4, label=label, zorder=4)
+        axes.plot(
+            table["time_s"][at], table[value][at] / DEG, ".", color=hex_colour(FALSE), ms=4, label=label, zorder=4
+        )
 
 
-def _limit(axes: Axes, value: float, colour: str) -> bool:
+def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
     """Draw a limit that is finite and near to what is shown; return whether it is."""
     low, high = axes.get_ylim()
     reach = 0.6 * (high - low)
@@ -234,12 +239,12 @@ def _limit(axes: Axes, value: float, colour: str) -> bool:
     return near
 
 
-def _positive(values: np.ndarray) -> np.ndarray:
+def _hide_zeros(values: np.ndarray) -> np.ndarray:
     """Return values with NaN where there is nothing, so that a logarithm has something to show."""
     return np.where(values > 0.0, values, np.nan)
 
 
-def _decades(axes: Axes) -> None:
+def _use_log_scale(axes: Axes) -> None:
     lines = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
     if any(np.isfinite(values).any() for values in lines):
         axes.set_yscale("log")
@@ -250,7 +255,7 @@ def _decades(axes: Axes) -> None:
         axes.text(0.5, 0.5, "nothing in the field", transform=axes.transAxes, ha="center", va="center", fontsize=9)
 
 
-def _room(axes: Axes, least: float) -> None:
+def _widen(axes: Axes, least: float) -> None:
     """Widen an axis that shows next to nothing, so that rounding does not look like motion."""
     low, high = axes.get_ylim()
     if high - low < least:
@@ -259,13 +264,13 @@ def _room(axes: Axes, least: float) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
-def _headroom(axes: Axes) -> None:
+def _raise_top(axes: Axes) -> None:
     """Raise the upper end of an axis by the height of a legend of one line, so that no curve runs through that."""
     low, high = axes.get_ylim()
     more = 1.0 + _LEGEND
     axes.set_ylim(low, low * (high / low) ** more if axes.get_yscale() == "log" else low + (high - low) * more)
 
 
-def _entries(axes: Axes) -> None:
-    _headroom(axes)
-    axes.legend(fontsize=7.5, frameon=False, loc="upper left", labelcolor=hexed(QUIET), ncols=4, borderaxespad=0.2)
+def _draw_legend(axes: Axes) -> None:
+    _raise_top(axes)
+    axes.legend(fontsize=7.5, frameon=False, loc="upper left", labelcolor=hex_colour(QUIET), ncols=4, borderaxespad=0.2)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import dress, in_thousands, log_ticks, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hexed
+from rso_lidar.picture.style.figures import format_thousands, log_ticks, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.units import DEG
 
 if TYPE_CHECKING:
@@ -45,40 +45,42 @@ def tracking_figure(
     height_in = 1.1 + _PANEL_IN * panels
     figure = new_figure(9.6, height_in, title or "Tracking", words, (note,) if note else ())
     rows = list(figure.subplots(panels, 1, sharex=True))
-    _range(rows[0], table)
+    _draw_range(rows[0], table)
     for axes, axis in zip(rows[1:4], ("right", "down", "ahead"), strict=True):
-        _errors(axes, table, kinds, axis)
-    _above(rows[1], *rows[1].get_legend_handles_labels())
-    _nis(rows[4], table, kinds)
+        _draw_errors(axes, table, kinds, axis)
+    _draw_legend(rows[1], *rows[1].get_legend_handles_labels())
+    _draw_nis(rows[4], table, kinds)
     if poses:
         turn, place = rows[5:]
-        _logged(
+        _draw_on_log(
             turn, table, (("icp_error_rad", "turn", RED), ("icp_long_axis_error_rad", "long axis", BLUE)), 1.0 / DEG
         )
-        dress(turn, y="ICP, turn [deg]")
-        _logged(place, table, (("icp_error_m", "place", RED), ("icp_rms_m", "rms of points to facets", GREEN)), 1.0)
-        dress(place, y="ICP, place [m]")
+        style_axes(turn, y="ICP, turn [deg]")
+        _draw_on_log(
+            place, table, (("icp_error_m", "place", RED), ("icp_rms_m", "rms of points to facets", GREEN)), 1.0
+        )
+        style_axes(place, y="ICP, place [m]")
         for axes in (turn, place):
-            _above(axes, *axes.get_legend_handles_labels())
-    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hexed(QUIET))
-    in_thousands(rows[-1].xaxis)
+            _draw_legend(axes, *axes.get_legend_handles_labels())
+    rows[-1].set_xlabel("Time [s]", fontsize=9, color=hex_colour(QUIET))
+    format_thousands(rows[-1].xaxis)
     rows[-1].set_xlim(time_s[0], time_s[-1] if time_s.size > 1 else time_s[0] + 1.0)
     for axes in rows:
-        _sparse(axes)
+        _set_few_ticks(axes)
     figure.get_layout_engine().set(h_pad=_APART_IN)  # type: ignore[union-attr, call-arg]
     figure.align_ylabels(rows)
     return figure
 
 
-def _above(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
+def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
     """Put a legend on one line above a panel, where it covers no point."""
     axes.legend(
         handles, words, fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
-        labelcolor=hexed(QUIET), borderaxespad=0.0,
+        labelcolor=hex_colour(QUIET), borderaxespad=0.0,
     )  # fmt: skip
 
 
-def _sparse(axes: Axes) -> None:
+def _set_few_ticks(axes: Axes) -> None:
     """Put few ticks on the values of a panel, none at its ends, where they meet those of its neighbours."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
@@ -92,31 +94,31 @@ def _sparse(axes: Axes) -> None:
         log_ticks(axes.yaxis, low, high)
 
 
-def _range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
-    axes.plot(table["time_s"], table["true_range_m"], color=hexed(LINE), lw=3.5, label="true range")
+def _draw_range(axes: Axes, table: Mapping[str, np.ndarray]) -> None:
+    axes.plot(table["time_s"], table["true_range_m"], color=hex_colour(LINE), lw=3.5, label="true range")
     axes.plot(table["time_s"], table["centroid_range_m"], ".", color=BLUE, ms=3, label="range of the centroid")
-    dress(axes, y="Range [m]")
+    style_axes(axes, y="Range [m]")
     axes.yaxis.label.set_color(BLUE)
-    in_thousands(axes.yaxis)
+    format_thousands(axes.yaxis)
     points = axes.twinx()
     points.plot(table["time_s"], table["points"], color=ORANGE, lw=1.0, label="points (right)")
-    dress(points, y="Points")
+    style_axes(points, y="Points")
     points.grid(False)
     points.set_ylim(bottom=0.0)
-    in_thousands(points.yaxis)
+    format_thousands(points.yaxis)
     points.yaxis.label.set_color(ORANGE)
     entries = [one.get_legend_handles_labels() for one in (axes, points)]
-    _above(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
+    _draw_legend(axes, [*entries[0][0], *entries[1][0]], [*entries[0][1], *entries[1][1]])
 
 
-def _errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
+def _draw_errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], axis: str) -> None:
     shown = [table[f"centroid_error_{axis}_m"]]
-    axes.axhline(0, color=hexed(LINE), lw=0.8)
-    axes.plot(table["time_s"], shown[0], ".", color=hexed(QUIET), ms=3, label="centroid")
+    axes.axhline(0, color=hex_colour(LINE), lw=0.8)
+    axes.plot(table["time_s"], shown[0], ".", color=hex_colour(QUIET), ms=3, label="centroid")
     for kind in kinds:
         shown.append(table[f"{kind}_error_{axis}_m"])
         axes.plot(table["time_s"], shown[-1], color=COLOURS[kind], lw=1.1, label=NAMES[kind])
-    dress(axes, y=f"Error {axis} [m]")
+    style_axes(axes, y=f"Error {axis} [m]")
     values = np.concatenate(shown)
     values = values[np.isfinite(values)]
     if values.size:
@@ -125,19 +127,21 @@ def _errors(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str], a
         axes.set_ylim(low - room, high + room)
 
 
-def _nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
+def _draw_nis(axes: Axes, table: Mapping[str, np.ndarray], kinds: Sequence[str]) -> None:
     low, high = _NIS_95
-    axes.axhspan(low, high, color=hexed(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
-    axes.axhline(3.0, color=hexed(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
+    axes.axhspan(low, high, color=hex_colour(LINE), alpha=0.45, lw=0, label="95 % bounds, chi-square", zorder=0)
+    axes.axhline(3.0, color=hex_colour(INK), lw=0.8, ls=(0, (4, 3)), label="expected mean")
     for kind in kinds:
         axes.plot(table["time_s"], table[f"{kind}_nis"], ".", color=COLOURS[kind], ms=3, label=NAMES[kind])
-    dress(axes, y="NIS")
+    style_axes(axes, y="NIS")
     axes.set_yscale("log")
     axes.set_ylim(bottom=max(axes.get_ylim()[0], 1e-3))
-    _above(axes, *axes.get_legend_handles_labels())
+    _draw_legend(axes, *axes.get_legend_handles_labels())
 
 
-def _logged(axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float) -> None:
+def _draw_on_log(
+    axes: Axes, table: Mapping[str, np.ndarray], lines: Sequence[tuple[str, str, str]], scale: float
+) -> None:
     for name, word, colour in lines:
         axes.plot(table["time_s"], table[name] * scale, ".-", color=colour, ms=3, lw=0.7, label=word)
     axes.set_yscale("log")

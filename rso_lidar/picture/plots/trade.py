@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rso_lidar.picture.style.figures import dress, new_figure, with_minus
-from rso_lidar.picture.style.palette import INK, LINE, NO_RETURN, PARTS, QUIET, hexed
+from rso_lidar.picture.style.figures import new_figure, style_axes, use_minus_sign
+from rso_lidar.picture.style.palette import INK, LINE, NO_RETURN, PARTS, QUIET, hex_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ _BINS = 8  # stretches, at most, of an axis with many values
 _OF_A_BIN, _FEWEST_BINS = 5, 3  # drawn values in a stretch, and stretches, from which a line says more than its dots
 _MOST_LEVELS = 24  # values of an axis that are told apart
 _HEAD_IN = 0.75
-_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hexed(QUIET), "ms": 4.0, "mew": 0.7}
+_HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hex_colour(QUIET), "ms": 4.0, "mew": 0.7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     """
     columns = _columns(len(along))
     rows = math.ceil(len(along) / columns)
-    lines = [_line(axis, merit) for axis in along]
+    lines = [_find_line(axis, merit) for axis in along]
     line = f", the line their {'median, in stretches' if along[0].drawn else 'mean'}" if any(map(len, lines)) else ""
     held = (
         "   ·   hollow: too little detected to be ranked" if np.any(np.isfinite(merit.values) & ~merit.ranked) else ""
@@ -78,15 +78,15 @@ def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> F
     figure = new_figure(_width_in(columns), _HEAD_IN + 2.9 * rows, merit.name, note)
     panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes, axis, points in zip(panels.flat, along, lines, strict=False):
-        _effect(axes, axis, merit, points)
+        _draw_effect(axes, axis, merit, points)
     for axes in panels.flat[len(along) :]:
         axes.set_axis_off()
     for row in panels:
-        row[0].set_ylabel(merit.name, fontsize=9, color=hexed(QUIET))
+        row[0].set_ylabel(merit.name, fontsize=9, color=hex_colour(QUIET))
     return figure
 
 
-def _effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
+def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> None:
     known, held = merit.ranked, np.isfinite(merit.values) & ~merit.ranked
     levels, which = axis.levels()
     place = axis.values if axis.numeric else which.astype(float)
@@ -95,24 +95,24 @@ def _effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray) -> 
     axes.plot(place[known], merit.values[known], "o", color=PARTS[4], ms=4.5, alpha=0.6, mew=0)
     if len(points):
         axes.plot(*points.T, "o-", color=PARTS[0], lw=1.5, ms=4)
-    dress(axes, x=_wrapped(axis.name))
-    _scaled(axes, axis, levels)
+    style_axes(axes, x=_wrap(axis.name))
+    _scale_axis(axes, axis, levels)
     if np.isfinite(merit.values).any():
-        _roomy(axes, merit)
+        _widen(axes, merit)
 
 
-def _line(axis: Quantity, merit: Quantity) -> np.ndarray:
+def _find_line(axis: Quantity, merit: Quantity) -> np.ndarray:
     """Return the points (point, [place, value]) of the line through a panel; none where it would only join dots."""
     levels, which = axis.levels()
     if axis.drawn and axis.drawn < 3 * len(levels):  # else of a list, each drawn some times
         count = min(_BINS, len(levels) // _OF_A_BIN)
         if not axis.numeric or count < _FEWEST_BINS:
             return np.empty((0, 2))
-        group, middle = _binned(axis, count)
+        group, middle = _bin_values(axis, count)
     elif len(levels) <= _MOST_LEVELS or not axis.numeric:
         group, middle = which, np.asarray(levels, dtype=float) if axis.numeric else np.arange(len(levels), dtype=float)
     else:
-        group, middle = _binned(axis, min(_BINS, len(levels) // 3))
+        group, middle = _bin_values(axis, min(_BINS, len(levels) // 3))
     each = [merit.values[(group == k) & merit.ranked] for k in range(len(middle))]
     of = np.median if axis.drawn else np.mean
     return np.array([(place, of(values)) for place, values in zip(middle, each, strict=True) if values.size]).reshape(
@@ -120,7 +120,7 @@ def _line(axis: Quantity, merit: Quantity) -> np.ndarray:
     )
 
 
-def _binned(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _bin_values(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return which of so many stretches, with as many values in each, each row is in, and their middles."""
     levels, which = axis.levels()
     group = np.arange(len(levels)) * count // len(levels)
@@ -129,13 +129,13 @@ def _binned(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
     return group[which], np.exp(mean) if axis.log else mean
 
 
-def _scaled(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
+def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
     """Scale an axis, with its values as ticks where they are few."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     if not axis.numeric:
         axes.set_xticks(
-            range(len(levels)), [_short(str(level)) for level in levels], rotation=20 if len(levels) > 3 else 0
+            range(len(levels)), [_shorten(str(level)) for level in levels], rotation=20 if len(levels) > 3 else 0
         )
         axes.set_xlim(-0.5, len(levels) - 0.5)
         return
@@ -146,10 +146,10 @@ def _scaled(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
     if len(levels) <= 7:
         axes.xaxis.set_major_locator(FixedLocator(levels.astype(float).tolist()))
         axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: said(value)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_value(value)))
 
 
-def _roomy(axes: Axes, merit: Quantity) -> None:
+def _widen(axes: Axes, merit: Quantity) -> None:
     from matplotlib.ticker import FuncFormatter
 
     low, high = float(np.nanmin(merit.values)), float(np.nanmax(merit.values))
@@ -159,7 +159,7 @@ def _roomy(axes: Axes, merit: Quantity) -> None:
     else:
         room = 0.06 * (high - low) or 0.06 * abs(high) or 1.0
         axes.set_ylim(low - room, high + room)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: said(value)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_value(value)))
 
 
 def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure | None:
@@ -189,21 +189,23 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
     norm: Any = (
         LogNorm(low, high) if merit.log and high > low > 0.0 else Normalize(low, high if high > low else low + 1.0)
     )
-    colours = matplotlib.colormaps["viridis" if better == "more" else "viridis_r"].with_extremes(bad=hexed(NO_RETURN))
+    colours = matplotlib.colormaps["viridis" if better == "more" else "viridis_r"].with_extremes(
+        bad=hex_colour(NO_RETURN)
+    )
     drawn: Any = None
     for axes, (one, other), table in zip(panels.flat, pairs, tables, strict=False):
         drawn = axes.imshow(np.ma.masked_invalid(table), origin="lower", aspect="auto", norm=norm, cmap=colours)
-        dress(axes, x=_wrapped(other.name), y=_wrapped(one.name, 30))
+        style_axes(axes, x=_wrap(other.name), y=_wrap(one.name, 30))
         axes.grid(False)
         for put, axis in ((axes.set_xticks, other), (axes.set_yticks, one)):
             levels = axis.levels()[0]
-            put(range(len(levels)), [said(x) if axis.numeric else _short(str(x)) for x in levels])
+            put(range(len(levels)), [format_value(x) if axis.numeric else _shorten(str(x)) for x in levels])
         if table.size <= 80:
-            _told(axes, table, norm, colours)
+            _mark_cells(axes, table, norm, colours)
     for axes in panels.flat[len(pairs) :]:
         axes.set_axis_off()
     bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
-    bar.ax.tick_params(labelsize=8, labelcolor=hexed(QUIET), color=hexed(LINE))
+    bar.ax.tick_params(labelsize=8, labelcolor=hex_colour(QUIET), color=hex_colour(LINE))
     bar.outline.set_visible(False)
     return figure
 
@@ -219,13 +221,13 @@ def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
     return mean
 
 
-def _told(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
+def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
     """Write each cell's value into it, dark on light."""
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
             red, green, blue, _ = colours(norm(value))
-            ink = hexed(INK) if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
-            axes.text(col, row, said(value, 3), ha="center", va="center", fontsize=8, color=ink)
+            ink = hex_colour(INK) if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else "white"
+            axes.text(col, row, format_value(value, 3), ha="center", va="center", fontsize=8, color=ink)
 
 
 def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quantity, best: np.ndarray) -> Figure | None:
@@ -266,10 +268,10 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
             vmin=shade.min(),
             vmax=shade.max(),
         )
-        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hexed(INK), ms=8, mew=0.9)
-        dress(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
+        axes.plot(merits[0].values[best], other.values[best], "o", mfc="none", mec=hex_colour(INK), ms=8, mew=0.9)
+        style_axes(axes, x=f"{merits[0].name} ({better[0]} is better)", y=f"{other.name}\n({word} is better)")
         if np.isfinite(other.values).any():
-            _roomy(axes, other)
+            _widen(axes, other)
         if merits[0].log:
             axes.set_xscale("log")
     for axes in panels.flat[len(others) :]:
@@ -279,24 +281,24 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
     bar = figure.colorbar(drawn, ax=panels, shrink=0.85, aspect=30, pad=0.015)
     if few:
         bar.set_ticks((np.log10(ticks) if by.log else ticks).tolist())
-        bar.set_ticklabels([said(x) if by.numeric else _short(str(x)) for x in levels])
+        bar.set_ticklabels([format_value(x) if by.numeric else _shorten(str(x)) for x in levels])
     elif by.log:
-        bar.ax.yaxis.set_major_formatter(lambda value, _: said(10.0**value))
-    bar.ax.tick_params(labelsize=8, labelcolor=hexed(QUIET), color=hexed(LINE))
+        bar.ax.yaxis.set_major_formatter(lambda value, _: format_value(10.0**value))
+    bar.ax.tick_params(labelsize=8, labelcolor=hex_colour(QUIET), color=hex_colour(LINE))
     bar.outline.set_visible(False)
     return figure
 
 
-def said(value: float, digits: int = 4) -> str:
+def format_value(value: float, digits: int = 4) -> str:
     """Return a number in few digits, with a comma at thousands and a true minus.
 
-    >>> said(12345.678), said(-0.25), said(float("nan"))
+    >>> format_value(12345.678), format_value(-0.25), format_value(float("nan"))
     ('12,350', '−0.25', '–')
     """
     if not math.isfinite(value):
         return "–"
     rounded = float(f"{value:.{digits}g}")
-    return with_minus(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
+    return use_minus_sign(f"{rounded:,.{digits}g}" if abs(rounded) < 10**digits else f"{rounded:,.0f}")
 
 
 def _width_in(columns: int) -> float:
@@ -309,12 +311,12 @@ def _columns(count: int) -> int:
     return 2 if count == 4 else min(count, _COLUMNS)
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     """Return a text as a tick: of a table its values alone."""
     if text.startswith("{"):
         text = re.sub(r"[\w-]+ = ", "", text).strip("{ }").replace('"', "").replace(",", "")
     return text if len(text) <= 18 else text[:17] + "…"
 
 
-def _wrapped(name: str, width: int = 38) -> str:
+def _wrap(name: str, width: int = 38) -> str:
     return "\n".join(textwrap.wrap(name, width)) or name

@@ -10,8 +10,8 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.picture.selection.sequence import pick
-from rso_lidar.picture.style.figures import dress, in_thousands, new_figure
-from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hexed
+from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
+from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hex_colour
 from rso_lidar.records import Frame, Truth
 from rso_lidar.ties import first_least
 
@@ -32,7 +32,7 @@ _LETTERS = 22  # of a target's name beside other words of a panel
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class RelativePath:
     """Positions (time, xyz) [m] of the lidar over `time_s` (time) [s], in axes named `axes`; and a title."""
 
     time_s: np.ndarray
@@ -47,31 +47,31 @@ class Track:
         return ("Radial", "Along-track", "Cross-track") if self.axes.endswith(".rtn") else ("x", "y", "z")
 
 
-def track(source: Truth | Iterable[Frame], target: str | None = None) -> Track:
+def relative_path(source: Truth | Iterable[Frame], target: str | None = None) -> RelativePath:
     """Return where the lidar was about `target` (by default the first), in its rtn axes, or in others without an orbit.
 
     `source` is a Truth batched over epochs, or frames: a sequence, a recording or an iterator, thinned to 600.
     """
     if isinstance(source, Truth):
         origins = [name for name in source.poses if name.endswith(ORIGINS) and not name.startswith("follower.")]
-        name = _chosen(target, [origin.rpartition(".")[0] for origin in origins], list(source.poses))
-        axes = _axes(source, name)
+        name = _choose_target(target, [origin.rpartition(".")[0] for origin in origins], list(source.poses))
+        axes = _choose_axes(source, name)
         times_s = np.atleast_1d(np.asarray(source.time_s, dtype=float))
         position_m = np.broadcast_to(source.pose(axes, "lidar").translation, (times_s.size, 3))
-        return Track(times_s, position_m, name, axes, "")
+        return RelativePath(times_s, position_m, name, axes, "")
 
     def look(frame: Frame) -> tuple[float, np.ndarray, str, str, str]:
         entries = [entry.name for entry in frame.source.targets]
-        name = _chosen(target, entries, [*entries, *frame.truth.poses])
-        axes = _axes(frame.truth, name)
+        name = _choose_target(target, entries, [*entries, *frame.truth.poses])
+        axes = _choose_axes(frame.truth, name)
         return frame.time_s, frame.truth.pose(axes, "lidar").translation, name, axes, frame.source.title
 
     seen, _ = pick(source, DRAWN, look)
     times_s, positions_m, names, all_axes, titles = zip(*seen, strict=True)
-    return Track(np.array(times_s), np.stack(positions_m), names[0], all_axes[0], titles[0])
+    return RelativePath(np.array(times_s), np.stack(positions_m), names[0], all_axes[0], titles[0])
 
 
-def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
+def _choose_target(target: str | None, first: list[str], known: list[str]) -> str:
     if target is None:
         if not first:
             raise RecordingError(f"orbit: no target to draw about; name one (known axes: {', '.join(known)})")
@@ -81,7 +81,7 @@ def _chosen(target: str | None, first: list[str], known: list[str]) -> str:
     return target
 
 
-def _axes(truth: Truth, name: str) -> str:
+def _choose_axes(truth: Truth, name: str) -> str:
     """Return the axes to draw in: those of the orbit, those at the origin of what does not orbit, or the body's."""
     return next((name + suffix for suffix in ORIGINS if name + suffix in truth.poses), name)
 
@@ -108,13 +108,13 @@ def orbit_figure(
     delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only impulses are told).
     title : the heading (empty: that of the frames).
     """
-    path = track(source, target)
+    path = relative_path(source, target)
     range_m = np.linalg.norm(path.position_m, axis=-1)
     nearest = first_least(range_m)
     in_rtn = path.axes.endswith(".rtn")
     note = f"lidar in the axes {path.axes}   ·   "
     note += f"nearest {range_m[nearest]:,.1f} m at {path.time_s[nearest]:,.1f} s"
-    note += _spent([float(np.linalg.norm(delta_v)) for _, delta_v in impulses], delta_v_m_s)
+    note += _describe_cost([float(np.linalg.norm(delta_v)) for _, delta_v in impulses], delta_v_m_s)
     figure = new_figure(11.4, 8.4, title or path.title or "Relative orbit", note)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1.0), height_ratios=(1.25, 1.0))
     plane, across, along, ranges = (figure.add_subplot(grid[row, col]) for row, col in ((0, 0), (1, 0), (0, 1), (1, 1)))
@@ -122,39 +122,41 @@ def orbit_figure(
     planes = ((plane, 1, 0, "z"), (across, 1, 2, "x"), (along, 2, 0, "y"))
     labels = []
     for (axes, right, up, eye), head in zip(planes, heads, strict=True):
-        drawn, words = _panel(axes, path, right, up, head if in_rtn else f"Seen along {eye} of {_short(path.target)}")
+        drawn, words = _draw_plane(
+            axes, path, right, up, head if in_rtn else f"Seen along {eye} of {_shorten(path.target)}"
+        )
         labels.append((axes, words, path.position_m[:, [right, up]]))
         if keep_out_m:
-            _keep_out(axes, keep_out_m)
+            _draw_keep_out(axes, keep_out_m)
         if impulses:
-            _impulses(axes, path, impulses, right, up)
-    ranges.plot(path.time_s, range_m, color=hexed(QUIET), lw=1.0, zorder=1)
+            _draw_impulses(axes, path, impulses, right, up)
+    ranges.plot(path.time_s, range_m, color=hex_colour(QUIET), lw=1.0, zorder=1)
     ranges.scatter(path.time_s, range_m, c=path.time_s, cmap=RANGE_RAMP, s=7, lw=0, zorder=2)
     for time_s, _ in impulses:
         ranges.axvline(time_s, color=PARTS[3], lw=0.9, ls=(0, (2, 2)), zorder=0)
     if keep_out_m:
         ranges.axhspan(0, keep_out_m, color=PARTS[5], alpha=0.12, lw=0, zorder=0)
     ranges.set_ylim(0.0, HEADROOM * max(float(range_m.max()), keep_out_m or 0.0) or 1.0)
-    in_thousands(ranges.xaxis, ranges.yaxis)
-    dress(
+    format_thousands(ranges.xaxis, ranges.yaxis)
+    style_axes(
         ranges,
         "Range over time",
         "Time [s]",
-        f"Range to {_short(path.target)} [m]",
+        f"Range to {_shorten(path.target)} [m]",
         "impulses dashed" if impulses else "",
     )
     bar = figure.colorbar(drawn, ax=[plane, across], location="bottom", fraction=0.03, pad=0.02, aspect=55)
-    bar.set_label("Time [s]", fontsize=9, color=hexed(QUIET))
-    in_thousands(bar.ax.xaxis)
-    bar.ax.tick_params(labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
+    bar.set_label("Time [s]", fontsize=9, color=hex_colour(QUIET))
+    format_thousands(bar.ax.xaxis)
+    bar.ax.tick_params(labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
     bar.outline.set_visible(False)
     figure.draw_without_rendering()  # settles limits and sizes
     for axes, words, flown in labels:
-        _settle(axes, words, flown)
+        _place_labels(axes, words, flown)
     return figure
 
 
-def _spent(impulses_m_s: Sequence[float], total_m_s: float | None) -> str:
+def _describe_cost(impulses_m_s: Sequence[float], total_m_s: float | None) -> str:
     """Return in words what a plan takes; without a total nothing is said of thrust between the impulses."""
     given_m_s = sum(impulses_m_s)
     count = f"{len(impulses_m_s)} impulse{'s' if len(impulses_m_s) > 1 else ''}"
@@ -168,7 +170,7 @@ def _spent(impulses_m_s: Sequence[float], total_m_s: float | None) -> str:
     return f"   ·   delta-v {total_m_s:.3g} m/s in all, {given_m_s:.3g} of it in {count}"
 
 
-def _settle(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray) -> None:
+def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray) -> None:
     """Move labels to where they lie in the panel, off one another and off markers, and hide least of the path."""
     pixels = axes.figure.dpi / 72.0
     panel = axes.get_window_extent()
@@ -183,8 +185,8 @@ def _settle(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray) -> No
                 left = x + (right * far * pixels if right else 0.0) - box.width * (1 - right) / 2
                 low = y + up * far * pixels * (0.4 if right else 1.0) - box.height * (1 - up) / 2
                 place = (left, low, left + box.width, low + box.height)
-                inside = _shared(place, (panel.x0, panel.y0, panel.x1, panel.y1)) / (box.width * box.height)
-                wrong = 20.0 * (1.0 - inside) + 10.0 * sum(_shared(place, other) > 0.0 for other in taken)
+                inside = _overlap_area(place, (panel.x0, panel.y0, panel.x1, panel.y1)) / (box.width * box.height)
+                wrong = 20.0 * (1.0 - inside) + 10.0 * sum(_overlap_area(place, other) > 0.0 for other in taken)
                 hidden = (path > place[:2]).all(axis=-1) & (path < place[2:]).all(axis=-1)
                 wrong += 2.0 * bool(hidden.any()) + 0.5 * (far == FAR)
                 if best is None or wrong < best[0] - 1e-9:
@@ -194,13 +196,13 @@ def _settle(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray) -> No
         taken.append(best[2])
 
 
-def _shared(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
+def _overlap_area(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
     """Return the area that two boxes (left, low, right, high) share."""
     wide, high = min(one[2], other[2]) - max(one[0], other[0]), min(one[3], other[3]) - max(one[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)
 
 
-def _keep_out(axes: Axes, radius_m: float) -> None:
+def _draw_keep_out(axes: Axes, radius_m: float) -> None:
     """Draw the outline of a keep-out sphere about the target."""
     from matplotlib.patches import Circle
 
@@ -208,7 +210,7 @@ def _keep_out(axes: Axes, radius_m: float) -> None:
     axes.add_patch(Circle((0, 0), radius_m, fc="none", ec=PARTS[5], lw=1.0, ls=(0, (4, 3)), zorder=1))
 
 
-def _impulses(axes: Axes, path: Track, impulses: Sequence[tuple[float, Any]], right: int, up: int) -> None:
+def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[float, Any]], right: int, up: int) -> None:
     """Draw an arrow along each impulse from where it is given; the greatest has a length of its own."""
     most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
     for time_s, delta_v in impulses:
@@ -220,12 +222,12 @@ def _impulses(axes: Axes, path: Track, impulses: Sequence[tuple[float, Any]], ri
             axes.annotate("", xy=(x, y), xytext=step, textcoords="offset points", arrowprops=arrow, zorder=3)
 
 
-def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> tuple[Any, list[Annotation]]:
+def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str) -> tuple[Any, list[Annotation]]:
     """Return the points of one plane, drawn with the target at the origin, start and end; and the labels of these."""
     x, y = path.position_m[:, right], path.position_m[:, up]
-    axes.axhline(0, color=hexed(LINE), lw=0.8, zorder=0)
-    axes.axvline(0, color=hexed(LINE), lw=0.8, zorder=0)
-    axes.plot(x, y, color=hexed(QUIET), lw=1.0, zorder=1)
+    axes.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
+    axes.axvline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
+    axes.plot(x, y, color=hex_colour(QUIET), lw=1.0, zorder=1)
     drawn = axes.scatter(x, y, c=path.time_s, cmap=RANGE_RAMP, s=11, lw=0, zorder=2)
     closed = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= CLOSED * np.hypot(np.ptp(x), np.ptp(y))
     ends = ((0, "o", "start and end"), (-1, "s", "")) if closed else ((0, "o", "start"), (-1, "s", "end"))
@@ -239,9 +241,9 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> tuple[An
         labels.append(shown)
 
     for k, marker, word in ends:
-        axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hexed(INK), mew=1.3, zorder=3)
+        axes.plot(x[k], y[k], marker, ms=7, mfc="white", mec=hex_colour(INK), mew=1.3, zorder=3)
         if word:
-            label(word, x[k], y[k], hexed(INK))
+            label(word, x[k], y[k], hex_colour(INK))
     axes.plot(0, 0, "P", ms=9, mfc=PARTS[5], mec="white", mew=0.8, zorder=5)
     label(path.target, 0.0, 0.0, PARTS[5])
     wide, high = (max(float(np.max(v)), 0.0) - min(float(np.min(v)), 0.0) for v in (x, y))
@@ -249,12 +251,12 @@ def _panel(axes: Axes, path: Track, right: int, up: int, title: str) -> tuple[An
     axes.margins(0.12, 0.16)
     if not stretched:
         axes.set_aspect("equal", adjustable="datalim")
-    in_thousands(axes.xaxis, axes.yaxis)
+    format_thousands(axes.xaxis, axes.yaxis)
     words = path.words
-    dress(axes, title, f"{words[right]} [m]", f"{words[up]} [m]", "scales differ" if stretched else "")
+    style_axes(axes, title, f"{words[right]} [m]", f"{words[up]} [m]", "scales differ" if stretched else "")
     return drawn, labels
 
 
-def _short(name: str) -> str:
+def _shorten(name: str) -> str:
     """Return a name as far as it fits over a panel."""
     return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.picture.selection.sequence import Glimpse
-from rso_lidar.picture.style.palette import BLACK, INTENSITY_RAMP, NO_RETURN, RANGE_RAMP, paint
+from rso_lidar.picture.selection.sequence import Thumbnail
+from rso_lidar.picture.style.palette import BLACK, INTENSITY_RAMP, NO_RETURN, RANGE_RAMP, apply_ramp
 
 RELATIVE_BELOW = 0.25  # a frame's own span against the sequence's, below which colours are relative to each median
 LOG_ABOVE = 8.0  # brightest frame against faintest, or glints against the median, above which a logarithm is drawn
@@ -56,17 +56,17 @@ class Scale:
     logarithmic: bool
 
     @staticmethod
-    def of(glimpses: Sequence[Glimpse]) -> Scale:
-        """Return the limits that suit all of some glimpses.
+    def of(thumbnails: Sequence[Thumbnail]) -> Scale:
+        """Return the limits that suit all of some thumbnails.
 
         Colours are relative where the ranges within a frame span little against the ranges over the sequence, as in an
         approach; else absolute. Where no frame has a return from a target, all returns count.
         """
-        any_target = any(glimpse.on_target.any() for glimpse in glimpses)
-        masks = [glimpse.on_target if any_target else np.isfinite(glimpse.range_m) for glimpse in glimpses]
-        ranges_m = [glimpse.range_m[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
+        any_target = any(thumbnail.on_target.any() for thumbnail in thumbnails)
+        masks = [thumbnail.on_target if any_target else np.isfinite(thumbnail.range_m) for thumbnail in thumbnails]
+        ranges_m = [thumbnail.range_m[mask] for thumbnail, mask in zip(thumbnails, masks, strict=True)]
         ranges_m = [seen for seen in ranges_m if seen.size]
-        counts = [glimpse.intensity_counts[mask] for glimpse, mask in zip(glimpses, masks, strict=True)]
+        counts = [thumbnail.intensity_counts[mask] for thumbnail, mask in zip(thumbnails, masks, strict=True)]
         low_counts, high_counts, logarithmic = count_limits([seen for seen in counts if seen.size])
         if not ranges_m:
             return Scale(True, -1.0, 1.0, low_counts, high_counts, logarithmic)
@@ -86,11 +86,11 @@ class Scale:
     def range_rgb(self, range_m: np.ndarray, median_m: float) -> np.ndarray:
         """Return the colours (…, rgb) of ranges [m] in a frame with that median [m]."""
         zero_m = (median_m if math.isfinite(median_m) else 0.0) if self.relative else 0.0
-        return paint((range_m - zero_m - self.low_m) / (self.high_m - self.low_m), RANGE_RAMP, NO_RETURN)
+        return apply_ramp((range_m - zero_m - self.low_m) / (self.high_m - self.low_m), RANGE_RAMP, NO_RETURN)
 
     def intensity_rgb(self, counts: np.ndarray) -> np.ndarray:
         """Return the greys (…, rgb) of intensities [counts]; no return is black."""
-        return paint(self.intensity_fraction(counts), INTENSITY_RAMP, BLACK)
+        return apply_ramp(self.intensity_fraction(counts), INTENSITY_RAMP, BLACK)
 
     def intensity_fraction(self, counts: np.ndarray) -> np.ndarray:
         """Return where intensities [counts] stand between the limits: 0 to 1 between them, NaN where nothing came back."""

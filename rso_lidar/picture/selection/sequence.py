@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.selection.window import Window, around, grown
+from rso_lidar.picture.selection.window import Window, bounding_window, grow
 from rso_lidar.records import Frame
 
 T = TypeVar("T")
@@ -24,12 +24,12 @@ class Counted(Protocol):
     def __getitem__(self, index: int, /) -> Frame: ...
 
 
-def evenly(n: int, count: int) -> list[int]:
+def even_indices(n: int, count: int) -> list[int]:
     """Return at most `count` indices below `n`, evenly spread, both ends included.
 
-    >>> evenly(10, 4)
+    >>> even_indices(10, 4)
     [0, 3, 6, 9]
-    >>> evenly(3, 10)
+    >>> even_indices(3, 10)
     [0, 1, 2]
     """
     if count < 1:
@@ -47,18 +47,18 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
     A sequence (a list, a recording) is read only where it is looked at. Of an iterator, such as `simulate` gives, every
     s-th frame and the last are kept, s doubling whenever too many are held: memory does not grow with its length.
     """
-    evenly(0, count)
+    even_indices(0, count)
     if isinstance(frames, Counted):
         total = len(frames)
-        chosen = [look(frames[k]) for k in evenly(total, count)]
+        chosen = [look(frames[k]) for k in even_indices(total, count)]
     else:
-        chosen, total = _thinned(frames, count, look)
+        chosen, total = _thin(frames, count, look)
     if not chosen:
         raise RecordingError("nothing to draw: the recording holds no frames")
     return chosen, total
 
 
-def _thinned(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
+def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
     kept: list[T] = []
     stride, total = 1, 0
     last: Frame | None = None
@@ -72,7 +72,7 @@ def _thinned(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) ->
         total += 1
     if last is not None and (total - 1) % stride:
         kept.append(look(last))
-    return [kept[k] for k in evenly(len(kept), count)], total
+    return [kept[k] for k in even_indices(len(kept), count)], total
 
 
 def on_target(frame: Frame) -> np.ndarray:
@@ -90,7 +90,7 @@ def on_target(frame: Frame) -> np.ndarray:
     return np.asarray(valid & (around_it >= 2))
 
 
-def sighted(frame: Frame) -> np.ndarray:
+def find_target_pixels(frame: Frame) -> np.ndarray:
     """Return where to look (row, col): the targets by the labels, else returns with neighbours, else any return."""
     for mask in (frame.labels.target >= 0, on_target(frame), frame.valid):
         if mask.any():
@@ -107,7 +107,7 @@ def target_ranges_m(frame: Frame) -> dict[str, float]:
     }
 
 
-def started(frame: Frame) -> str:
+def format_start(frame: Frame) -> str:
     """Return when `time_s` is zero, in words that end in Z."""
     return frame.source.start_utc.replace("+00:00", "Z")
 
@@ -121,7 +121,7 @@ def pixel_rad(frame: Frame) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Glimpse:
+class Thumbnail:
     """The little of a frame that one cell of a sheet, or one picture of an animation, needs."""
 
     time_s: float
@@ -135,16 +135,16 @@ class Glimpse:
     pixel_rad: float
 
     @staticmethod
-    def of(frame: Frame) -> Glimpse:
-        """Return a glimpse of a frame."""
+    def of(frame: Frame) -> Thumbnail:
+        """Return a thumbnail of a frame."""
         ranges_m = target_ranges_m(frame)
-        returned, bounds = on_target(frame), around(sighted(frame))
+        returned, bounds = on_target(frame), bounding_window(find_target_pixels(frame))
         if returned.any():  # of a target that is mostly too faint, show what came back
-            bounds = grown(around(returned), bounds)
-        return Glimpse(
+            bounds = grow(bounding_window(returned), bounds)
+        return Thumbnail(
             time_s=frame.time_s,
             title=frame.source.title,
-            start_utc=started(frame),
+            start_utc=format_start(frame),
             range_m=np.array(frame.range_m),
             intensity_counts=np.array(frame.intensity_counts),
             on_target=returned,

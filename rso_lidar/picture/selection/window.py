@@ -46,7 +46,7 @@ class Window:
         return array[self.top : self.bottom, self.left : self.right]
 
 
-def around(mask: np.ndarray) -> Window:
+def bounding_window(mask: np.ndarray) -> Window:
     """Return the tightest window around the true pixels of a mask (row, col); the whole field where there are none."""
     n_rows, n_cols = mask.shape
     rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -55,8 +55,8 @@ def around(mask: np.ndarray) -> Window:
     return Window(int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1, n_rows, n_cols)
 
 
-def grown(inner: Window, outer: Window) -> Window:
-    """Return `inner` grown about its middle to at least half the height and half the width of `outer`."""
+def grow(inner: Window, outer: Window) -> Window:
+    """Return `inner` grow about its middle to at least half the height and half the width of `outer`."""
     height, width = max(inner.height, -(-outer.height // 2)), max(inner.width, -(-outer.width // 2))
     top, height = _span(inner.top, inner.bottom, height, inner.n_rows)
     left, width = _span(inner.left, inner.right, width, inner.n_cols)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rso_lidar.picture.style.palette import INK, LINE, QUIET, hexed
+from rso_lidar.picture.style.palette import INK, LINE, QUIET, hex_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,33 +32,33 @@ def new_figure(
     most = int(width_in * 8.2)  # letters of the title that fit
     title = title if len(title) <= most else title[: most - 1] + "…"
     left, top = 0.12 / width_in, 1.0 - 0.13 / height_in
-    figure.text(left, top, title, fontsize=14, weight="bold", color=hexed(INK), va="top", in_layout=False)
-    figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hexed(QUIET), va="top", in_layout=False)
+    figure.text(left, top, title, fontsize=14, weight="bold", color=hex_colour(INK), va="top", in_layout=False)
+    figure.text(left, top - 0.31 / height_in, note, fontsize=9.5, color=hex_colour(QUIET), va="top", in_layout=False)
     for k, line in enumerate(reversed(small_print)):
         y = (0.07 + LINE_IN * k) / height_in
-        figure.text(left, y, line, fontsize=8.5, color=hexed(QUIET), va="bottom", in_layout=False)
+        figure.text(left, y, line, fontsize=8.5, color=hex_colour(QUIET), va="bottom", in_layout=False)
     return figure
 
 
-def dress(axes: Axes, title: str = "", x: str = "", y: str = "", note: str = "") -> None:
+def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str = "") -> None:
     """Give a plot its title, a note at the right of it, its labels, a faint grid and quiet ink."""
-    axes.set_title(title, loc="left", fontsize=11, color=hexed(INK))
-    axes.set_title(note, loc="right", fontsize=8.5, color=hexed(QUIET))
-    axes.set_xlabel(x, fontsize=9, color=hexed(QUIET))
-    axes.set_ylabel(y, fontsize=9, color=hexed(QUIET))
-    axes.tick_params(which="both", labelsize=8, color=hexed(LINE), labelcolor=hexed(QUIET))
-    axes.grid(color=hexed(LINE), lw=0.4, alpha=0.6)
+    axes.set_title(title, loc="left", fontsize=11, color=hex_colour(INK))
+    axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
+    axes.set_xlabel(x, fontsize=9, color=hex_colour(QUIET))
+    axes.set_ylabel(y, fontsize=9, color=hex_colour(QUIET))
+    axes.tick_params(which="both", labelsize=8, color=hex_colour(LINE), labelcolor=hex_colour(QUIET))
+    axes.grid(color=hex_colour(LINE), lw=0.4, alpha=0.6)
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(hexed(LINE))
+        spine.set_color(hex_colour(LINE))
 
 
-def in_thousands(*several: Axis) -> None:
+def format_thousands(*several: Axis) -> None:
     """Write the ticks of some axes with a comma at each thousand and a true minus."""
     from matplotlib.ticker import FuncFormatter
 
     for axis in several:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus(f"{value:,.10g}")))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: use_minus_sign(f"{value:,.10g}")))
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
@@ -86,9 +86,9 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
     else:
         ticks = np.asarray(MaxNLocator(5, steps=(1, 2, 5, 10)).tick_values(low, high))
     axis.set_major_locator(FixedLocator(ticks.tolist()))
-    in_thousands(axis)
+    format_thousands(axis)
 
 
-def with_minus(number: str) -> str:
+def use_minus_sign(number: str) -> str:
     """Return a number in words with a true minus for its hyphen."""
     return number.replace("-", "−")

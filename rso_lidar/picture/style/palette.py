@@ -39,10 +39,10 @@ PARTS = (
 OTHER_PART = "#B9BCC2"
 
 
-def hexed(colour: Rgb) -> str:
+def hex_colour(colour: Rgb) -> str:
     """Return a colour as matplotlib reads it.
 
-    >>> hexed((255, 122, 24))
+    >>> hex_colour((255, 122, 24))
     '#ff7a18'
     """
     return "#{:02x}{:02x}{:02x}".format(*colour)
@@ -63,7 +63,7 @@ def ramp(name: str) -> np.ndarray:
     return colours
 
 
-def paint(fraction: np.ndarray, name: str, empty: Rgb) -> np.ndarray:
+def apply_ramp(fraction: np.ndarray, name: str, empty: Rgb) -> np.ndarray:
     """Return the colours (…, rgb), as bytes, of values 0 to 1 along a ramp; clipped outside, `empty` where NaN."""
     known = np.isfinite(fraction)
     step = np.clip(np.where(known, fraction, 0.0) * 255 + 0.5, 0, 255).astype(np.uint8)

@@ -14,10 +14,10 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import free
-from rso_lidar.picture.frames.frame import intensity_panel, range_limits_m, range_panel, summary
+from rso_lidar.picture.frames.frame import draw_intensity, draw_range, range_limits_m, summarise
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Glimpse, evenly, on_target, sighted
-from rso_lidar.picture.selection.window import around, crop
+from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target
+from rso_lidar.picture.selection.window import bounding_window, crop
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.picture.style.palette import (
     INK,
@@ -27,8 +27,8 @@ from rso_lidar.picture.style.palette import (
     NO_RETURN,
     QUIET,
     RANGE_RAMP,
-    hexed,
-    paint,
+    apply_ramp,
+    hex_colour,
 )
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame
@@ -78,17 +78,17 @@ class Player:
         space: Any = self.figure.add_axes((0.675, under, 0.31, over), projection="3d", computed_zorder=False)
         space.view_init(elev=14, azim=-72)
         self._space = space
-        self._title = self.figure.text(0.01, 0.975, "", fontsize=14, weight="bold", color=hexed(INK), va="top")
-        self._note = self.figure.text(0.01, 0.918, "", fontsize=9.5, color=hexed(QUIET), va="top")
+        self._title = self.figure.text(0.01, 0.975, "", fontsize=14, weight="bold", color=hex_colour(INK), va="top")
+        self._note = self.figure.text(0.01, 0.918, "", fontsize=9.5, color=hex_colour(QUIET), va="top")
         if controls:
-            self.figure.text(0.99, 0.975, _HINT, fontsize=8.5, color=hexed(QUIET), va="top", ha="right")
+            self.figure.text(0.99, 0.975, _HINT, fontsize=8.5, color=hex_colour(QUIET), va="top", ha="right")
         self.slider = None
         if controls and len(frames) > 1:
             place = self.figure.add_axes((0.09, 0.03, 0.78, 0.035))
-            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=hexed(MARK))
+            self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=hex_colour(MARK))
             self.slider.drawon = False  # the frame it leads to is drawn anyway
-            self.slider.label.set_color(hexed(QUIET))
-            self.slider.valtext.set_color(hexed(QUIET))
+            self.slider.label.set_color(hex_colour(QUIET))
+            self.slider.valtext.set_color(hex_colour(QUIET))
             self.slider.on_changed(lambda place: self._show(round(place)))
         self.figure.canvas.mpl_connect("key_press_event", self._on_key)
         self.figure.canvas.mpl_connect("close_event", lambda event: self._play(on=False))
@@ -136,16 +136,16 @@ class Player:
     def _show(self, place: int) -> None:
         self.shown = place
         frame = self.frames[place]
-        window = crop(around(sighted(frame)))
-        for axes, draw in ((self._range, range_panel), (self._intensity, intensity_panel)):
+        window = crop(bounding_window(find_target_pixels(frame)))
+        for axes, draw in ((self._range, draw_range), (self._intensity, draw_intensity)):
             axes.clear()
             draw(axes, frame, window)
-            axes.tick_params(labelsize=8, colors=hexed(QUIET))
+            axes.tick_params(labelsize=8, colors=hex_colour(QUIET))
             for spine in axes.spines.values():
-                spine.set_color(hexed(QUIET))
+                spine.set_color(hex_colour(QUIET))
         self._draw_space(frame)
         self._title.set_text(frame.source.title)
-        self._note.set_text(summary(frame))
+        self._note.set_text(summarise(frame))
         if self.slider is not None:
             self.slider.valtext.set_text(f"{frame.index}, {place + 1} of {len(self.frames)}")
         self.figure.canvas.draw_idle()
@@ -161,24 +161,24 @@ class Player:
         middle, half_m = _bounds(frame, self.shapes, edges_m)
         near = (np.abs(points_m - middle) <= half_m).all(axis=-1)
         for lines in edges_m:
-            axes.add_collection3d(Line3DCollection(_turned(lines), colors=[_TRUTH], linewidths=0.5, zorder=1))
-        x, y, z = _turned(points_m[near]).T
+            axes.add_collection3d(Line3DCollection(_plot_axes(lines), colors=[_TRUTH], linewidths=0.5, zorder=1))
+        x, y, z = _plot_axes(points_m[near]).T
         size = 5.0 if len(x) > _MANY else 14.0
         axes.scatter(x, y, z, c=colours[near] / 255.0, s=size, depthshade=False, lw=0, zorder=2)
-        for low, set_limits in zip(_turned(middle), (axes.set_xlim, axes.set_ylim, axes.set_zlim), strict=True):
+        for low, set_limits in zip(_plot_axes(middle), (axes.set_xlim, axes.set_ylim, axes.set_zlim), strict=True):
             set_limits(low - half_m, low + half_m)
         axes.set_box_aspect((1, 1, 1), zoom=1.08)
         for axis, name in ((axes.xaxis, "right"), (axes.yaxis, "ahead"), (axes.zaxis, "up")):
-            axis.set_pane_color(hexed(NO_RETURN))
+            axis.set_pane_color(hex_colour(NO_RETURN))
             axis._axinfo["grid"].update({"color": "#5b5e66", "linewidth": 0.4})
-            axis.set_label_text(f"{name} [m]", fontsize=8.5, color=hexed(QUIET))
-            axis.set_tick_params(labelsize=7.5, colors=hexed(QUIET))
-            axis.set_major_locator(_few())
+            axis.set_label_text(f"{name} [m]", fontsize=8.5, color=hex_colour(QUIET))
+            axis.set_tick_params(labelsize=7.5, colors=hex_colour(QUIET))
+            axis.set_major_locator(_few_ticks())
             axis.get_major_formatter().set_useOffset(False)
         beyond = int((~near).sum())
         note = f", {beyond:,} return{'s' * (beyond > 1)} elsewhere" if beyond else ""
         truth = "; edges: truth" if edges_m else ""
-        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=10, color=hexed(INK), y=1.02, pad=0)
+        axes.set_title(f"Cloud, colour: {self.colour}{truth}{note}", fontsize=10, color=hex_colour(INK), y=1.02, pad=0)
 
 
 def save_view(
@@ -188,12 +188,12 @@ def save_view(
     place = free(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording holds no frames")
-    return save_figure(Player(frames, shapes, colour, first=richest(frames), controls=False).figure, place)
+    return save_figure(Player(frames, shapes, colour, first=find_fullest_frame(frames), controls=False).figure, place)
 
 
-def richest(frames: Sequence[Frame]) -> int:
+def find_fullest_frame(frames: Sequence[Frame]) -> int:
     """Return the place of the frame with most returns among a dozen of them."""
-    return max(evenly(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
+    return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
 
 
 def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range") -> Player:
@@ -231,13 +231,13 @@ def _figure(size_in: tuple[float, float]) -> Figure:
     return figure
 
 
-def _few() -> Any:
+def _few_ticks() -> Any:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(4)
 
 
-def _turned(lidar_m: np.ndarray) -> np.ndarray:
+def _plot_axes(lidar_m: np.ndarray) -> np.ndarray:
     """Return places (…, right_down_ahead) as (…, right_ahead_up), of which matplotlib draws the last upward."""
     return np.stack([lidar_m[..., 0], lidar_m[..., 2], -lidar_m[..., 1]], axis=-1)
 
@@ -253,9 +253,11 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     valid = frame.valid
     if colour == "range":
         low, high = range_limits_m(frame)
-        return frame.points_m[valid], paint((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
-    scale = Scale.of([Glimpse.of(frame)])
-    return frame.points_m[valid], paint(scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, LINE)
+        return frame.points_m[valid], apply_ramp((frame.range_m[valid] - low) / (high - low), RANGE_RAMP, NO_RETURN)
+    scale = Scale.of([Thumbnail.of(frame)])
+    return frame.points_m[valid], apply_ramp(
+        scale.intensity_fraction(frame.intensity_counts[valid]), INTENSITY_RAMP, LINE
+    )
 
 
 def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:

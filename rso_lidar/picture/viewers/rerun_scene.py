@@ -22,7 +22,7 @@ from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.files import beside
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Glimpse, on_target, pick
+from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
 from rso_lidar.picture.style.palette import NO_RETURN
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.pose import ROOT, PoseTree, quaternion_xyzw
@@ -43,12 +43,12 @@ _HERE = "127.0.0.1"
 _NOWHERE = f"http://{_HERE}:9"  # the port for what is thrown away
 
 
-def installed() -> bool:
+def has_rerun() -> bool:
     """Return whether the extra ``view`` is installed."""
     return find_spec("rerun") is not None
 
 
-def need_rerun(what: str) -> Any:
+def import_rerun(what: str) -> Any:
     """Return the module rerun, for `what`; the extra has to be installed."""
     try:
         import rerun
@@ -78,10 +78,10 @@ def write_rerun(
     each : the same frames as `frames`, where somebody counts them as they are read.
     """
     place = Path(path)
-    rerun = need_rerun(str(place))
-    glimpses, _ = pick(frames, _LOOKED_AT, Glimpse.of)
-    lasts_s = glimpses[-1].time_s - glimpses[0].time_s
-    scene = _Scene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(glimpses), colour)
+    rerun = import_rerun(str(place))
+    thumbnails, _ = pick(frames, _LOOKED_AT, Thumbnail.of)
+    lasts_s = thumbnails[-1].time_s - thumbnails[0].time_s
+    scene = _Scene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour)
     with beside(place) as draft:
         stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(frames[0]), send_properties=False)
         stream.save(draft, default_blueprint=scene.blueprint())
@@ -105,8 +105,8 @@ def open_rerun(path: str | Path) -> None:
     and send usage data. On Linux a configuration of its own also tells it to collect none; elsewhere
     `rerun analytics disable` does.
     """
-    need_rerun(str(path))
-    with quiet() as environment:
+    import_rerun(str(path))
+    with silence_analytics() as environment:
         left = subprocess.run(viewer_command(path), env=environment, check=False)
     if left.returncode:
         raise RunError(
@@ -120,7 +120,7 @@ def viewer_command(path: str | Path) -> list[str]:
 
 
 @contextlib.contextmanager
-def quiet() -> Iterator[dict[str, str]]:
+def silence_analytics() -> Iterator[dict[str, str]]:
     """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
     with temporary_folder() as folder:
         config = Path(folder, "rerun", "analytics.json")

@@ -1,4 +1,4 @@
-"""A recording looked at: in Rerun where the extra is installed, else in a window of matplotlib, else in files."""
+"""A recording looked at: in Rerun where the extra is has_rerun, else in a window of matplotlib, else in files."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rso_lidar.export import Frames, Recording
 from rso_lidar.files import free
 from rso_lidar.interruption import temporary_folder
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
-from rso_lidar.picture.viewers.player import Colour, play, richest, save_view, window_backend
-from rso_lidar.picture.viewers.rerun_scene import installed, need_rerun, open_rerun, write_rerun
+from rso_lidar.picture.viewers.player import Colour, find_fullest_frame, play, save_view, window_backend
+from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame, Source
 from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
@@ -60,9 +60,9 @@ def way(
     if output is not None:
         return _written(tool, Path(output), overwrite=overwrite)
     if tool == "rerun":
-        need_rerun("view")
+        import_rerun("view")
     display = has_display()
-    if display and (tool == "rerun" or (tool is None and installed())):
+    if display and (tool == "rerun" or (tool is None and has_rerun())):
         return Way("rerun", "Rerun")
     backend = window_backend() if display and tool != "files" else None
     if backend is not None:
@@ -146,7 +146,7 @@ def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape
             picture.contact_sheet(frames, path)
             told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _frames(count))
         else:
-            best = frames[richest(frames)]
+            best = frames[find_fullest_frame(frames)]
             save_view([best], path, shapes, colour)
             told.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
     return told
@@ -178,7 +178,7 @@ def _written(tool: str | None, output: Path, *, overwrite: bool) -> Way:
         raise RecordingError(f"{output}: a window writes nothing; leave the name out, or choose rerun or files")
     place = free(output, known, overwrite=overwrite)
     if place.suffix.lower() == _SCENE:
-        need_rerun(str(place))
+        import_rerun(str(place))
         return Way("rerun", "", (place,))
     return Way("files", "", (place,))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.picture.plots.trade import said
+from rso_lidar.picture.plots.trade import format_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trades.results import TradeTable
 
@@ -48,7 +48,7 @@ def describe_unranked(trade: TradeTable) -> str:
     names = ", ".join(name for name in trade.study.merits if MERITS[name].of_detected)
     why = f"detection_fraction below {limit:g} (min_detection_fraction)"
     if count == int(flown.sum()):
-        return f"no point is ranked in {names}: all {count:,} have a {why}, {said(float(mean[flown].max()))} at most"
+        return f"no point is ranked in {names}: all {count:,} have a {why}, {format_value(float(mean[flown].max()))} at most"
     return f"{count:,} of {mean.size:,} points are not ranked in {names}: {why}"
 
 
@@ -80,13 +80,14 @@ def summary(trade: TradeTable) -> list[str]:
             lines.append(f"{words(MERITS[name]):<28} {no_best(trade, name)}")
             continue
         values = trade.of_points(name)[0][points]
-        row, value = int(points[0]) * study.seeds, said(float(values[0]))
+        row, value = int(points[0]) * study.seeds, format_value(float(values[0]))
         if points.size > 1 and np.all(values == values[0]):
             lines.append(f"{words(MERITS[name]):<28} is {value} at all {points.size:,} points, so that none is best")
             continue
         places = ((place, head, trade.table[place][row]) for place, head in heads(study.places).items())
         at = ", ".join(
-            f"{head} {said(float(value)) if is_number(trade, place) else value}" for place, head, value in places
+            f"{head} {format_value(float(value)) if is_number(trade, place) else value}"
+            for place, head, value in places
         )
         lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
     if told := describe_unranked(trade):

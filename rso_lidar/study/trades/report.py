@@ -15,7 +15,7 @@ from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarne
 from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.files import beside, write_columns
 from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
-from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, maps_figure, said
+from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
 from rso_lidar.study.trades.definition import Axis, Grid, toml_of
@@ -120,11 +120,11 @@ def _axes(trade: TradeTable) -> str:
 
 def _span(axis: Axis, grid: bool) -> str:
     if axis.values is not None or grid:
-        values = [said(value) if type(value) in (int, float) else toml_of(value) for value in axis.grid()]
+        values = [format_value(value) if type(value) in (int, float) else toml_of(value) for value in axis.grid()]
         return ", ".join(values if len(values) <= 24 else [*values[:12], "…", *values[-3:]])
     assert axis.low is not None
     assert axis.high is not None
-    return f"{said(axis.low)} to {said(axis.high)}, {axis.scale}"
+    return f"{format_value(axis.low)} to {format_value(axis.high)}, {axis.scale}"
 
 
 def _merits(names: Sequence[str]) -> str:
@@ -201,10 +201,10 @@ def _cells(trade: TradeTable, point: int) -> Iterable[str]:
     yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
     for place in trade.study.places:
         value = trade.table[place if place != "seed" else "seed"][point * seeds]
-        yield said(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
+        yield format_value(float(value)) if is_number(trade, place) else f"<code>{escape(str(value))}</code>"
     for name in trade.study.judged_by:
         mean, spread = (float(values[point]) for values in trade.of_points(name))
-        yield said(mean) + (f" ± {said(spread, 2)}" if math.isfinite(spread) else "")
+        yield format_value(mean) + (f" ± {format_value(spread, 2)}" if math.isfinite(spread) else "")
 
 
 def _plots(trade: TradeTable) -> list[str]:
@@ -218,7 +218,7 @@ def _plots(trade: TradeTable) -> list[str]:
             held = ~np.repeat(trade.ranked(merit.name), trade.study.seeds)
             shown.append((Quantity(words(merit), values, _spans_decades(values), unranked=held), merit))
         elif math.isfinite(alike):
-            made.append(f"<p>{escape(words(merit))} is {said(alike)} at all points.</p>")
+            made.append(f"<p>{escape(words(merit))} is {format_value(alike)} at all points.</p>")
     for value, merit in shown:
         made.append(image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
     if isinstance(trade.study.sampling, Grid):
@@ -312,7 +312,7 @@ def _pictures(trade: TradeTable) -> list[str]:
             continue
         with unwarned():
             merits = ", ".join(
-                f"{words(MERITS[name])} {said(float(trade.table[name][row]))}" for name in trade.study.merits
+                f"{words(MERITS[name])} {format_value(float(trade.table[name][row]))}" for name in trade.study.merits
             )
             caption = (
                 f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frames.frame import _free_corner, _geometry, parts_in_order, summary
+from rso_lidar.picture.frames.frame import _describe_geometry, _free_corner, parts_in_order, summarise
 from rso_lidar.records import Reading
 
 
@@ -115,11 +115,11 @@ def test_in_a_series_one_of_many_parts_keeps_its_colour(handmade):
 
 def test_words_say_time_returns_and_geometry(handmade):
     frame = handmade.make_frame(1350.0, 900.0, index=4)
-    text = summary(frame)
+    text = summarise(frame)
     assert "frame 4" in text
     assert "1,350.000 s after 2024-09-17T12:00:00Z" in text
     assert f"{frame.valid.sum()} returns" in text
-    about, field = _geometry(frame)
+    about, field = _describe_geometry(frame)
     assert about.startswith(f"tdrs: {np.linalg.norm(frame.truth.pose('lidar', 'tdrs').translation):.2f} m")
     assert "along-track −900.0" in about
     # Moving at 0.99 m/s along the track from 900 m behind, 7 degrees off the line: it closes.

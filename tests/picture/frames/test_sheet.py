@@ -4,10 +4,10 @@ from PIL import Image, ImageDraw
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import contact_sheet
-from rso_lidar.picture.frames.raster import GAP, fitted, font, pair, panel
+from rso_lidar.picture.frames.raster import GAP, draw_pair, draw_panel, load_font, shorten
 from rso_lidar.picture.frames.sheet import CAPTION, HEAD, MARGIN, SIDE, SPACE, _look
 from rso_lidar.picture.selection.scale import Scale
-from rso_lidar.picture.selection.sequence import Glimpse
+from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.selection.window import crop
 from rso_lidar.picture.style.palette import BLACK, MARK, NO_RETURN
 
@@ -18,7 +18,7 @@ def pixels(picture):
 
 def test_each_pixel_of_a_panel_has_its_own_sharp_square(handmade):
     colours = np.random.default_rng(1).integers(0, 255, (24, 24, 3), dtype=np.uint8)
-    drawn = pixels(panel(colours, 192, BLACK))
+    drawn = pixels(draw_panel(colours, 192, BLACK))
     assert drawn.shape == (192, 192, 3)
     np.testing.assert_array_equal(drawn, np.repeat(np.repeat(colours, 8, axis=0), 8, axis=1))
 
@@ -26,7 +26,7 @@ def test_each_pixel_of_a_panel_has_its_own_sharp_square(handmade):
 @pytest.mark.parametrize("shape", [(128, 128), (64, 128), (128, 64), (300, 300), (1, 5)])
 def test_a_panel_keeps_shape_and_mean_colour(shape):
     colours = np.full((*shape, 3), (10, 200, 30), dtype=np.uint8)
-    drawn = pixels(panel(colours, 192, BLACK))
+    drawn = pixels(draw_panel(colours, 192, BLACK))
     assert drawn.shape == (192, 192, 3)
     share = (drawn == (10, 200, 30)).all(axis=-1).mean()
     assert share == pytest.approx(min(shape) / max(shape), abs=0.02)
@@ -34,13 +34,13 @@ def test_a_panel_keeps_shape_and_mean_colour(shape):
 
 def test_a_pair_shows_the_crop_in_range_and_intensity(handmade):
     frame = handmade.make_frame(1350.0, 900.0)
-    glimpse = Glimpse.of(frame)
-    scale, window = Scale.of([glimpse]), crop(glimpse.bounds)
-    drawn = pixels(pair(glimpse, scale, window, 192))
+    thumbnail = Thumbnail.of(frame)
+    scale, window = Scale.of([thumbnail]), crop(thumbnail.bounds)
+    drawn = pixels(draw_pair(thumbnail, scale, window, 192))
     times = 192 // window.width
     for row, col in [(5, 8), (8, 10), (0, 0), (12, 9)]:
         x, y = col * times + times // 2, row * times + times // 2
-        expected = scale.range_rgb(window.cut(frame.range_m), glimpse.median_m)[row, col]
+        expected = scale.range_rgb(window.cut(frame.range_m), thumbnail.median_m)[row, col]
         assert tuple(drawn[y, x]) == tuple(expected)
         expected = scale.intensity_rgb(window.cut(frame.intensity_counts))[row, col]
         assert tuple(drawn[y, 192 + GAP + x]) == tuple(expected)
@@ -53,10 +53,10 @@ def test_a_pair_shows_the_crop_in_range_and_intensity(handmade):
 
 
 def test_the_whole_field_has_no_locator(handmade):
-    glimpse = Glimpse.of(handmade.make_frame(0.0, 60.0, 64))
-    window = crop(glimpse.bounds)
+    thumbnail = Thumbnail.of(handmade.make_frame(0.0, 60.0, 64))
+    window = crop(thumbnail.bounds)
     assert window.whole
-    assert not (pixels(pair(glimpse, Scale.of([glimpse]), window, 192)) == MARK).all(axis=-1).any()
+    assert not (pixels(draw_pair(thumbnail, Scale.of([thumbnail]), window, 192)) == MARK).all(axis=-1).any()
 
 
 def test_a_sheet_holds_every_cell(coming, tmp_path):
@@ -104,7 +104,7 @@ def test_dark_frames_have_a_sheet(handmade, tmp_path):
 
 def test_a_frame_without_a_target_is_shown_whole(handmade):
     empty = handmade.make_frame(0.0, 500.0, 64, photons_at_km=0.0, labelled=False, false_returns=2)
-    assert not crop(Glimpse.of(empty).bounds).whole
+    assert not crop(Thumbnail.of(empty).bounds).whole
     assert crop(_look(empty).bounds).whole
     there = handmade.make_frame(0.0, 900.0, 128, photons_at_km=0.0, false_returns=0)  # labelled, too faint to return
     assert not crop(_look(there).bounds).whole
@@ -112,7 +112,7 @@ def test_a_frame_without_a_target_is_shown_whole(handmade):
 
 def test_long_titles_are_shortened():
     draw = ImageDraw.Draw(Image.new("RGB", (10, 10)))
-    text = fitted(draw, "A very long title that goes on and on", 14, 120)
+    text = shorten(draw, "A very long title that goes on and on", 14, 120)
     assert text.endswith("…")
-    assert draw.textlength(text, font=font(14)) <= 120
-    assert fitted(draw, "short", 14, 120) == "short"
+    assert draw.textlength(text, font=load_font(14)) <= 120
+    assert shorten(draw, "short", 14, 120) == "short"

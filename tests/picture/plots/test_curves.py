@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import curve_figure, save_figure
-from rso_lidar.picture.plots.curves import Point
+from rso_lidar.picture.plots.curves import FrameStatistics
 from rso_lidar.records import Reading
 
 
 def test_a_point_counts_what_is_there(handmade):
     frame = handmade.make_frame(0.0, 1500.0, 64, photons_at_km=60_000.0, false_returns=6)
-    point = Point.of(frame)
+    point = FrameStatistics.of(frame)
     there = frame.labels.target >= 0
     assert point.lit == there.sum()
     assert point.detected + point.false == frame.valid.sum()
@@ -31,13 +31,13 @@ def test_errors_are_those_of_pixels_with_one_cluster(handmade):
         observation=dataclasses.replace(frame.observation, reading=moved),
         labels=dataclasses.replace(frame.labels, cluster_count=counts),
     )
-    point = Point.of(frame)
+    point = FrameStatistics.of(frame)
     # float32 ranges at 400 m are 15 um apart at most
     assert (point.error_16_m, point.error_50_m, point.error_84_m) == pytest.approx((0.25,) * 3, abs=3e-5)
 
 
 def test_a_dark_frame_has_nothing_to_say(handmade):
-    point = Point.of(handmade.make_frame(0.0, 900.0, 32, photons_at_km=0.0, labelled=False, false_returns=0))
+    point = FrameStatistics.of(handmade.make_frame(0.0, 900.0, 32, photons_at_km=0.0, labelled=False, false_returns=0))
     assert (point.lit, point.detected, point.false) == (0, 0, 0)
     assert np.isnan([point.measured_m, point.photons_50, point.error_50_m]).all()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, maps_figure, said
+from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 
 A, B = np.repeat([1.0, 10.0, 100.0], 4), np.tile(["x", "y"], 6)
 MERIT = np.arange(12.0)
@@ -75,7 +75,7 @@ def test_one_against_another():
 
 
 def test_numbers_are_short():
-    assert [said(x) for x in (1234567.0, 12.0, 0.000123456, np.nan)] == ["1,235,000", "12", "0.0001235", "–"]
+    assert [format_value(x) for x in (1234567.0, 12.0, 0.000123456, np.nan)] == ["1,235,000", "12", "0.0001235", "–"]
 
 
 def test_values_that_rank_no_point_are_hollow_and_in_no_mean():

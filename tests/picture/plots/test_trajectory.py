@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import orbit_figure, save_figure
-from rso_lidar.picture.plots.trajectory import track
+from rso_lidar.picture.plots.trajectory import relative_path
 from rso_lidar.pose import Link, PoseTree, pose
 from rso_lidar.records import Truth
 
@@ -27,7 +27,7 @@ def ellipse(count=50):
 
 
 def test_frames_give_the_lidar_in_rtn_axes(coming):
-    path = track(coming)
+    path = relative_path(coming)
     assert (path.target, path.axes, path.words[1]) == ("tdrs", "tdrs.rtn", "Along-track")
     np.testing.assert_allclose(path.time_s, [frame.time_s for frame in coming])
     np.testing.assert_allclose(path.position_m[0, 1], -3000.0, atol=1e-6)
@@ -36,7 +36,7 @@ def test_frames_give_the_lidar_in_rtn_axes(coming):
 
 def test_a_truth_over_epochs_needs_no_frames():
     times_s, position_m = ellipse()
-    path = track(batch(times_s, position_m, "tdrs.rtn"))
+    path = relative_path(batch(times_s, position_m, "tdrs.rtn"))
     np.testing.assert_allclose(path.position_m, position_m, atol=1e-7)
     figure = orbit_figure(batch(times_s, position_m, "tdrs.rtn"))
     plane = figure.axes[0]
@@ -48,7 +48,7 @@ def test_a_truth_over_epochs_needs_no_frames():
 @pytest.mark.parametrize("node", ["tdrs.origin", "base"])
 def test_without_an_orbit_other_axes_serve(node):
     times_s, position_m = ellipse()
-    path = track(batch(times_s, position_m, node), target="tdrs")
+    path = relative_path(batch(times_s, position_m, node), target="tdrs")
     assert path.words == ("x", "y", "z")
     if node == "base":  # the body's own axes, turned by 90 degrees about z
         position_m = np.stack([position_m[:, 1], -position_m[:, 0], position_m[:, 2]], axis=-1)

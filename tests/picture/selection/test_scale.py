@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rso_lidar.picture.selection.scale import Scale, nice_down, nice_up
-from rso_lidar.picture.selection.sequence import Glimpse
-from rso_lidar.picture.style.palette import FAINTEST, NO_RETURN, fixed_palette, paint, ramp
+from rso_lidar.picture.selection.sequence import Thumbnail
+from rso_lidar.picture.style.palette import FAINTEST, NO_RETURN, apply_ramp, fixed_palette, ramp
 
 
 @given(st.floats(1e-6, 1e9))
@@ -19,7 +19,7 @@ def test_nice_up_of_nothing_is_one():
 
 
 def test_paint_clips_and_marks_what_is_missing():
-    colours = paint(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.nan]), "viridis", NO_RETURN)
+    colours = apply_ramp(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.nan]), "viridis", NO_RETURN)
     assert (colours[0] == colours[1]).all()
     assert (colours[3] == colours[4]).all()
     assert (colours[3] == ramp("viridis")[255]).all()
@@ -42,7 +42,7 @@ def test_the_fixed_palette_has_256_colours_near_all_that_is_drawn():
 
 
 def test_an_approach_is_drawn_about_each_median(handmade, coming):
-    scale = Scale.of([Glimpse.of(frame) for frame in coming])
+    scale = Scale.of([Thumbnail.of(frame) for frame in coming])
     assert scale.relative
     assert scale.low_m == -scale.high_m
     assert 1.0 < scale.high_m <= 10.0  # the satellite reaches 6.5 m from its origin
@@ -53,10 +53,10 @@ def test_an_approach_is_drawn_about_each_median(handmade, coming):
 
 
 def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):
-    glimpses = [Glimpse.of(handmade.make_frame(10.0 * k, 500.0, 64, index=k)) for k in range(4)]
-    scale = Scale.of(glimpses)
+    thumbnails = [Thumbnail.of(handmade.make_frame(10.0 * k, 500.0, 64, index=k)) for k in range(4)]
+    scale = Scale.of(thumbnails)
     assert not scale.relative
-    seen = np.concatenate([g.range_m[g.on_target] for g in glimpses])
+    seen = np.concatenate([g.range_m[g.on_target] for g in thumbnails])
     assert ((seen >= scale.low_m) & (seen <= scale.high_m)).mean() > 0.97
     assert not scale.logarithmic
     assert scale.low_counts == 0
@@ -64,7 +64,7 @@ def test_a_look_from_one_place_is_drawn_by_range_itself(handmade):
 
 def test_nothing_seen_still_has_a_scale(handmade):
     dark = handmade.make_frame(0.0, 500.0, 32, photons_at_km=0.0, false_returns=0)
-    scale = Scale.of([Glimpse.of(dark)])
+    scale = Scale.of([Thumbnail.of(dark)])
     assert (scale.range_rgb(dark.range_m, float("nan")) == NO_RETURN).all()
     assert (scale.intensity_rgb(dark.intensity_counts) == 0).all()
 
@@ -72,15 +72,15 @@ def test_nothing_seen_still_has_a_scale(handmade):
 def strays(handmade, seed):
     """A frame of false returns alone, far from one another."""
     frame = handmade.make_frame(0.0, 500.0, 64, photons_at_km=0.0, labelled=False, false_returns=6, index=seed)
-    return Glimpse.of(frame)
+    return Thumbnail.of(frame)
 
 
 def test_stray_returns_alone_have_a_scale_of_their_own(handmade):
-    glimpses = [strays(handmade, seed) for seed in range(4)]
-    assert not any(glimpse.on_target.any() for glimpse in glimpses)
-    scale = Scale.of(glimpses)
-    ranges_m = np.concatenate([g.range_m[np.isfinite(g.range_m)] for g in glimpses])
-    counts = np.concatenate([g.intensity_counts[g.intensity_counts > 0] for g in glimpses])
+    thumbnails = [strays(handmade, seed) for seed in range(4)]
+    assert not any(thumbnail.on_target.any() for thumbnail in thumbnails)
+    scale = Scale.of(thumbnails)
+    ranges_m = np.concatenate([g.range_m[np.isfinite(g.range_m)] for g in thumbnails])
+    counts = np.concatenate([g.intensity_counts[g.intensity_counts > 0] for g in thumbnails])
     assert not scale.relative
     assert scale.low_m <= np.percentile(ranges_m, 5) < np.percentile(ranges_m, 95) <= scale.high_m
     assert scale.high_counts >= np.percentile(counts, 95) > 20  # the false returns made by hand have 20 to 60 counts

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.picture.selection.sequence import Glimpse, evenly, on_target, pick, pixel_rad, sighted
+from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target, pick, pixel_rad
 
 
 @pytest.mark.parametrize(("n", "count"), [(1, 1), (10, 4), (540, 120), (121, 120), (7, 7), (3, 9), (1000, 2)])
 def test_evenly_spreads_indices_and_keeps_both_ends(n, count):
-    chosen = evenly(n, count)
+    chosen = even_indices(n, count)
     assert len(chosen) == min(n, count)
     assert chosen[0] == 0
     assert chosen[-1] == n - 1
@@ -20,10 +20,10 @@ def test_evenly_spreads_indices_and_keeps_both_ends(n, count):
 
 
 def test_evenly_of_none_and_of_one():
-    assert evenly(0, 5) == []
-    assert evenly(9, 1) == [0]
+    assert even_indices(0, 5) == []
+    assert even_indices(9, 1) == [0]
     with pytest.raises(RecordingError, match="ask for 1 or more"):
-        evenly(9, 0)
+        even_indices(9, 0)
 
 
 def test_a_sequence_is_read_only_where_it_is_looked_at():
@@ -40,7 +40,7 @@ def test_a_sequence_is_read_only_where_it_is_looked_at():
 
     shelf = Shelf()
     seen, total = pick(shelf, 5, lambda k: k)
-    assert seen == shelf.read == evenly(100, 5)
+    assert seen == shelf.read == even_indices(100, 5)
     assert total == 100
 
 
@@ -93,20 +93,20 @@ def test_labels_tell_returns_from_false_ones_and_without_them_the_neighbours_do(
 
 def test_sighted_falls_back_until_something_is_seen(handmade):
     frame = handmade.make_frame(range_m=900.0, n=32, labelled=False, photons_at_km=0.0, false_returns=1)
-    assert (sighted(frame) == frame.valid).all()
+    assert (find_target_pixels(frame) == frame.valid).all()
     frame = handmade.make_frame(range_m=900.0, n=32, labelled=False, photons_at_km=0.0, false_returns=0)
-    assert sighted(frame).all()
+    assert find_target_pixels(frame).all()
 
 
 def test_a_glimpse_measures_the_target(handmade):
     frame = handmade.make_frame(range_m=800.0)
-    glimpse = Glimpse.of(frame)
+    thumbnail = Thumbnail.of(frame)
     # The satellite of frames_for_tests reaches 6.5 m from its origin.
-    assert abs(glimpse.median_m - glimpse.true_range_m) < 6.5
-    assert glimpse.returns == frame.valid.sum()
+    assert abs(thumbnail.median_m - thumbnail.true_range_m) < 6.5
+    assert thumbnail.returns == frame.valid.sum()
     # Pixels of a flat focal plane of 2.5 degrees and 128 columns: 2 tan(1.25 deg) / 128 in the middle.
     assert pixel_rad(frame) == pytest.approx(2 * np.tan(np.pi * 1.25 / 180) / 128, rel=1e-5)
-    assert glimpse.pixel_m == pytest.approx(glimpse.median_m * pixel_rad(frame))
-    dark = dataclasses.replace(glimpse, on_target=np.zeros_like(glimpse.on_target))
+    assert thumbnail.pixel_m == pytest.approx(thumbnail.median_m * pixel_rad(frame))
+    dark = dataclasses.replace(thumbnail, on_target=np.zeros_like(thumbnail.on_target))
     assert np.isnan(dark.median_m)
-    assert dark.pixel_m == pytest.approx(glimpse.true_range_m * pixel_rad(frame))
+    assert dark.pixel_m == pytest.approx(thumbnail.true_range_m * pixel_rad(frame))

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rso_lidar.picture.selection.window import LADDER, Window, around, crop, grown
+from rso_lidar.picture.selection.window import LADDER, Window, bounding_window, crop, grow
 
 
 @st.composite
@@ -26,10 +26,10 @@ def test_a_crop_shows_all_of_its_bounds_inside_the_field(inner, held):
 
 def test_around_is_tight_and_of_nothing_the_whole_field():
     mask = np.zeros((20, 30), dtype=bool)
-    assert around(mask).whole
+    assert bounding_window(mask).whole
     mask[4, 7] = mask[9, 11] = True
-    assert around(mask) == Window(4, 10, 7, 12, 20, 30)
-    assert around(mask).cut(mask).sum() == 2
+    assert bounding_window(mask) == Window(4, 10, 7, 12, 20, 30)
+    assert bounding_window(mask).cut(mask).sum() == 2
 
 
 def test_the_size_is_held_while_it_fits():
@@ -53,10 +53,10 @@ def test_the_target_stands_in_the_middle_unless_the_field_ends():
 def test_a_few_returns_are_shown_with_half_of_the_target_around_them():
     target = Window(40, 64, 50, 80, 128, 128)
     few = Window(60, 62, 55, 58, 128, 128)
-    shown = grown(few, target)
+    shown = grow(few, target)
     assert (shown.height, shown.width) == (12, 15)
     assert shown.top <= few.top
     assert shown.bottom >= few.bottom
     assert shown.left <= few.left
     assert shown.right >= few.right
-    assert grown(target, target) == target
+    assert grow(target, target) == target

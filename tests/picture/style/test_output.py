@@ -2,7 +2,7 @@ import pytest
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.picture import animate, contact_sheet, save_figure, save_frame
-from rso_lidar.picture.style.figures import new_figure, with_minus
+from rso_lidar.picture.style.figures import new_figure, use_minus_sign
 
 
 def test_a_bad_path_is_told_before_anything_is_drawn(tmp_path):
@@ -41,4 +41,4 @@ def test_a_pdf_says_nothing_of_the_clock(tmp_path):
 
 
 def test_numbers_get_a_true_minus():
-    assert with_minus("-3.0") == "−3.0"
+    assert use_minus_sign("-3.0") == "−3.0"

@@ -12,10 +12,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.picture.viewers import rerun_scene
 from rso_lidar.picture.viewers.rerun_scene import (
-    need_rerun,
+    import_rerun,
     open_rerun,
     paths_of,
-    quiet,
+    silence_analytics,
     viewer_command,
     world_of,
     write_rerun,
@@ -74,7 +74,7 @@ def test_the_world_is_where_the_target_is_and_does_not_turn_with_it(coming):
 def test_without_the_extra_it_is_named(coming, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RecordingError, match=r"view: Rerun is an extra: pip install rso-lidar\[view\]"):
-        need_rerun("view")
+        import_rerun("view")
     with pytest.raises(RecordingError, match=r"a\.rrd: Rerun is an extra"):
         write_rerun(coming, tmp_path / "a.rrd")
     assert not list(tmp_path.iterdir())
@@ -88,7 +88,7 @@ def test_the_viewer_listens_here_alone_and_is_asked_to_be_quiet(tmp_path, monkey
         calls.append((command, config["analytics_enabled"], env["HTTPS_PROXY"]))
         return subprocess.CompletedProcess(command, 0 if len(calls) == 1 else 3)
 
-    monkeypatch.setattr(rerun_scene, "need_rerun", lambda what: None)
+    monkeypatch.setattr(rerun_scene, "import_rerun", lambda what: None)
     monkeypatch.setattr(subprocess, "run", run)
     open_rerun(tmp_path / "a.rrd")
     (command, wanted, way_out), *_ = calls
@@ -226,7 +226,7 @@ def test_a_frame_without_returns_is_empty(rerun, handmade, tmp_path):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only there does an environment say it")
 def test_the_viewer_collects_nothing(rerun):
-    with quiet() as environment:
+    with silence_analytics() as environment:
         command = [*viewer_command("x")[:3], "analytics", "config"]
         said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
         assert json.loads(said)["analytics_enabled"] is False
