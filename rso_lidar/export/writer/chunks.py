@@ -25,26 +25,38 @@ class ChunkWriter:
     """
 
     def __init__(self, file: Any, variables: Mapping[str, Variable]) -> None:
-        self._variables = variables
+        self._file = file
         # Low-level calls take a fifth of the time of dataset[k] = entry.
         self._datasets = {path: (file[path].id, one.shape, (0,) * len(one.shape)) for path, one in variables.items()}
-        sizes = [variable.frame_bytes for variable in variables.values() if variable.is_image]
-        largest = max(sizes, default=0)
+        self._images = [path for path, one in variables.items() if one.is_image]
+        self._small = [path for path, one in variables.items() if not one.is_image]
+        self._small_ends = np.cumsum([variables[path].frame_bytes + CHECKSUM_BYTES for path in self._small])
+        largest = max((variables[path].frame_bytes for path in self._images), default=0)
         self._changes, self._tokens = np.empty(largest, np.int64), np.empty(largest, np.uint16)
         self._out = np.empty(largest_stream(largest) + CHECKSUM_BYTES, np.uint8)
 
     def append(self, entries: Mapping[str, np.ndarray], place: int) -> None:
-        """Write the entries of one frame, each contiguous and in the dtype of its dataset, at a place of the first axis."""
-        small = {path: entry for path, entry in entries.items() if not self._variables[path].is_image}
-        chunks = dict(zip(small, _encode_small(list(small.values())), strict=True))
-        for path, entry in entries.items():
-            dataset, shape, corner = self._datasets[path]
-            dataset.set_extent((place + 1, *shape))
-            dataset.write_direct_chunk((place, *corner), chunks[path] if path in chunks else self._encode_image(entry))
+        """Write one frame and flush it, /time last: a frame whose instant is there is whole.
 
-    def flush(self, path: str) -> None:
-        """Write what HDF5 still holds of one dataset."""
-        self._datasets[path][0].flush()
+        Parameters
+        ----------
+        entries : by path, each contiguous and in the dtype of its dataset.
+        place : of the frame on the first axis.
+        """
+        for path in self._images:
+            self._append(path, self._encode_image(entries[path]), place)
+        chunks = self._encode_small(entries)
+        last = chunks.pop("time")
+        for path, chunk in chunks.items():
+            self._append(path, chunk, place)
+        self._file.flush()
+        self._append("time", last, place)
+        self._datasets["time"][0].flush()
+
+    def _append(self, path: str, chunk: Any, place: int) -> None:
+        dataset, shape, corner = self._datasets[path]
+        dataset.set_extent((place + 1, *shape))
+        dataset.write_direct_chunk((place, *corner), chunk)
 
     def _encode_image(self, entry: np.ndarray) -> np.ndarray:
         """Encode an image behind the filters shuffle, gzip and fletcher32; the chunk holds until the next call."""
@@ -53,25 +65,19 @@ class ChunkWriter:
         length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)
         return self._out[: append_fletcher32(self._out, 0, length)]
 
-
-def _encode_small(entries: list[np.ndarray]) -> list[memoryview]:
-    """Encode entries behind the filter fletcher32 alone."""
-    data = b"".join([entry.tobytes() for entry in entries])
-    ends = np.cumsum([entry.nbytes for entry in entries])
-    out = np.empty(len(data) + CHECKSUM_BYTES * len(entries), np.uint8)
-    _copy_with_checksums(packed(np.frombuffer(data, np.uint8)), packed(ends, np.int64), out)
-    stops = (ends + CHECKSUM_BYTES * np.arange(1, len(entries) + 1)).tolist()
-    chunks = memoryview(out.data)
-    return [chunks[start:stop] for start, stop in zip([0, *stops], stops, strict=False)]
+    def _encode_small(self, entries: Mapping[str, np.ndarray]) -> dict[str, memoryview]:
+        """Encode all that is no image behind the filter fletcher32 alone."""
+        room = bytes(CHECKSUM_BYTES)
+        data = bytearray(room.join([*(entries[path].tobytes() for path in self._small), b""]))
+        write_checksums(np.frombuffer(data, np.uint8), self._small_ends)
+        ends, chunks = self._small_ends.tolist(), memoryview(data)
+        return {path: chunks[start:end] for path, start, end in zip(self._small, [0, *ends], ends, strict=False)}
 
 
 @kernel
-def _copy_with_checksums(data: np.ndarray, ends: np.ndarray, out: np.ndarray) -> None:
-    """Copy entries that end at `ends`, each with its checksum behind it."""
-    place, start = 0, 0
+def write_checksums(data: np.ndarray, ends: np.ndarray) -> None:
+    """Write the checksum of each chunk into its last bytes; chunks lie one behind the other, up to `ends` [bytes]."""
+    start = 0
     for end in ends:
-        length = end - start
-        for k in range(length):
-            out[place + k] = data[start + k]
-        place = append_fletcher32(out, place, place + length)
+        append_fletcher32(data, start, end - CHECKSUM_BYTES)
         start = end

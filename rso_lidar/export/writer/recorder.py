@@ -149,17 +149,12 @@ class Recorder:
         if self._file is None:
             self._start(frame, None)
         filled = self._checked(frame)
-        time = filled.pop("time")
         with self._watched():
             self._check_place()
             if self._lenses is not None:
                 filled["lens"] = np.array(self._lenses.number(frame.line_of_sight), dtype=datasets.LENS.dtype)
-            chunks = self._chunks
-            assert chunks is not None
-            chunks.append(filled, self.written)
-            self._file.flush()
-            chunks.append({"time": time}, self.written)
-            chunks.flush("time")
+            assert self._chunks is not None
+            self._chunks.append(filled, self.written)
             self._superblock = read_superblock(self._file)
         self.written += 1
 
