@@ -1,1 +1,1 @@
-"""Element sets (TLE and OMM): their texts, catalogues, and SGP4."""
+"""Element sets (TLE and OMM): their formats, catalogues, and propagation by SGP4."""

@@ -1,8 +1,4 @@
-"""Catalogues of element sets, read record by record: what is good is kept, what is bad is listed with place and reason.
-
-TLE and 3LE (`tle_text`), OMM in JSON, CSV, XML and KVN (`omm_text`), told apart by their content; TLE and KVN may be mixed
-in one file. A bad record of another object does not stop a good one from being chosen.
-"""
+"""Catalogues of element sets: read, filtered, divided by object, and written."""
 
 from __future__ import annotations
 
@@ -33,10 +29,14 @@ REGIMES = ("leo", "meo", "geo", "heo", "other")
 
 @dataclass(frozen=True, eq=False)
 class Catalog:
-    """The good element sets of a catalogue, in its order, and what was wrong with the rest.
+    """The good element sets of a catalogue in its order, and the problems of the others.
 
-    `problems` has a line, place: what, for each record that is not used; `duplicates` counts the records left out because
-    they say again what another of the same object and epoch says.
+    Parameters
+    ----------
+    sets : the good element sets
+    problems : one message for each record that is not used
+    duplicates : number of records left out because they repeat another of the same object and epoch
+    where : name of the source, for messages
     """
 
     sets: tuple[ElementSet, ...]
@@ -46,15 +46,33 @@ class Catalog:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Catalog:
-        """Return the catalogue of a file: TLE, 3LE, or OMM in JSON, CSV, XML or KVN; without any record it is an error.
+        """Read the catalogue of a file: TLE, 3LE, or OMM in JSON, CSV, XML or KVN.
 
-        A relative path is looked up in the working folder, then among the shipped data.
+        Parameters
+        ----------
+        path : path of the file; a relative one is looked up in the working folder, then among the shipped data
+
+        Raises
+        ------
+        CatalogError
+            if the file cannot be read, or holds no record
         """
         return cls._of(*read_file(find(check_path(path)) or Path(path)), str(path))
 
     @classmethod
     def from_text(cls, text: str, where: str = "catalogue") -> Catalog:
-        """Return the catalogue of a text; `where` is its name in messages."""
+        """Read the catalogue of a text.
+
+        Parameters
+        ----------
+        text : element sets in any of the formats of `from_file`
+        where : name of the text in messages
+
+        Raises
+        ------
+        CatalogError
+            if the text holds no record
+        """
         if not isinstance(text, str):
             raise CatalogError(f"{where}: is {quote(text)}, no text: give a str, or from_file the path of a file")
         return cls._of(*parse_text(text, where), where)
@@ -96,10 +114,25 @@ class Catalog:
         max_age_days: float | None = None,
         at: datetime.datetime | None = None,
     ) -> Catalog:
-        """Return the catalogue of the sets that meet all that is given.
+        """Select the element sets that meet all conditions given.
 
-        `name` is a part of the name, without regard to case, or with * and ? the whole of it; `regime` is one of leo, meo,
-        geo, heo, other (`ElementSet.regime` says what they are); `max_age_days` is counted from `at`, before or after.
+        Parameters
+        ----------
+        name : part of the name in any case or, with * and ?, a pattern of the whole name
+        norad_id : catalogue number, or several
+        regime : "leo", "meo", "geo", "heo" or "other", see `ElementSet.regime`
+        epoch_within : first and last epoch, as aware datetimes
+        max_age_days : greatest time between the epoch and `at`, before or after [day]
+        at : instant for `max_age_days`
+
+        Returns
+        -------
+        Catalog
+
+        Raises
+        ------
+        CatalogError
+            if a condition makes no sense
         """
         if name is not None and not isinstance(name, str):
             raise CatalogError(f"name: {quote(name)} is no text: give a part of a name")
@@ -133,21 +166,26 @@ class Catalog:
         return Catalog(tuple(kept), self.problems, self.duplicates, self.where)
 
     def objects(self) -> dict[int, tuple[ElementSet, ...]]:
-        """Return the sets of each object by catalogue number, each object's in the order of their epochs."""
+        """Return the sets of each object by catalogue number, in the order of their epochs."""
         grouped: dict[int, list[ElementSet]] = {}
         for entry in self.sets:
             grouped.setdefault(entry.norad_id, []).append(entry)
         return {number: tuple(sorted(group, key=_epoch)) for number, group in grouped.items()}
 
     def trajectory(self, which: int | str) -> SetSequence:
-        """Return the trajectory of one object, by number or name: the nearest of its sets at each instant."""
+        """Return the trajectory of one object, by number or name: at each instant the set with the nearest epoch."""
         name, number = (which, None) if isinstance(which, str) else (None, next(iter(_check_numbers([which]))))
         return SetSequence(tuple(select_object(self.sets, self.where, name, number)))
 
     def write(self, path: str | Path) -> None:
-        """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt), rounded to what a TLE can hold.
+        """Write the sets as OMM (.json, .csv), or as three-line sets (.tle, .3le, .txt) rounded to the digits of a TLE.
 
-        A warning counts the sets that no TLE can hold; the rest is written. Where none is left, it is a `CatalogError`.
+        A warning counts the sets that no TLE can hold.
+
+        Raises
+        ------
+        CatalogError
+            if the suffix is unknown, or no set can be written
         """
         path = Path(check_path(path))
         suffix = path.suffix.lower()
@@ -172,7 +210,7 @@ def _check_datetime(what: str, at: Any) -> datetime.datetime:
 
 
 def _check_numbers(wanted: Any) -> set[int]:
-    """Return the catalogue numbers that are asked for, one or several."""
+    """Check the catalogue numbers that are asked for, one or several."""
     several = isinstance(wanted, Iterable) and not isinstance(wanted, str | bytes) and getattr(wanted, "ndim", 1) != 0
     found = list(wanted) if several else [wanted]
     for number in found:

@@ -1,8 +1,8 @@
 """One element set: the mean elements of one object at one epoch, with the fields of an OMM (CCSDS 502.0-B-3).
 
-The OMM is the native record, because five-digit catalogue numbers have run out; a TLE keeps its two lines beside it, and
-is flown from them. The sgp4 library's own way in from an OMM stops at catalogue number 339999 and refuses an epoch
-without a fraction, so its `sgp4init` is called here: the number that it is given is a dummy, ours stays exact.
+The OMM is the native record, because five-digit catalogue numbers have run out. A TLE keeps its two lines beside the
+fields, and is propagated from them. The sgp4 library's own reader of OMM stops at catalogue number 339999 and rejects
+an epoch without a fraction, so `sgp4init` is called here. The number passed to it is a dummy; ours stays exact.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from rso_lidar import units
 
-NO_EPOCH = datetime.datetime(1, 1, 1, tzinfo=datetime.UTC)  # of a record too broken to tell
+NO_EPOCH = datetime.datetime(1, 1, 1, tzinfo=datetime.UTC)  # epoch of a record too damaged to have one
 REQUIRED = (
     "NORAD_CAT_ID",
     "EPOCH",
@@ -47,7 +47,7 @@ KEYS = (
     "MEAN_MOTION_DOT",
     "MEAN_MOTION_DDOT",
 )  # in CelesTrak's order
-# What this SGP4 means, where a message says it.
+# The only values that SGP4 allows where a message states these keys.
 _ONLY = {
     "CENTER_NAME": ("EARTH",),
     "REF_FRAME": ("TEME",),
@@ -55,21 +55,21 @@ _ONLY = {
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP4/SDP4", "SDP4"),
 }
 KNOWN = frozenset(KEYS) | frozenset(_ONLY)
-# What an orbit about the Earth can have: slower is beyond its Hill sphere (1.5 million km, 0.0047 rev/day), faster inside
-# the Earth (17.04 rev/day at its equatorial radius), both by Kepler's third law, with some room.
+# Limits of mean motion about the Earth by Kepler's third law, with a margin: 0.0047 rev/day on its Hill sphere (1.5 million
+# km), 17.04 rev/day at its equatorial radius.
 SLOWEST_REV_DAY, FASTEST_REV_DAY = 0.004, 18.0
-SGP4_XP = 4  # the ephemeris type of element sets for another theory, which SGP4 would fly kilometres off
+SGP4_XP = 4  # ephemeris type of another theory; SGP4 would propagate such a set with errors of kilometres
 
 _EPOCH = re.compile(
     r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))[T ](\d\d):(\d\d):(\d\d)(?:\.(\d*))?(Z|[+-]00:?00)?", re.ASCII | re.IGNORECASE
 )
 
-# C0 and C1 controls, the separators of lines and paragraphs, and what turns the direction of writing.
+# C0 and C1 controls, the separators of lines and paragraphs, and the marks of writing direction.
 _UNPRINTED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ufff9-\ufffb]+")
 
 
 def make_printable(text: str) -> str:
-    r"""Return a text as one line that can be printed: controls become a space, and halves of a character a '?'.
+    r"""Make one printable line of a text: control characters become a space, and unpaired surrogates a '?'.
 
     >>> make_printable("A\nB \ud800")
     'A B ?'
@@ -81,13 +81,27 @@ def make_printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class ElementSet:
-    """One element set as it was written. `problem` says what is wrong with it; `where` is its file and line or record.
+    """One element set as it was written: the mean elements of SGP4 at one epoch.
 
-    Texts are made printable, wherever they come from: a name is one line.
+    Texts are made printable, wherever they come from: a name is one line. Rates are as TLE and OMM print them; SGP4 uses
+    neither. What a bad record does not contain is NaN, 0 or `NO_EPOCH`.
 
-    `epoch_utc` is cut to whole microseconds, `epoch_rest_ns` is what is left of it. Rates are as TLE and OMM print them:
-    `mean_motion_dot_rev_day2` is half the rate, `mean_motion_ddot_rev_day3` a sixth of its rate; SGP4 uses neither. What
-    a bad record does not tell is NaN, 0 or `NO_EPOCH`.
+    Parameters
+    ----------
+    name : name of the object, which may be empty
+    norad_id : catalogue number, 0 for an object that has none yet
+    line1, line2 : the two lines of a TLE, empty for an OMM
+    where : file and line, or record, for messages
+    problem : what is wrong with the record, None for a good one
+    object_id : international designator, such as 1998-067A
+    epoch_utc : epoch, truncated to whole microseconds
+    epoch_rest_ns : rest of the epoch [ns]
+    mean_motion_rev_day : Kozai mean motion [rev/day]
+    eccentricity, inclination_deg, raan_deg, argument_of_perigee_deg, mean_anomaly_deg : mean elements in TEME axes
+    bstar_per_earth_radius : drag term B* [1/Earth radius]
+    mean_motion_dot_rev_day2 : half of the rate of mean motion [rev/day^2]
+    mean_motion_ddot_rev_day3 : a sixth of the second derivative of mean motion [rev/day^3]
+    ephemeris_type, classification, element_set_no, rev_at_epoch : bookkeeping of the publisher
     """
 
     name: str
@@ -121,25 +135,26 @@ class ElementSet:
 
     @property
     def label(self) -> str:
-        """Return what to call the object: its name if it has one, and its catalogue number."""
+        """Name of the object, if it has one, and its catalogue number."""
         return f"{self.name} (NORAD {self.norad_id})" if self.name else f"NORAD {self.norad_id}"
 
     @property
     def identity(self) -> tuple[int, str]:
-        """Return what tells the object: its catalogue number, or its name where it has none yet."""
+        """What identifies the object: its catalogue number, or its name where it has no number yet."""
         return (self.norad_id, "" if self.norad_id else self.name.casefold())
 
     @property
     def kind(self) -> str:
-        """Return 'tle' or 'omm': how the elements were written."""
+        """ "tle" or "omm": how the elements were written."""
         return "tle" if self.line1 else "omm"
 
     @property
     def regime(self) -> str:
-        """Return 'leo', 'meo', 'geo', 'heo' or 'other', as Space-Track divides its catalogue.
+        """ "leo", "meo", "geo", "heo" or "other", as Space-Track divides its catalogue.
 
-        leo: more than 11.25 rev/day, e below 0.25; meo: a period of 600 to 800 min, e below 0.25; geo: 0.99 to 1.01
-        rev/day, e below 0.01; heo: e of 0.25 and more. Source: www.space-track.org, basic space data, orbital regimes.
+        leo: more than 11.25 rev/day and e below 0.25. meo: a period of 600 to 800 min and e below 0.25. geo: 0.99 to
+        1.01 rev/day and e below 0.01. heo: e of 0.25 and more. Source: www.space-track.org, basic space data, orbital
+        regimes.
         """
         turns, e = self.mean_motion_rev_day, self.eccentricity
         if e >= 0.25:
@@ -151,9 +166,10 @@ class ElementSet:
         return "geo" if 0.99 <= turns <= 1.01 and e < 0.01 else "other"
 
     def satrec(self) -> Any:
-        """Return a fresh sgp4 Satrec (WGS72): from the lines of a TLE, else from the elements.
+        """Make a new sgp4 Satrec (WGS72), from the lines of a TLE or else from the elements.
 
-        Fresh, because the deep-space integrator keeps its state in it, and two threads must not share that.
+        It is a new one on each call, because the deep-space integrator keeps its state in it and threads must not share
+        that.
         """
         from sgp4.api import WGS72, Satrec
 
@@ -163,7 +179,7 @@ class ElementSet:
         days_1950 = (midnight - datetime.datetime(1949, 12, 31, tzinfo=datetime.UTC)).days
         in_day = self.epoch_utc - midnight
         fraction = (in_day / datetime.timedelta(microseconds=1) * 1e-6 + self.epoch_rest_ns * units.NS) / units.DAY_S
-        # The units of sgp4init are radians and minutes; the factors are those of Vallado's twoline2rv, in its order.
+        # sgp4init takes radians and minutes; the factors and their order are those of Vallado's twoline2rv, for equal bits.
         per_minute = 1440.0 / (2.0 * math.pi)
         model = Satrec()
         model.sgp4init(
@@ -181,7 +197,7 @@ class ElementSet:
             self.mean_motion_rev_day / per_minute,
             self.raan_deg * units.DEG,
         )
-        # sgp4init splits a sum that is 0.3 us coarse, 2 mm along a low orbit; time is counted from these.
+        # sgp4init splits a sum that is 0.3 us coarse, 2 mm along a low orbit; SGP4 counts time from these two.
         model.jdsatepoch, model.jdsatepochF = days_1950 + 2_433_281.5, fraction
         return model
 
@@ -213,7 +229,19 @@ class ElementSet:
 
 
 def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | None = None) -> ElementSet:
-    """Return the element set of an OMM's fields, keys in capitals; what is wrong with it is its `problem`."""
+    """Make the element set of an OMM's fields.
+
+    Parameters
+    ----------
+    fields : values by key in capitals
+    where : place of the record, for messages
+    problem : a problem that is already known
+
+    Returns
+    -------
+    ElementSet
+        its `problem` says what is wrong with the fields
+    """
     wrong: list[str] = [problem] if problem else []
 
     def text(key: str) -> str:
@@ -275,13 +303,13 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
         wrong.append(out)
     if wrong:
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-        told = f"{where}: {wrong[0]}{more}: correct the record, or fetch it again"
-        found = ElementSet(**{**found.__dict__, "problem": told})
+        message = f"{where}: {wrong[0]}{more}: correct the record, or fetch it again"
+        found = ElementSet(**{**found.__dict__, "problem": message})
     return found
 
 
 def explain_impossible(elements: ElementSet) -> str | None:
-    """Return in words why numbers are no elements of an orbit about the Earth, or None."""
+    """Explain in words why numbers cannot be elements of an orbit about the Earth; None if they can."""
     if not 0.0 <= elements.eccentricity < 1.0:
         return f"eccentricity {elements.eccentricity:g} is not from 0 to below 1"
     if not elements.mean_motion_rev_day > 0.0:
@@ -306,8 +334,15 @@ def explain_impossible(elements: ElementSet) -> str | None:
 
 
 def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
-    """Return an epoch cut to microseconds, and the nanoseconds beyond them; `ValueError` says what is wrong.
+    """Parse an epoch: a datetime truncated to microseconds, and the nanoseconds beyond them.
 
+    Raises
+    ------
+    ValueError
+        if the text is no UTC instant from 1957 to 2200
+
+    Examples
+    --------
     >>> parse_epoch("2024-061T12:00:00.1234567")
     (datetime.datetime(2024, 3, 1, 12, 0, 0, 123456, tzinfo=datetime.timezone.utc), 700.0)
     """
@@ -346,7 +381,7 @@ def _parse_number(value: Any) -> float | None:
 
 
 def quote(value: Any) -> str:
-    """Return a value in quotes, cut to 40 signs, as errors name it."""
+    """Quote a value for a message, cut to 40 characters."""
     try:
         text = " ".join(str(value).split())
     except (ValueError, RecursionError):  # an integer of thousands of digits

@@ -1,9 +1,7 @@
-"""Many element sets flown side by side by SGP4, each at its own instants or all at the same, in TEME axes.
+"""Propagation of many element sets side by side by SGP4, in TEME axes.
 
-`ScheduledFleet` are of objects, which may have several sets each.
-
-Distances and speeds are the same in TEME as in GCRS. What SGP4 rejects is NaN, never an exception: of thousands a few
-have always decayed.
+Distances and speeds are the same in TEME as in GCRS. Where SGP4 has no state the result is NaN, never an exception: among
+thousands of objects a few have always decayed.
 """
 
 from __future__ import annotations
@@ -18,18 +16,24 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.teme import MOST_AGE_S, TOO_OLD, find_failures
 
-SWITCH_S = 1e-4  # a set ends so long before the next begins: an instant has one set
+SWITCH_S = 1e-4  # a set ends this long before the next begins, so that each instant has one set
 
 
 class Fleet:
-    """Element sets, in the order given, flown at seconds counted from `start_utc`."""
+    """Element sets propagated side by side.
+
+    Parameters
+    ----------
+    sets : the element sets; results refer to them by their number in this order
+    start_utc : instant from which seconds are counted
+    """
 
     def __init__(self, sets: Sequence[ElementSet], start_utc: datetime.datetime) -> None:
         self.sets = tuple(sets)
         self.start_utc = start_utc
         self._models = [entry.satrec() for entry in self.sets]
         epochs = [entry.epoch_utc for entry in self.sets]
-        # SGP4 subtracts dates, so that the leap seconds of an epoch must be counted on: they change at half years only.
+        # SGP4 subtracts dates, so each set keeps the leap seconds of its epoch. They change only at half years.
         start = Epochs(start_utc, np.zeros(1))
         self._since_epoch_s = np.array([float(start.since(epoch)[0]) for epoch in epochs])
         halves = [(epoch.year, epoch.month > 6) for epoch in epochs]
@@ -42,9 +46,17 @@ class Fleet:
         return len(self.sets)
 
     def grid(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position [m], velocity [m/s] (set, time, 3) and SGP4's error codes (set, time) at common instants.
+        """Propagate some sets to common instants.
 
-        NaN where there is no state, or none within `MOST_YEARS` of the epoch; `which` picks the sets by number.
+        Parameters
+        ----------
+        which : (set,) numbers of the sets
+        time_s : (time,) instants [s since the start]
+
+        Returns
+        -------
+        position_m, velocity_m_s : (set, time, 3) in TEME axes [m], [m/s]; NaN where there is no state
+        error : (set, time) SGP4's codes, `TOO_OLD` beyond `MOST_YEARS` from the epoch
         """
         from sgp4.api import SatrecArray
 
@@ -62,7 +74,17 @@ class Fleet:
         return *_mask_failures(position, velocity, error), error
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (pair, 3) of the set ``which[k]`` at ``time_s[k]``; NaN where none."""
+        """Propagate sets to one instant each.
+
+        Parameters
+        ----------
+        which : (pair,) numbers of the sets
+        time_s : (pair,) instants [s since the start]
+
+        Returns
+        -------
+        position_m, velocity_m_s : (pair, 3) in TEME axes [m], [m/s]; NaN where there is no state
+        """
         which, time_s = np.asarray(which, dtype=int), np.asarray(time_s, dtype=float)
         position = np.empty((len(which), 3))
         velocity = np.empty_like(position)
@@ -84,11 +106,21 @@ class Fleet:
 
 
 class ScheduledFleet:
-    """Objects flown for a span: each by its only element set, or by that of several whose epoch is nearest.
+    """Objects over a span, each propagated by its only element set or by that of several whose epoch is nearest.
 
-    Between sets it switches half-way between neighbouring epochs, and jumps there, as `SeveralSets` does. `fleet` holds
-    the sets that are flown within the span, those of one object together and in their order, `owner` (set) is whose they
-    are, and `from_s`, `to_s` (set) are when each flies [s since the start]; the ends are open.
+    It switches half-way between neighbouring epochs, with a jump, as `SetSequence` does.
+
+    Parameters
+    ----------
+    objects : an element set, or several of one object, for each object
+    start_utc : start of the span
+    duration_s : its length [s]
+
+    Attributes
+    ----------
+    fleet : the sets that apply within the span; those of one object follow each other in order of time
+    owner : (set,) number of the object that each set belongs to
+    from_s, to_s : (set,) when each set applies [s since the start], infinite at the first and last set of an object
     """
 
     def __init__(
@@ -119,12 +151,12 @@ class ScheduledFleet:
 
     @property
     def several(self) -> np.ndarray:
-        """Return which objects (object) switch between sets within the span."""
+        """Whether each object (object,) switches between sets within the span."""
         more: np.ndarray = self._count > 1
         return more
 
     def number(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the number in `fleet` (pair) of the set that flies object ``which[k]`` at ``time_s[k]``."""
+        """Return the number in `fleet` (pair,) of the set that applies to object ``which[k]`` at ``time_s[k]``."""
         number: np.ndarray = self._first[which]
         count = self._count[which]
         for k in range(1, int(count.max(initial=1))):
@@ -133,19 +165,25 @@ class ScheduledFleet:
         return number
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (pair, 3) of the object ``which[k]`` at ``time_s[k]``; NaN where none."""
+        """Return position [m] and velocity [m/s] (pair, 3) of object ``which[k]`` at ``time_s[k]``; NaN where there is none."""
         return self.fleet.at(self.number(which, time_s), time_s)
 
     def elements(self, which: int, time_s: float) -> ElementSet:
-        """Return the set that flies an object at an instant [s]."""
+        """Return the set that applies to an object at an instant [s]."""
         return self.fleet.sets[int(self.number(np.array([which]), np.array([time_s]))[0])]
 
     def switches(self, which: int, from_s: float, to_s: float) -> int:
-        """Return how often an object changes to another of its sets between two instants [s]."""
+        """Count the switches of an object between its sets from one instant to another.
+
+        Parameters
+        ----------
+        which : number of the object
+        from_s, to_s : instants [s since the start]
+        """
         return int(np.diff(self.number(np.array([which, which]), np.array([from_s, to_s])))[0])
 
     def oldest(self, which: int) -> tuple[float, ElementSet]:
-        """Return the greatest time from an epoch to when its set of this object flies within the span [day], and the set."""
+        """Return the set of an object that is used farthest from its epoch within the span, and that time [day]."""
         mine = np.flatnonzero(self.owner == which)
         ends = np.clip([self.from_s[mine], self.to_s[mine]], 0.0, self.duration_s)
         since = np.array([(self.start_utc - self.fleet.sets[k].epoch_utc).total_seconds() for k in mine])
@@ -153,7 +191,7 @@ class ScheduledFleet:
         return float(ages.max()), self.fleet.sets[int(mine[np.argmax(ages)])]
 
     def ages_days(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the time (pair) from the epoch of the set that flies to each instant [day]."""
+        """Return the time (pair,) from the epoch of the set that applies to each instant [day]."""
         flown = [self.fleet.sets[k] for k in self.number(which, time_s)]
         since = np.array([(self.start_utc - entry.epoch_utc).total_seconds() for entry in flown])
         age: np.ndarray = (since + time_s) / units.DAY_S
@@ -161,7 +199,18 @@ class ScheduledFleet:
 
 
 def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> list[tuple[float, ElementSet]]:
-    """Return the sets of one object that fly within a span, each with when it begins to [s]; of equal epochs the first."""
+    """Select the sets of one object that apply within a span; of equal epochs the first.
+
+    Parameters
+    ----------
+    sets : element sets of the object
+    start : the start of the span, one epoch
+    duration_s : length of the span [s]
+
+    Returns
+    -------
+    list of (begin_s, element set)
+    """
     distinct = {(entry.epoch_utc, entry.epoch_rest_ns): entry for entry in reversed(sets)}
     ordered = [distinct[epoch] for epoch in sorted(distinct)]
     epoch_s = np.array([-float(start.since(entry.epoch_utc)[0]) for entry in ordered])
@@ -174,6 +223,13 @@ def _schedule(sets: Sequence[ElementSet], start: Epochs, duration_s: float) -> l
 def _mask_failures(
     position_km: np.ndarray, velocity_km_s: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Convert states to metres, with NaN where SGP4 failed.
+
+    Parameters
+    ----------
+    position_km, velocity_km_s : (…, 3) states of SGP4 [km], [km/s]
+    error : (…) error codes
+    """
     position, velocity = position_km * units.KM, velocity_km_s * units.KM
     bad = find_failures(position, velocity, error)
     position[bad], velocity[bad] = np.nan, np.nan

@@ -1,4 +1,4 @@
-"""Element sets of a file or a text: its format is told from its content (TLE, 3LE, or OMM in JSON, CSV, XML or KVN)."""
+"""Readers of element sets that recognise the format from the content: TLE, 3LE, or OMM in JSON, CSV, XML or KVN."""
 
 from __future__ import annotations
 
@@ -18,19 +18,27 @@ from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, re
 
 
 def check_path(path: Any) -> str:
-    """Check that what a user gives as a path is one, and return it as text."""
+    """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
         raise CatalogError(f"catalogue: {quote(path)} is no path: give the path of a file of element sets")
     return os.fspath(path)
 
 
 def read_element_sets(path: str | Path) -> list[ElementSet]:
-    """Return every element set of a catalogue, bad ones with their `problem`; a file without any is an error."""
+    """Read every element set of a catalogue, bad ones with their `problem`; a file without any raises `CatalogError`."""
     return list(read_file(Path(check_path(path)))[0])
 
 
 def read_object(path: Path, where: str, name: str | None, norad_id: int | None) -> tuple[ElementSet, ...]:
-    """Return the sets of one object of a file, bad ones included; asking again costs nothing while the file stays."""
+    """Read the sets of one object of a file, bad ones included. The result is cached while the file does not change.
+
+    Parameters
+    ----------
+    path : path of the file
+    where : its name in messages
+    name : name of the object, in any case
+    norad_id : catalogue number of the object
+    """
     status = path.stat()
     return _object(path, status.st_mtime_ns, status.st_size, where, name, norad_id)
 
@@ -43,9 +51,9 @@ def _object(
 
 
 def read_file(path: Path) -> tuple[tuple[ElementSet, ...], tuple[str, ...]]:
-    """Read the element sets of a file, bad ones included, and a line for each thing that is no record.
+    """Read the element sets of a file, bad ones included, and a line for each part of it that is no record.
 
-    The result is cached while the file stays as it is.
+    The result is cached while the file does not change.
     """
     try:
         status = path.stat()
@@ -70,7 +78,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> tuple[tuple[ElementSet, 
 
 
 def parse_text(text: str, where: str) -> Found:
-    """Return the element sets of a text, bad ones included, and a line for each thing that is no record."""
+    """Parse the element sets of a text, bad ones included, with a line for each part of it that is no record."""
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     start = text.lstrip()
     if not start:
@@ -84,7 +92,7 @@ def parse_text(text: str, where: str) -> Found:
         found = read_csv(text, where)
     else:
         found = read_lines(text.split("\n"), where)
-        if not found[0]:  # its beginning is spoilt
+        if not found[0]:  # its beginning may be damaged
             found = _parse_from_middle(text, where) or found
     if not found[0]:
         raise CatalogError(
@@ -95,7 +103,7 @@ def parse_text(text: str, where: str) -> Found:
 
 
 def _parse_from_middle(text: str, where: str) -> Found | None:
-    """Return what a text holds whose first line tells no format."""
+    """Parse a text whose first line is of no known format."""
     if re.search(r"<(\w+:)?omm\b", text, re.IGNORECASE):
         return read_xml(text, where)
     if any(is_csv(line) for line in text.split("\n")):
@@ -104,10 +112,20 @@ def _parse_from_middle(text: str, where: str) -> Found | None:
 
 
 def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
-    """Return the element sets found in lines of text; `where` names their source in errors.
+    """Parse the element sets in lines of text.
 
-    A set is a line "1 ...", a line "2 ..." and, before them, maybe a name (a leading "0 " is dropped). Messages of lines
+    A set is a line "1 ...", a line "2 ..." and an optional name before them (a leading "0 " is dropped). Messages of lines
     KEY = value may stand between sets. Empty lines and lines that begin with # are skipped.
+
+    Parameters
+    ----------
+    lines : the lines
+    where : name of the source, for messages
+
+    Raises
+    ------
+    CatalogError
+        if there is no element set
     """
     sets, _ = read_lines(lines, where)
     if not sets:
@@ -116,7 +134,7 @@ def parse_lines(lines: Iterable[str], where: str) -> list[ElementSet]:
 
 
 def read_lines(lines: Iterable[str], where: str) -> Found:
-    """Return the element sets found in lines of text, and a line for each thing that is no record."""
+    """Parse the element sets in lines of text, with a line for each part of it that is no record."""
     numbered = [(k, line.rstrip()) for k, line in enumerate(lines, start=1)]
     numbered = [(k, line) for k, line in numbered if line and not line.startswith("#")]
     sets: list[ElementSet] = []
@@ -146,7 +164,7 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
             sets += message.end()
             no_name()
             name = (number, line.strip())
-            if re.fullmatch(r"\s*<[^>]*>\s*", line):  # of a web page, and no name
+            if re.fullmatch(r"\s*<[^>]*>\s*", line):  # markup of a web page, not a name
                 no_name()
                 name = None
         else:

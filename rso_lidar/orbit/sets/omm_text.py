@@ -1,6 +1,7 @@
 """Orbit mean-elements messages (CCSDS 502.0-B-3) as text: JSON, CSV, XML and KVN, read record by record.
 
-Each reader returns the element sets, bad ones with their `problem`, and one line for each thing that is no record.
+Each reader returns the element sets, bad ones with their `problem`, and one line for each part of the text that is no
+record.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ Found = tuple[list[ElementSet], list[str]]
 _OBJECT = re.compile(r"\{[^{}]*(\})?")
 _KVN_LINE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*=\s*(.*?)\s*")
 _UNIT = re.compile(r"(.*?)\s*\[(.*)\]")
-_TEXTS = ("OBJECT_NAME", "OBJECT_ID")  # may end in brackets
-# The units of the standard, tables 4-3 and 7.7: the only ones that a number may carry, without regard to case.
+_TEXTS = ("OBJECT_NAME", "OBJECT_ID")  # texts, which may end in brackets
+# Units of the standard (tables 4-3 and 7.7), the only ones that a number may have, in any case.
 _UNITS = {
     "MEAN_MOTION": ("rev/day",),
     "INCLINATION": ("deg",),
@@ -37,7 +38,7 @@ _TWICE = "' stands there twice"
 
 
 def read_json(text: str, where: str) -> Found:
-    """Return the element sets of JSON: one object or a list of them, or those that can be saved from a broken file."""
+    """Read JSON: one object or a list of objects, or the intact objects of a damaged file."""
     try:
         tree = json.loads(text, object_pairs_hook=_mark_duplicate_keys)
     except (ValueError, RecursionError):
@@ -56,7 +57,7 @@ def read_json(text: str, where: str) -> Found:
 
 
 def _mark_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object with its keys in capitals; a key that stands there twice is told under '!'."""
+    """Return an object with its keys in capitals; a key that occurs twice is named under '!'."""
     found = {key.upper(): value for key, value in pairs}
     if len(found) < len(pairs):
         keys = [key.upper() for key, _ in pairs]
@@ -71,7 +72,7 @@ def _set_from_json(record: dict[str, Any], place: str) -> ElementSet:
 
 
 def _salvage_json(text: str, where: str) -> Found:
-    """Return what can be read of broken JSON: every whole flat object, and a line for what is not."""
+    """Read the intact flat objects of damaged JSON, with a line for each part that is none."""
     sets: list[ElementSet] = []
     junk: list[str] = []
     end, line, counted = 0, 1, 0
@@ -103,12 +104,12 @@ def _salvage_json(text: str, where: str) -> Found:
 
 
 def is_csv(line: str) -> bool:
-    """Return whether a line is the header of a table of OMM."""
+    """Determine whether a line is the header of a table of OMM."""
     return len(KNOWN.intersection(cell.strip(' "').upper() for cell in line.split(","))) >= 3
 
 
 def read_csv(text: str, where: str) -> Found:
-    """Return the element sets of a table: a header line with the keys of an OMM, and a line for each record."""
+    """Read a table: a header line with the keys of an OMM, and a line for each record."""
     sets: list[ElementSet] = []
     junk: list[str] = []
     header: list[str] = []
@@ -116,13 +117,13 @@ def read_csv(text: str, where: str) -> Found:
         if not line.strip() or line.startswith("#"):
             continue
         place = f"{where}: line {number}"
-        # Line by line, so that a quote that is never closed spoils its own record only.
+        # Line by line, so that an unclosed quote spoils only its own record.
         try:
             cells = next(csv.reader([line]))
         except csv.Error as error:
             sets.append(_make_broken(place, f"cannot be read as CSV ({error})"))
             continue
-        if is_csv(line):  # of this table, or of another one put behind it
+        if is_csv(line):  # header of this table, or of another one appended to it
             header = [cell.strip().upper() for cell in cells]
             _check_header(place, header)
         elif len(cells) != len(header):
@@ -154,7 +155,7 @@ def _make_broken(place: str, what: str, fields: dict[str, str] | None = None) ->
 
 
 def read_xml(text: str, where: str) -> Found:
-    """Return the element sets of XML: one `omm`, or several in an `ndm`."""
+    """Read XML: one `omm`, or several in an `ndm`."""
     import xml.etree.ElementTree as ET
 
     if re.search(r"<!\s*(?:DOCTYPE|ENTITY)", text, re.IGNORECASE):
@@ -167,7 +168,7 @@ def read_xml(text: str, where: str) -> Found:
 
 
 def _find_messages(root: Any) -> list[list[Any]]:
-    """Return the nodes within each `omm`, those of an `omm` within it left out."""
+    """Return the nodes within each `omm`, without those of an `omm` nested in it."""
     found: list[list[Any]] = []
     ahead: list[tuple[Any, list[Any]]] = [(root, [])]
     while ahead:
@@ -181,7 +182,14 @@ def _find_messages(root: Any) -> list[list[Any]]:
 
 
 def _salvage_xml(text: str, where: str, error: str) -> Found:
-    """Return the messages of a broken file that are whole in themselves."""
+    """Read the intact messages of damaged XML.
+
+    Parameters
+    ----------
+    text : the damaged XML
+    where : name of the source
+    error : the parser's message
+    """
     import xml.etree.ElementTree as ET
 
     sets: list[ElementSet] = []
@@ -220,7 +228,7 @@ def _set_from_xml(nodes: list[Any], place: str) -> ElementSet:
 
 
 def _check_unit(key: str, unit: str | None) -> str | None:
-    """Return in words that a unit is not the standard's, or None."""
+    """Describe a unit that is not the standard's; None if it is."""
     allowed = _UNITS.get(key, ())
     if unit is None or "".join(unit.split()).casefold() in {"".join(known.split()).casefold() for known in allowed}:
         return None
@@ -232,7 +240,7 @@ def _local_name(tag: Any) -> str:
 
 
 class KvnCollector:
-    """Messages of lines `KEY = value`, collected from a file that may hold other things between them."""
+    """Collects messages of lines `KEY = value` from a file that may hold other content between them."""
 
     def __init__(self, where: str) -> None:
         self._where = where
@@ -240,14 +248,14 @@ class KvnCollector:
         self._place, self._wrong = "", ""
 
     def take(self, number: int, line: str) -> Iterator[ElementSet] | None:
-        """Return the messages that end with a line, or None where the line is of no message."""
+        """Take a line, and return the messages that end with it; None if the line belongs to no message."""
         found = _KVN_LINE.fullmatch(line)
         key = found[1].upper() if found else ""
         if self._fields and (not line.strip() or line.lstrip().upper().startswith("COMMENT")):
             return iter(())
         if not found or not (self._fields or key in KNOWN or key == _FIRST_KEY):
             return None
-        # A message begins with its version, or, where that was left out, with the key that the one before began with.
+        # A message begins with its version or, without one, with the key that began the message before.
         ended = list(self.end()) if key == _FIRST_KEY or key == next(iter(self._fields), None) else []
         if not self._fields:
             self._place, self._wrong = f"{self._where}: line {number}", ""
@@ -260,19 +268,19 @@ class KvnCollector:
         return iter(ended)
 
     def end(self) -> Iterator[ElementSet]:
-        """Return the message that was begun, if any."""
+        """Return the message that is open, if any."""
         if self._fields:
             yield element_set_from_omm(self._fields, self._place, self._wrong or None)
         self._fields = {}
 
 
 def format_json(sets: Iterable[ElementSet]) -> str:
-    """Return element sets as a list of OMM in JSON."""
+    """Format element sets as a list of OMM in JSON."""
     return "[" + ",\n".join(json.dumps(entry.omm()) for entry in sets) + "]\n"
 
 
 def format_csv(sets: Sequence[ElementSet]) -> str:
-    """Return element sets as a table of OMM; a name that begins with # stands in quotes, for it is no remark."""
+    """Format element sets as a table of OMM. Texts are quoted if a name begins with #, which would read as a comment."""
     table = io.StringIO()
     remark = any(entry.name.startswith("#") for entry in sets)
     quoting = csv.QUOTE_NONNUMERIC if remark else csv.QUOTE_MINIMAL

@@ -1,4 +1,4 @@
-"""The one object, or the one element set, that is meant by a name, a catalogue number or an instant."""
+"""Selection of one object, or of one of its element sets, by name, catalogue number or instant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,20 @@ from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet
 def select_object(
     sets: Sequence[ElementSet], where: str, name: str | None = None, norad_id: int | None = None
 ) -> list[ElementSet]:
-    """Return the sets of the one object that is meant, by name (without regard to case) or catalogue number."""
+    """Select the sets of one object.
+
+    Parameters
+    ----------
+    sets : element sets to choose from
+    where : name of their source, for messages
+    name : name of the object, in any case
+    norad_id : catalogue number of the object
+
+    Raises
+    ------
+    CatalogError
+        if there is no such object, or more than one
+    """
     meant = list(sets)
     if not meant:
         raise CatalogError(f"{where}: holds no good element set: see its problems")
@@ -29,7 +42,7 @@ def select_object(
                 guess = guess.replace(f"'{folded}'", f"'{written_so}'")
             raise CatalogError(f"{where}: no object named '{name}'{guess or ': it holds ' + _list_labels(meant)}")
         meant = found
-    if any(entry.norad_id for entry in meant):  # lines too broken to tell whose they are stop nobody
+    if any(entry.norad_id for entry in meant):  # ignore lines too damaged to name their object
         meant = [entry for entry in meant if entry.norad_id]
     if len({entry.norad_id for entry in meant}) > 1:
         key = "norad_id" if name is not None else "name or norad_id"
@@ -44,9 +57,20 @@ def select_set(
     norad_id: int | None = None,
     near_utc: datetime.datetime | None = None,
 ) -> ElementSet:
-    """Return the one element set that is meant, checked: by name or catalogue number, and nearest to `near_utc`.
+    """Select one element set, and check it.
 
-    Without `near_utc` the newest set of the object is taken.
+    Parameters
+    ----------
+    sets : element sets to choose from
+    where : name of their source, for messages
+    name : name of the object, in any case
+    norad_id : catalogue number of the object
+    near_utc : instant; the set with the nearest epoch is selected, without it the newest set
+
+    Raises
+    ------
+    CatalogError
+        if there is no such object, more than one, or the set is bad
     """
 
     def rank(entry: ElementSet) -> tuple[bool, float]:

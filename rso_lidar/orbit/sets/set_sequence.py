@@ -1,4 +1,4 @@
-"""One object's trajectory from several element sets: at each instant, the set whose epoch is nearest."""
+"""The trajectory of one object from several element sets: at each instant, the set with the nearest epoch."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ from rso_lidar.records import BodyState
 
 @dataclass(frozen=True)
 class SetJump:
-    """A switch from one element set to the next: when, and by how much the state jumps there [m], [m/s].
+    """A switch from one element set to the next.
 
-    NaN where SGP4 has no state from one of the two sets.
+    Parameters
+    ----------
+    at_utc : when it is
+    position_m, velocity_m_s : by how much the state jumps [m], [m/s]; NaN where SGP4 has no state from one of the two sets
     """
 
     at_utc: datetime.datetime
@@ -33,9 +36,18 @@ class SetJump:
 
 @dataclass(frozen=True, eq=False)
 class SetSequence:
-    """The trajectory of one object from all its sets; it switches half-way between neighbouring epochs, and jumps there.
+    """The trajectory of one object from all its sets. It switches half-way between neighbouring epochs, where the state jumps.
 
-    A jump is of the size of the sets' own errors, a kilometre or so: a run across one is no smooth motion.
+    A jump is as large as the errors of the sets, a kilometre or so: motion across one is not smooth.
+
+    Parameters
+    ----------
+    sets : good element sets of one object; of equal epochs the first is kept
+
+    Raises
+    ------
+    CatalogError
+        if there is no set, a bad one, or sets of more than one object
     """
 
     sets: tuple[ElementSet, ...]
@@ -55,7 +67,7 @@ class SetSequence:
 
     @cached_property
     def _since_first_s(self) -> np.ndarray:
-        """Return the epochs of the sets [TAI s] after the first one's."""
+        """Epochs of the sets since that of the first [TAI s]."""
         return np.array([float(self._at_first(0.0).since(entry.epoch_utc)[0]) for entry in self.sets]) * -1.0
 
     @cached_property
@@ -67,7 +79,7 @@ class SetSequence:
         return Epochs(self.sets[0].epoch_utc, np.array([time_s]))
 
     def which(self, epochs: Epochs) -> np.ndarray:
-        """Return the number (time) of the set that holds at each epoch."""
+        """Return the number (time,) of the set that applies at each epoch."""
         number: np.ndarray = np.searchsorted(self._switch_s, epochs.since(self.sets[0].epoch_utc), side="right")
         return number
 
@@ -79,7 +91,7 @@ class SetSequence:
         return after
 
     def jumps(self, epochs: Epochs | None = None) -> tuple[SetJump, ...]:
-        """Return the switches between sets, or those that the span of some epochs crosses."""
+        """Return the switches between sets: all of them, or those within the span of some epochs."""
         first, last = 0, len(self._switch_s)
         if epochs is not None:
             used = self.which(epochs)
@@ -99,13 +111,19 @@ class SetSequence:
         return SetJump(when, *sizes)
 
     def ages_days(self, epochs: Epochs) -> np.ndarray:
-        """Return the time (time) between each epoch and that of the set flown there [day]."""
+        """Return the time (time,) between each epoch and that of the set that applies [day]."""
         nearest_s = self._since_first_s[self.which(epochs)]
         age: np.ndarray = np.abs(epochs.since(self.sets[0].epoch_utc) - nearest_s) / units.DAY_S
         return age
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; a warning tells of the jumps that are crossed."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; a warning names the jumps within their span.
+
+        Raises
+        ------
+        PropagationError
+            if SGP4 has no state at an epoch; its `bad` masks those epochs
+        """
         used = self.which(epochs)
         position_m, velocity_m_s = np.empty((len(epochs), 3)), np.empty((len(epochs), 3))
         error = np.zeros(len(epochs), dtype=int)
@@ -138,5 +156,5 @@ def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:
 
 @functools.lru_cache(maxsize=64)
 def make_sequence(sets: tuple[ElementSet, ...]) -> SetSequence:
-    """Return the trajectory of some sets, the same one where they are asked for again."""
+    """Make the trajectory of some sets, cached for the same sets."""
     return SetSequence(sets)

@@ -1,4 +1,4 @@
-"""Motion by SGP4: from the element sets of a catalogue, or from a mean-elements message written inline."""
+"""Motions by SGP4: from the element sets of a catalogue, or from a mean-elements message written inline."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _SHARED = (
 
 
 class Omm(Part):
-    """Motion by SGP4 from a mean-elements message written inline, with the numbers that its OMM gives.
+    """Motion by SGP4 from a mean-elements message written inline, with the numbers of its OMM.
 
-    They are SGP4's mean elements (TEME, WGS72), not osculating ones. Validity: about a kilometre, growing by one to three
-    a day. Beyond a week from the epoch there is a warning, beyond 5 years an error. For a rendezvous within kilometres,
-    give the chief so and the other by a relative motion about it.
+    They are mean elements of SGP4 (TEME, WGS72), not osculating ones. They are good to about a kilometre, growing by
+    one to three a day. More than a week from the epoch there is a warning, beyond 5 years an error. For a rendezvous
+    within kilometres, use this for the chief, and a relative motion for the other body.
     """
 
     type: Literal["omm"] = "omm"
@@ -79,7 +79,7 @@ class Omm(Part):
 
     @classmethod
     def of(cls, elements: ElementSet) -> Omm:
-        """Return the motion of an element set."""
+        """Make the motion of an element set."""
         return cls(
             object_name=elements.name or None,
             norad_id=elements.norad_id,
@@ -100,20 +100,27 @@ class Omm(Part):
         )
 
     def epoch_age_days(self, epochs: Epochs) -> float:
-        """Return the largest time between the elements' epoch and the epochs asked for [day]."""
+        """Return the greatest time between the epoch of the elements and some epochs [day]."""
         return age_days(self.elements(), epochs)
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
+
+        Raises
+        ------
+        PropagationError
+            if SGP4 has no state at an epoch; its `bad` masks those epochs
+        """
         return propagate_sgp4(self.elements(), epochs)
 
 
 class Tle(Part):
-    """Motion by element sets: from a `file` (TLE, 3LE or OMM), of `name` or `norad_id`, or from inline `lines`.
+    """Motion by SGP4 from element sets: of a `file` (TLE, 3LE or OMM), by `name` or `norad_id`, or of inline `lines`.
 
-    Of several sets of one object, `sets = "nearest"` flies the one nearest to the start of the run, `"all"` at each
-    instant the nearest, with a jump between sets that a warning tells of. Accuracy is that of element sets: about a
-    kilometre, growing by one to three a day. Beyond a week from the epoch there is a warning, beyond 5 years an error.
+    Of several sets of one object, `sets = "nearest"` uses the one nearest to the start of the run. With `sets = "all"`
+    the nearest set applies at each instant, and a warning names the jumps between sets. Element sets are good to about
+    a kilometre, growing by one to three a day. More than a week from the epoch there is a warning, beyond 5 years an
+    error.
     """
 
     type: Literal["tle"] = "tle"
@@ -169,7 +176,7 @@ class Tle(Part):
         return (*read, *messages)
 
     def _read(self, folder: Path | None) -> tuple[tuple[ElementSet, ...], str]:
-        """Return the sets of the object, bad ones included, and their source's name in errors."""
+        """Return the sets of the object, bad ones included, and the name of their source for messages."""
         if self.file is None:
             return self._inline_sets(), "lines"
         path = find(self.file, folder)
@@ -180,9 +187,17 @@ class Tle(Part):
         return read_object(path, self.file, self.name, self.norad_id), self.file
 
     def elements(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> ElementSet:
-        """Return the element set to fly, checked: of several epochs the nearest to `near_utc`, else the newest.
+        """Select and check the element set to propagate.
 
-        A relative `file` is looked up beside `folder` (the working folder if None), then among the shipped data.
+        Parameters
+        ----------
+        near_utc : of several sets, that with the nearest epoch is selected; without it the newest
+        folder : folder in which a relative `file` is looked up first (the working folder if None), before the shipped data
+
+        Raises
+        ------
+        CatalogError
+            if there is no such file or object, or the set is bad
         """
         read, where = self._read(folder)
         if self.sets == "all":
@@ -190,7 +205,7 @@ class Tle(Part):
         return select_set(read, where, near_utc=near_utc)
 
     def trajectory(self, near_utc: datetime.datetime | None = None, folder: Path | None = None) -> SetSequence:
-        """Return what is flown: one set, or all good ones of the object; a warning counts the bad ones left out."""
+        """Return the trajectory: of one set, or of all good sets of the object; a warning counts the bad ones."""
         if self.sets == "nearest":
             return make_sequence((self.elements(near_utc, folder),))
         read, _ = self._read(folder)
@@ -203,7 +218,7 @@ class Tle(Part):
         return make_sequence(good)
 
     def inline(self, near_utc: datetime.datetime, folder: Path | None = None) -> Tle | Omm:
-        """Return the same motion without a file: its sets in `lines` or, where they came without, as messages."""
+        """Return the same motion without a file: its sets in `lines` or, where they have no lines, as messages."""
         if self.file is None:
             return self
         flown = self.trajectory(near_utc, folder).sets
@@ -218,7 +233,7 @@ class Tle(Part):
         )
 
     def jumps(self, epochs: Epochs) -> tuple[SetJump, ...]:
-        """Return the switches between sets that the span of the epochs crosses."""
+        """Return the switches between sets within the span of the epochs."""
         return self.trajectory(epochs.start_utc).jumps(epochs)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
@@ -226,13 +241,19 @@ class Tle(Part):
         return self.trajectory(epochs.start_utc).breaks_s(epochs)
 
     def epoch_age_days(self, epochs: Epochs) -> float:
-        """Return the largest time between an epoch asked for and that of the elements flown there [day]."""
+        """Return the greatest time between an epoch and that of the elements that apply there [day]."""
         if self.sets == "all":
             return float(self.trajectory(epochs.start_utc).ages_days(epochs).max(initial=0.0))
         return age_days(self.elements(epochs.start_utc), epochs)
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; SGP4's failures raise `PropagationError`."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
+
+        Raises
+        ------
+        PropagationError
+            if SGP4 has no state at an epoch; its `bad` masks those epochs
+        """
         if self.sets == "all":
             return self.trajectory(epochs.start_utc).states(epochs)
         return propagate_sgp4(self.elements(epochs.start_utc), epochs)
@@ -240,6 +261,6 @@ class Tle(Part):
 
 @functools.lru_cache(maxsize=64)
 def _sets_from_lines(lines: tuple[str, ...], name: str | None) -> tuple[ElementSet, ...]:
-    """Return the element sets of inline lines, under the name that the part gives."""
+    """Parse inline lines, with the name that the part gives."""
     read = parse_lines(lines, "lines")
     return tuple(ElementSet(**{**entry.__dict__, "name": name or entry.name}) for entry in read)

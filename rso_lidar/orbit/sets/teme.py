@@ -1,10 +1,10 @@
-"""SGP4's states, and the only place that has heard of TEME.
+"""States by SGP4, and the only module that knows TEME axes.
 
-SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation (IAU 2000A
-nutation, IAU 2006 precession, the frame bias), taken at whole hours TT and interpolated by a cubic through the four
-hours around an epoch: within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The hours are absolute,
-so a state is the same bits whatever other epochs are asked for with it. Velocity is rotated only, as in skyfield: the
-axes turn by 1e-11 rad/s.
+SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation: IAU 2000A
+nutation, IAU 2006 precession and the frame bias. It is computed at whole hours TT and interpolated by a cubic through
+the four hours around an epoch, which is within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The
+hours are absolute, so the bits of a state do not depend on the other epochs. Velocity is only rotated, as in skyfield:
+the axes turn by 1e-11 rad/s.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 STALE_DAYS = 7.0
-# Vallado's published verification of SGP4 (AIAA 2006-6753) flies no set farther than 1281 days from its epoch (20413).
-# The theory has one constant B* for the air, whose density changes by up to ten within half a solar cycle, 5.5 years.
+# Vallado's published verification of SGP4 (AIAA 2006-6753) goes no farther than 1281 days from an epoch (20413). The
+# theory has one constant B* for drag, but air density changes by up to ten within half a solar cycle, 5.5 years.
 MOST_YEARS = 5.0
 MOST_AGE_S = MOST_YEARS * 365.25 * units.DAY_S
-TOO_OLD = 101  # beside the codes of Vallado's program
-_LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may go on below the ground, and beyond the Moon
-# What the codes of Vallado's program mean.
+TOO_OLD = 101  # error code in addition to those of Vallado's program
+_LOWEST_M, _HIGHEST_M = units.EARTH_RADIUS_M - 50e3, 1e9  # SGP4 may continue below the ground, and beyond the Moon
+# Meanings of the error codes of Vallado's program.
 REASONS = {
     1: "its mean eccentricity has left 0 to 1: drag has used the orbit up, or the set is of no orbit",
     2: "its mean motion is not above 0: the set is of no orbit",
@@ -46,10 +46,25 @@ _OUT_OF_DATE = (
 
 
 def propagate_sgp4(elements: ElementSet, epochs: Epochs) -> BodyState:
-    """Return position [m] and velocity [m/s] (time, 3) in GCRS axes by SGP4; its failures raise `PropagationError`.
+    """Propagate an element set by SGP4 to states in GCRS axes.
 
-    Validity: element sets are good to about a kilometre at their epoch, and lose one to three a day; a warning is given
-    beyond a week from it, and beyond `MOST_YEARS` there is no state.
+    Element sets are good to about a kilometre at their epoch, and lose one to three kilometres a day. More than a week
+    from the epoch there is a warning, and beyond `MOST_YEARS` no state.
+
+    Parameters
+    ----------
+    elements : the element set
+    epochs : instants
+
+    Returns
+    -------
+    BodyState
+        position [m] and velocity [m/s] (time, 3) in GCRS axes
+
+    Raises
+    ------
+    PropagationError
+        if SGP4 has no state at an epoch; its `bad` masks those epochs
     """
     warn_stale(elements, age_days(elements, epochs))
     position_m, velocity_m_s, error = propagate_in_teme(elements, epochs)
@@ -61,12 +76,12 @@ def propagate_sgp4(elements: ElementSet, epochs: Epochs) -> BodyState:
 
 
 def age_days(elements: ElementSet, epochs: Epochs) -> float:
-    """Return the largest time between the elements' epoch and the epochs asked for [day]."""
+    """Return the greatest time between the epoch of the elements and some epochs [day]."""
     return float(np.abs(epochs.since(elements.epoch_utc)).max(initial=0.0)) / units.DAY_S
 
 
 def warn_stale(elements: ElementSet, days: float) -> None:
-    """Warn where elements are flown more than a week from their epoch; beyond `MOST_YEARS` they are refused instead."""
+    """Warn where elements are used more than a week from their epoch; beyond `MOST_YEARS` they are refused instead."""
     if STALE_DAYS < days <= MOST_AGE_S / units.DAY_S:
         warn(
             f"{elements.kind} {elements.label}: flown {days:.1f} days from its epoch {elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
@@ -75,20 +90,38 @@ def warn_stale(elements: ElementSet, days: float) -> None:
 
 
 def find_failures(position_m: np.ndarray, velocity_m_s: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return the mask (time) of epochs at which SGP4 gave no state, or one that cannot be."""
+    """Find the epochs at which SGP4 gives no state, or an impossible one.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) states in TEME axes [m], [m/s]
+    error : (…) error codes
+
+    Returns
+    -------
+    (…) mask
+    """
     bad: np.ndarray = (error != 0) | ~np.isfinite(position_m).all(axis=-1) | ~np.isfinite(velocity_m_s).all(axis=-1)
     radius_m = np.linalg.norm(position_m, axis=-1)
-    bad |= ~((radius_m > _LOWEST_M) & (radius_m < _HIGHEST_M))  # decayed, or drag thrown off by years of flight
+    bad |= ~((radius_m > _LOWEST_M) & (radius_m < _HIGHEST_M))  # decayed, or astray after years of drag
     return bad
 
 
 def describe_error(error: int) -> str:
-    """Return in words why there is no state, from an error code; 0 stands for a state that is physically impossible."""
+    """Describe in words why there is no state, from an error code; 0 stands for a state that is physically impossible."""
     return _OUT_OF_DATE if error == TOO_OLD else REASONS.get(error, _ASTRAY)
 
 
 def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, error: np.ndarray) -> str:
-    """Return in words which satellite SGP4 cannot fly, when and why."""
+    """Describe in words which element set SGP4 cannot propagate, when, and why.
+
+    Parameters
+    ----------
+    elements : the element set
+    epochs : instants (time)
+    bad : (time,) mask of failures
+    error : (time,) error codes
+    """
     first = int(np.argmax(bad))
     code = int(error[first])
     why = describe_error(code) + (f", SGP4 error {code}" if code in REASONS else "")
@@ -100,7 +133,18 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
 
 
 def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return SGP4's position [m] and velocity [m/s] (time, 3) in TEME axes, and its error codes (time), 0 = none."""
+    """Propagate an element set by SGP4 to states in TEME axes.
+
+    Parameters
+    ----------
+    elements : the element set
+    epochs : instants
+
+    Returns
+    -------
+    position_m, velocity_m_s : (time, 3) [m], [m/s]
+    error : (time,) error codes, 0 for none
+    """
     error, position_km, velocity_km_s = elements.satrec().sgp4_array(
         *epochs.utc_julian(leap_seconds_at=elements.epoch_utc)
     )
@@ -109,10 +153,19 @@ def propagate_in_teme(elements: ElementSet, epochs: Epochs) -> tuple[np.ndarray,
 
 
 def propagate_many_in_teme(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (satellite, time, 3) in TEME axes of many sgp4 Satrecs, and error codes.
+    """Propagate many sgp4 Satrecs to states in TEME axes.
 
-    The codes (satellite, time) are SGP4's, 0 where it gave a state, `TOO_OLD` beyond `MOST_YEARS` from the epoch. Leap
-    seconds are counted as at each satellite's epoch.
+    Leap seconds are counted as at the epoch of each satellite.
+
+    Parameters
+    ----------
+    satrecs : sgp4 models
+    epochs : instants
+
+    Returns
+    -------
+    position_m, velocity_m_s : (satellite, time, 3) [m], [m/s]
+    error : (satellite, time) SGP4's codes, 0 for none, `TOO_OLD` beyond `MOST_YEARS` from the epoch
     """
     from sgp4.api import SatrecArray
 
@@ -136,15 +189,15 @@ def propagate_many_in_teme(satrecs: Sequence[Any], epochs: Epochs) -> tuple[np.n
 def _group_by_leap_seconds(
     satrecs: Sequence[Any], epochs: Epochs
 ) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
-    """Return groups of satellites whose epochs have the same leap seconds, and the Julian dates to give to them."""
+    """Group satellites whose epochs have the same leap seconds, with the Julian dates to hand to each group."""
     if not satrecs or not len(epochs):
         return []
     noon = datetime.datetime(2000, 1, 1, 12, tzinfo=datetime.UTC)
-    # To the minute: half a minute before or after a leap second is told apart by no element set.
+    # To the minute, because no element set has an epoch within half a minute of a leap second.
     minutes = np.array([round((model.jdsatepoch - 2_451_545.0 + model.jdsatepochF) * 1440.0) for model in satrecs])
     one = epochs.at(0)
 
-    def counted(minute: int) -> float:
+    def leap_fraction(minute: int) -> float:
         instant = noon + datetime.timedelta(minutes=minute)
         return float(one.utc_julian(leap_seconds_at=instant)[1][0])
 
@@ -153,9 +206,9 @@ def _group_by_leap_seconds(
 
     distinct, which = np.unique(minutes, return_inverse=True)
     first, last = int(distinct[0]), int(distinct[-1])
-    if counted(first) == counted(last):  # leap seconds only ever grew
+    if leap_fraction(first) == leap_fraction(last):  # so far, leap seconds have only been inserted
         return [(np.arange(len(satrecs)), dates(first))]
-    counts = np.array([counted(int(minute)) for minute in distinct])
+    counts = np.array([leap_fraction(int(minute)) for minute in distinct])
     groups = []
     for count in np.unique(counts):
         members = np.flatnonzero(counts == count)
@@ -164,11 +217,20 @@ def _group_by_leap_seconds(
 
 
 def gcrs_from_teme(at: Epochs) -> np.ndarray:
-    """Return the rotation matrices (time, 3, 3) that take coordinates in TEME to coordinates in GCRS axes."""
+    """Return the rotation matrices that take TEME coordinates to GCRS coordinates.
+
+    Parameters
+    ----------
+    at : instants
+
+    Returns
+    -------
+    (time, 3, 3)
+    """
     whole, fraction = at.tt_julian()
     in_hours = fraction * 24.0
     hours = np.floor(in_hours)
-    first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # of the four hours around an epoch
+    first = ((whole - J2000_TT_JD) * 24.0 + hours).astype(np.int64) - 1  # first of the four hours around an epoch
     wanted, row = np.unique(first, return_inverse=True)
     nodes = np.array([[_hour_matrix(int(hour) + k) for hour in wanted] for k in range(4)]).reshape(4, -1, 3, 3)
     total = np.zeros((len(at), 3, 3))
@@ -178,7 +240,7 @@ def gcrs_from_teme(at: Epochs) -> np.ndarray:
 
 
 def _lagrange(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weights of values at -1, 0, 1, 2 for the cubic through them at u in [0, 1]."""
+    """Return the weights of values at -1, 0, 1, 2 for the cubic through them, at u in [0, 1]."""
     a, b, c, d = u + 1.0, u, u - 1.0, u - 2.0
     return -b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0
 
@@ -191,7 +253,10 @@ def _hour_matrix(hour: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=4096)
 def _day_of_matrices(day: int) -> np.ndarray:
-    """Return gcrs_from_teme (24, 3, 3) at the whole hours of one day since J2000.0; always a whole day, for equal bits."""
+    """Return gcrs_from_teme (24, 3, 3) at the whole hours of a day since J2000.0.
+
+    It is always a whole day at once, because the bits of skyfield's sums depend on the number of instants.
+    """
     from skyfield.sgp4lib import TEME
 
     time = skyfield_tt(np.full(24, J2000_TT_JD + day), np.arange(24) / 24.0)

@@ -1,7 +1,7 @@
-"""Element sets in lines of text: TLE and 3LE, each line checked before it is believed.
+"""Element sets as lines of text: TLE and 3LE, each line checked before it is used.
 
-The sgp4 library accepts a wrong checksum in silence; here a bad set says what is wrong with it, file and line. Format:
-Hoots & Roehrich, Spacetrack Report 3; CelesTrak's FAQ on the checksum; Space-Track's Alpha-5 catalogue numbers.
+The sgp4 library accepts a wrong checksum in silence. Here a bad set states what is wrong with it, with file and line.
+Format: Hoots & Roehrich, Spacetrack Report 3; CelesTrak's FAQ on the checksum; Space-Track's Alpha-5 catalogue numbers.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from rso_lidar.orbit.sets.element_set import NO_EPOCH, ElementSet, explain_impos
 LINE_LENGTH = 69
 _ALPHA5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I, no O; A stands for 10
 _HIGHEST_ALPHA5 = 339_999
-_FIRST_YEAR, _LAST_YEAR = 1957, 2056  # that the two digits of an epoch can mean
+_FIRST_YEAR, _LAST_YEAR = 1957, 2056  # years that the two digits of an epoch can express
 _ELEMENT_LINE = re.compile(r"\s*([12]) [ 0-9A-Za-z][ 0-9]{4}")
-# Vallado's verification set goes on after column 69 with start, stop and step in minutes.
+# Vallado's verification set continues after column 69 with start, stop and step in minutes.
 _SPAN = re.compile(r"(?:\s+-?\d+\.\d*){3}\s*")
 
-# Columns (from 0) that must be numbers, by line; those of `_PACKED` have an implied point and exponent.
+# Columns (from 0) that must hold numbers, by line; those of `_PACKED` have an implied point and exponent.
 _NUMBERS = {
     1: {"epoch year": (18, 20), "epoch day": (20, 32), "mean motion rate": (33, 43)},
     2: {
@@ -40,15 +40,16 @@ _PACKED = {"mean motion acceleration": (44, 52), "drag term": (53, 61)}
 _BLANK = {1: (1, 8, 17, 32, 43, 52, 61, 63), 2: (1, 7, 16, 25, 33, 42, 51)}
 _NUMBER = re.compile(r" *[-+]?[0-9]*\.?[0-9]+ *")
 _PACKED_NUMBER = re.compile(r"[-+ ][0-9 ]{5}[-+ ][0-9]")
-_WORTH = bytes(int(chr(c)) if chr(c).isdigit() else int(chr(c) == "-") for c in range(128)) + bytes(128)
+_CHECKSUM_VALUE = bytes(int(chr(c)) if chr(c).isdigit() else int(chr(c) == "-") for c in range(128)) + bytes(128)
 
 
 def decode_text(content: bytes) -> str | None:
-    """Return the text of a file, or None where it is none: UTF-8, or UTF-16 with its mark; lines that are not, Latin-1.
+    """Decode the bytes of a file: UTF-8, or UTF-16 with its mark; lines that are neither are read as Latin-1.
 
-    A NUL here and there spoils the record that it stands in, no other; where one sign in twenty is one, it is no text.
+    Single NUL characters spoil only the record that contains them. Where one character in twenty is NUL, the file is no
+    text, and the result is None.
     """
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # what some shells make of a file they redirect
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # some shells write redirected output in UTF-16
         text = content.decode("utf-16", "replace")
     else:
         try:
@@ -66,13 +67,25 @@ def _decode_line(line: bytes) -> str:
 
 
 def identify_element_line(line: str) -> str | None:
-    """Return '1' or '2' where a line is that line of an element set, good or bad, else None."""
+    """Return "1" or "2" where a line is that line of an element set, good or bad; else None."""
     kind = _ELEMENT_LINE.match(line)
     return kind[1] if kind else None
 
 
 def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tuple[ElementSet, int]:
-    """Return the element set that begins with the element line `at` of numbered `lines`, and the place after it."""
+    """Read the element set that begins with an element line.
+
+    Parameters
+    ----------
+    name : name from the line before, or empty
+    at : index of the element line in `lines`
+    lines : numbered lines of the text
+    where : name of the source, for messages
+
+    Returns
+    -------
+    the element set, and the index after it
+    """
     number, line = lines[at][0], lines[at][1].strip()
     after = (lines[at + 1][0], lines[at + 1][1].strip()) if at + 1 < len(lines) else None
     place = f"{where}: line {number}"
@@ -84,7 +97,7 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
     elif not after[1].startswith("2 "):
         at += (
             identify_element_line(after[1]) is None and len(lines[at][1]) == LINE_LENGTH
-        )  # its line 2, spoilt, is no name
+        )  # a damaged line 2 is not the name of the next set
         problem = f"{where}: line {after[0]}: line 2 of an element set must begin with '2 ', not '{after[1][:12]}'"
     else:
         line2, at = after[1], at + 1
@@ -93,17 +106,17 @@ def read_set(name: str, at: int, lines: list[tuple[int, str]], where: str) -> tu
         problem = _find_problem(line1, number, line2, after[0], where) or ""
     identity = parse_norad_id((line1 or line2)[2:7]) or 0
     try:
-        told = _parse_fields(line1, line2)
+        fields = _parse_fields(line1, line2)
     except (ValueError, OverflowError, IndexError) as error:
-        told = {}
+        fields = {}
         problem = problem or f"{place}: a number cannot be read ({error}): fetch the set again"
     if not problem:
-        found = ElementSet(name, identity, line1, line2, place, None, **told)
+        found = ElementSet(name, identity, line1, line2, place, None, **fields)
         out = explain_impossible(found)
         if out is None:
             return found, at
         problem = f"{place}: {out}: fetch the set again"
-    return ElementSet(name, identity, line1, line2, place, problem, **told), at
+    return ElementSet(name, identity, line1, line2, place, problem, **fields), at
 
 
 def _parse_fields(line1: str, line2: str) -> dict[str, Any]:
@@ -128,7 +141,7 @@ def _parse_fields(line1: str, line2: str) -> dict[str, Any]:
 
 
 def _parse_epoch(line1: str) -> datetime.datetime:
-    """Return the epoch of a line 1; two-digit years below 57 are of this century. 1e-8 day are 864 us, exactly."""
+    """Parse the epoch of a line 1. Two-digit years below 57 belong to this century; 1e-8 day are 864 us, exactly."""
     year, (day, _, decimals) = _parse_year(line1), line1[20:32].strip().partition(".")
     if not 1 <= int(day) <= _count_days(year):
         return NO_EPOCH
@@ -138,18 +151,18 @@ def _parse_epoch(line1: str) -> datetime.datetime:
 
 
 def _parse_year(line1: str) -> int:
-    """Return the year of the epoch of a line 1."""
+    """Parse the year of the epoch of a line 1."""
     year = int(line1[18:20])
     return year + (1900 if year >= _FIRST_YEAR % 100 else 2000)
 
 
 def _count_days(year: int) -> int:
-    """Return how many days a year has."""
+    """Count the days of a year."""
     return 366 if calendar.isleap(year) else 365
 
 
 def _unpack_number(field: str) -> float:
-    """Return the number of eight columns with an implied point and exponent, such as ' 55648-4'."""
+    """Parse eight columns with an implied point and exponent, such as ' 55648-4'."""
     digits = field[1:6].replace(" ", "0")
     exponent = f"{field[6]}{field[7]}".replace(" ", "")
     return float(f"{field[0].strip()}.{digits}e{exponent}")
@@ -160,7 +173,7 @@ def _parse_whole(field: str) -> int:
 
 
 def parse_object_id(field: str) -> str:
-    """Return the international designator of eight columns as an OMM writes it.
+    """Convert the international designator of a TLE to the form of an OMM.
 
     >>> parse_object_id("58002B  ")
     '1958-002B'
@@ -172,7 +185,18 @@ def parse_object_id(field: str) -> str:
 
 
 def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str) -> str | None:
-    """Return what is wrong with an element set, naming file and line, or None."""
+    """Find what is wrong with an element set.
+
+    Parameters
+    ----------
+    line1, number1 : line 1 and its number in the file
+    line2, number2 : line 2 and its number in the file
+    where : name of the source
+
+    Returns
+    -------
+    the problem with file and line, or None
+    """
     for which, line, number in ((1, line1, number1), (2, line2, number2)):
         wrong = _find_line_problem(which, line)
         if wrong:
@@ -186,7 +210,7 @@ def _find_problem(line1: str, number1: int, line2: str, number2: int, where: str
 
 
 def _find_line_problem(which: int, line: str) -> str | None:
-    """Return what is wrong with line 1 or 2 of an element set, or None."""
+    """Find what is wrong with line 1 or 2 of an element set; None if it is good."""
     if not line.startswith(f"{which} "):
         return f"should begin with '{which} ', not '{line[:2]}'"
     if len(line) != LINE_LENGTH:
@@ -225,12 +249,12 @@ def _find_line_problem(which: int, line: str) -> str | None:
 
 
 def compute_checksum(line: str) -> int:
-    """Return the checksum of an element line: its digits, and 1 for each minus, over 68 columns, modulo 10."""
-    return sum(line[:68].encode("ascii", "replace").translate(_WORTH)) % 10
+    """Compute the checksum of an element line: the sum of its digits, and 1 for each minus, over 68 columns, modulo 10."""
+    return sum(line[:68].encode("ascii", "replace").translate(_CHECKSUM_VALUE)) % 10
 
 
 def parse_norad_id(field: str) -> int | None:
-    """Return a catalogue number from its five columns, Alpha-5 included, or None."""
+    """Parse a catalogue number of five columns, Alpha-5 included; None if it is none."""
     text = field.strip()
     if text.isascii() and text.isdigit():
         return int(text)
@@ -240,10 +264,13 @@ def parse_norad_id(field: str) -> int | None:
 
 
 def format_tle(elements: ElementSet) -> tuple[str, str]:
-    """Return lines 1 and 2 of an element set: its own, or new ones, rounded to the digits that a TLE has.
+    """Format lines 1 and 2 of an element set: its own lines, or new ones, rounded to the digits that a TLE has.
 
-    What its columns cannot hold is an error: a number above 339999, a year that two digits do not tell, any number that
-    would not be read as an orbit again.
+    Raises
+    ------
+    CatalogError
+        if a TLE cannot hold the set: a number above 339999, a year that two digits cannot express, or any number that would
+        not be read as an orbit again
     """
     if elements.line1:
         return elements.line1, elements.line2
@@ -275,17 +302,17 @@ def format_tle(elements: ElementSet) -> tuple[str, str]:
 
 
 def format_tles(sets: Sequence[ElementSet], where: str) -> str:
-    """Return the lines of element sets, each below its name; a warning counts those that no TLE can hold.
+    """Format element sets as lines, each below its name; a warning counts those that no TLE can hold.
 
     Parameters
     ----------
     sets : element sets in the order of the text
-    where : name of their source in the warning
+    where : name of their source, for the warning
 
     Raises
     ------
     CatalogError
-        where a TLE can hold none of them: what is wrong with the first
+        if a TLE can hold none of them: what is wrong with the first
     """
     lines: list[str] = []
     left_out: list[CatalogError] = []
@@ -305,9 +332,9 @@ def format_tles(sets: Sequence[ElementSet], where: str) -> str:
 
 
 def _format_epoch(elements: ElementSet) -> str:
-    """Return the epoch as line 1 has it: the nearest that its columns hold, in steps of 1e-8 day (864 us).
+    """Format the epoch as line 1 has it: the nearest multiple of 1e-8 day (864 us).
 
-    The last half step of a year is day 1 of the next year, but for 2056, after which two digits mean 1957.
+    The last half step of a year becomes day 1 of the next year, except in 2056, because 57 means 1957.
     """
     epoch = elements.epoch_utc
     midnight = epoch.replace(hour=0, minute=0, second=0, microsecond=0)
@@ -320,7 +347,7 @@ def _format_epoch(elements: ElementSet) -> str:
 
 
 def _pack_number(value: float, out: CatalogError) -> str:
-    """Return a number in eight columns with an implied point and exponent; where it has no room, raise `out`."""
+    """Format a number in eight columns with an implied point and exponent; raise `out` if it does not fit."""
     if abs(value) < 1e-14:
         return " 00000+0" if value == 0.0 else " 00000-9"
     exponent = max(math.floor(math.log10(abs(value))) + 1, -9)
