@@ -49,10 +49,9 @@ class Trajectory(Protocol):
 def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of position (time, 3) [m/s] and velocity (time, 3) [m/s2] in GCRS axes.
 
-    They are central differences over `STEP_S`. The trajectory's `breaks_s(epochs)` are instants [s since the start] at
-    which its state jumps or has a corner, and beyond which it may have no state. No difference reaches across a break,
-    and at a break the derivatives are those after it. Where there is no state beside an epoch, the two-body derivatives
-    are used.
+    They are central differences over `STEP_S`. At the trajectory's `breaks_s(epochs)` [s since the start] its state
+    jumps or has a corner, and it may have no state beyond. No difference reaches across a break, and at a break the
+    derivatives are those after it. Where there is no state beside an epoch, the two-body derivatives are used.
 
     Parameters
     ----------

@@ -200,7 +200,7 @@ def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None
     from scipy.spatial.transform import Rotation
 
     at = f"{message.where}: line {segment.line}"
-    kind = message.need(segment, "ATTITUDE_TYPE")
+    kind = message.require(segment, "ATTITUDE_TYPE")
     if kind.value.upper() not in _KINDS:
         raise ScenarioError(
             f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not known here: have it written as QUATERNION"
@@ -237,7 +237,7 @@ def _scalar_first(message: Message, segment: Segment) -> bool:
     entry = segment.meta.get("QUATERNION_TYPE")
     if entry is None:
         if message.version.startswith("1"):
-            message.need(segment, "QUATERNION_TYPE")
+            message.require(segment, "QUATERNION_TYPE")
         return False
     if entry.value.upper() not in ("FIRST", "LAST"):
         raise ScenarioError(
@@ -248,7 +248,7 @@ def _scalar_first(message: Message, segment: Segment) -> bool:
 
 def _axes(message: Message, segment: Segment) -> tuple[str, bool]:
     """Return "gcrs", "eme2000" or "rtn", and whether the quaternion goes from the body to those axes."""
-    ends = {key: message.need(segment, f"REF_FRAME_{key}") for key in "AB"}
+    ends = {key: message.require(segment, f"REF_FRAME_{key}") for key in "AB"}
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
     if len(bodily) != 1:
         raise ScenarioError(
@@ -266,7 +266,7 @@ def _axes(message: Message, segment: Segment) -> tuple[str, bool]:
     if entry is None and message.version.startswith(
         "1"
     ):  # obligatory there (504.0-B-1, table 4-3); left out from 2.0 on
-        message.need(segment, "ATTITUDE_DIR")
+        message.require(segment, "ATTITUDE_DIR")
     direction = entry.value.upper() if entry is not None else "A2B"
     if direction not in ("A2B", "B2A"):
         line = entry.line if entry is not None else segment.line

@@ -1,1 +1,1 @@
-"""CCSDS navigation messages (OEM, AEM) and ephemeris tables, in and out."""
+"""CCSDS navigation messages (OEM, AEM) and tables of states: read, interpolated and written."""

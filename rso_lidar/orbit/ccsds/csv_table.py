@@ -1,4 +1,4 @@
-"""CSV tables whose rows carry a time: `time_s` counts from the start of the run, `utc` or `epoch` is ISO text."""
+"""CSV tables whose rows have a time: `time_s` counts from the start of the run, `utc` or `epoch` is ISO text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ TIMES = ("time_s", "utc", "epoch")
 
 @dataclass(frozen=True, eq=False)
 class TimedTable:
-    """Rows as read: `time_s` (row) from `start_utc`, or from the start of the run where that is None; columns by name."""
+    """Rows as read.
+
+    Parameters
+    ----------
+    start_utc : instant from which `time_s` counts, None for the start of the run
+    time_s : (row,) [s]
+    columns : (row,) values by name of column
+    lines : line of each row in the file
+    """
 
     start_utc: datetime.datetime | None
     time_s: np.ndarray
@@ -27,19 +35,29 @@ class TimedTable:
     lines: list[int]
 
     def stack(self, names: Sequence[str]) -> np.ndarray | None:
-        """Return columns side by side (row, n); None where they are not there."""
+        """Return columns side by side (row, n), or None if the table lacks them."""
         return np.stack([self.columns[name] for name in names], axis=-1) if names[0] in self.columns else None
 
 
 def elapsed_s(epochs: Epochs, start_utc: datetime.datetime | None) -> np.ndarray:
-    """Return the seconds (time) from a table's start to the epochs."""
+    """Return the seconds (time,) from a table's start to the epochs."""
     return epochs.time_s if start_utc is None else epochs.since(start_utc)
 
 
 def elapsed_from_ps(
     stamps: Sequence[int], start_utc: datetime.datetime | None = None
 ) -> tuple[datetime.datetime, np.ndarray]:
-    """Return `start_utc`, or a UTC instant at the first of some instants [ps], and their seconds from there."""
+    """Convert instants [ps] to seconds after a start.
+
+    Parameters
+    ----------
+    stamps : (row,) instants [ps of TAI since the start of 2000]
+    start_utc : the start; a whole UTC second at the first instant if None
+
+    Returns
+    -------
+    start_utc, time_s : the start, and (row,) seconds after it [s]
+    """
     if start_utc is None:
         start, start_ps = floor_to_utc_second(stamps[0])
     else:
@@ -48,12 +66,19 @@ def elapsed_from_ps(
 
 
 def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]) -> TimedTable:
-    """Return a CSV table, checked.
+    """Read and check a CSV table.
 
     Parameters
     ----------
-    sets : the columns that may stand there; of each set all or none
-    needed : the sets of which exactly one must be there
+    text : the text of the file
+    where : its name, for messages
+    sets : sets of columns that may occur; of each set all or none
+    needed : sets of which exactly one must occur
+
+    Raises
+    ------
+    ScenarioError
+        if the table does not follow this; the message names the line
     """
     try:
         rows = [(k, cells) for k, cells in enumerate(csv.reader(text.split("\n")), start=1) if "".join(cells).strip()]
@@ -86,7 +111,19 @@ def read_csv_table(text: str, where: str, sets: Sequence[Sequence[str]], needed:
 
 
 def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[int]) -> np.ndarray:
-    """Return quaternions (row, 4) as they are; the first whose norm is not 1 is an error that names its line."""
+    """Check that quaternions have norm 1, and return them unchanged.
+
+    Parameters
+    ----------
+    where : name of the file, for messages
+    quaternion : (row, 4)
+    lines : (row,) their lines in the file
+
+    Raises
+    ------
+    ScenarioError
+        if the norm of a quaternion is not 1; the message names its line
+    """
     norms = np.linalg.norm(quaternion, axis=1)
     wrong = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_WITHIN)
     if len(wrong):
@@ -100,6 +137,14 @@ def check_unit_quaternions(where: str, quaternion: np.ndarray, lines: Sequence[i
 def _find_time_column(
     where: str, header: list[str], sets: Sequence[Sequence[str]], needed: Sequence[Sequence[str]]
 ) -> str:
+    """Check the header, and return the name of its column of time.
+
+    Parameters
+    ----------
+    where : file and line, for messages
+    header : names of the columns
+    sets, needed : see `read_csv_table`
+    """
     known = [*TIMES, *(name for group in sets for name in group)]
     for name in header:
         if name not in known:

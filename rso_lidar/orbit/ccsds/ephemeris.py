@@ -1,7 +1,7 @@
-"""Ephemerides, in and out: CCSDS OEM (502.0-B, keyword = value or XML) and CSV, with a stated interpolation.
+"""Ephemerides, read and written: CCSDS OEM (502.0-B, keyword = value or XML) and CSV, with a stated interpolation.
 
-Hermite's polynomial meets positions and velocities of the rows around an instant, and its derivative is the velocity;
-Lagrange's goes through the positions, and another through the velocities where there are any.
+Hermite's polynomial meets the positions and velocities of the rows around an instant, and its derivative is the velocity.
+Lagrange's polynomial meets the positions, and another one the velocities where there are any.
 """
 
 from __future__ import annotations
@@ -41,21 +41,25 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 
 DEGREE = 7
-EDGE_S = 1e-8  # an epoch this near outside an edge is on it: dates are rounded
+EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 ROUGH_M = 1.0
 _PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
 _SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 
 
 class Ephemeris(Part):
-    """Motion by a table of states: a CCSDS OEM (keyword = value or XML), or CSV, told apart by content.
+    """Interpolation of a table of states: a CCSDS OEM (keyword = value or XML) or CSV, recognised by content.
 
-    OEM: about the Earth, in GCRF, ICRF, EME2000 or TEME; UTC, TAI, TT or GPS time. Of several segments each has its
-    useable span; nothing is interpolated across an edge, and where two meet the later one holds. CSV: GCRS axes; time_s
-    (of the run), or utc or epoch; x_m, y_m, z_m, or x_km ...; where known vx_m_s ... or vx_km_s .... `object` is the name or
-    id of one where a file has several. `interpolation` and `degree` (of the polynomial) are the file's where left out,
-    else "hermite" with velocities, "lagrange" without, and 7. States hold 3 cm at 5 minute steps and 1 um at 1 minute
-    in low orbits with Hermite's 7; `validity` estimates it for any table.
+    An OEM is about the Earth, in GCRF, ICRF, EME2000 or TEME, and in UTC, TAI, TT or GPS time. Each of its segments
+    applies in its usable span. Nothing is interpolated across an edge, and where two segments meet the later one
+    applies.
+
+    A CSV table is in GCRS axes. Its columns are time_s (of the run), utc or epoch; x_m, y_m, z_m or x_km ...; and
+    optionally vx_m_s ... or vx_km_s ....
+
+    `interpolation` and `degree` default to those of the file, else to "hermite" with velocities, "lagrange" without,
+    and 7. In low orbit, Hermite's interpolation of degree 7 is good to 3 cm with steps of 5 minutes, and to 1 um with 1
+    minute. `validity` estimates the error for any table.
     """
 
     type: Literal["ephemeris"] = "ephemeris"
@@ -80,7 +84,13 @@ class Ephemeris(Part):
     )
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes; epochs outside raise `PropagationError`."""
+        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes.
+
+        Raises
+        ------
+        PropagationError
+            if epochs are outside the table; its `bad` masks them
+        """
         return self._states(epochs, 0)
 
     def span_utc(self, start_utc: datetime.datetime) -> tuple[str, str]:
@@ -93,7 +103,7 @@ class Ephemeris(Part):
         )
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return a sentence where a polynomial of two degrees more differs by more than a metre: the rows are far apart."""
+        """Return a sentence if a polynomial of two degrees more differs by more than a metre, which means that the rows are far apart."""
         states, other = self._states(epochs, 0), self._states(epochs, 2)
         off_m = float(np.linalg.norm(states.position_m - other.position_m, axis=1).max(initial=0.0))
         if off_m <= ROUGH_M:
@@ -112,7 +122,13 @@ class Ephemeris(Part):
         return np.array([begin - 2.0 * EDGE_S for begin in begin_s[:1]] + begin_s[1:] + open_)
 
     def _states(self, epochs: Epochs, more: int) -> BodyState:
-        """Return the states by polynomials of so many degrees more (or less, where the rows do not suffice)."""
+        """Interpolate the states.
+
+        Parameters
+        ----------
+        epochs : instants
+        more : degrees added to the polynomials (or removed, where the rows do not suffice), for an estimate of the error
+        """
         arcs = self._arcs()
         position, velocity = np.full((len(epochs), 3), np.nan), np.full((len(epochs), 3), np.nan)
         which = np.full(len(epochs), -1)
@@ -151,7 +167,18 @@ class Ephemeris(Part):
 
 @dataclass(frozen=True, eq=False)
 class EphemerisArc:
-    """One segment: rows [m, m/s] at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
+    """One segment of an ephemeris: rows at `time_s` from `start_utc`, usable from `begin_s` to `end_s`.
+
+    Parameters
+    ----------
+    where : file and line, for messages
+    start_utc : instant from which seconds count, None for the start of the run
+    begin_s, end_s : usable span [s]
+    time_s : (row,) [s]
+    position_m, velocity_m_s : (row, 3) [m], [m/s]; the velocity may be None
+    frame : axes, see `parse_frame`
+    interpolation, degree : those of the file, None if it states none
+    """
 
     where: str
     start_utc: datetime.datetime | None
@@ -167,7 +194,19 @@ class EphemerisArc:
     def states(
         self, time_s: np.ndarray, interpolation: str | None, degree: int | None, more: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the segment's own frame."""
+        """Interpolate position [m] and velocity [m/s] (time, 3) in the segment's own frame.
+
+        Parameters
+        ----------
+        time_s : (time,) instants from the segment's start [s]
+        interpolation, degree : the part's choice, or None
+        more : degrees added for an estimate of the error
+
+        Raises
+        ------
+        ScenarioError
+            if the method is unknown, or needs velocities that are missing
+        """
         method = interpolation or self.interpolation or ("lagrange" if self.velocity_m_s is None else "hermite")
         order = degree or self.degree or DEGREE
         conditions = len(self.time_s) * (2 if method == "hermite" else 1)
@@ -227,12 +266,12 @@ def _read_message(message: Message, wanted: str | None) -> list[EphemerisArc]:
 
 def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> EphemerisArc:
     at = f"{message.where}: line {segment.line}"
-    center = message.need(segment, "CENTER_NAME")
+    center = message.require(segment, "CENTER_NAME")
     if center.value.upper() not in ("EARTH", "EARTH CENTER"):
         raise ScenarioError(
             f"{message.where}: line {center.line}: CENTER_NAME {center.value}: only EARTH is known here"
         )
-    reference = message.need(segment, "REF_FRAME")
+    reference = message.require(segment, "REF_FRAME")
     frame = parse_frame(reference.value, f"{message.where}: line {reference.line}")
     fixed = segment.meta.get("REF_FRAME_EPOCH")
     if frame == "teme" and fixed is not None:
@@ -285,9 +324,33 @@ def write_oem(
     created_utc: datetime.datetime | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write GCRS states as an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s; return its path.
+    """Write GCRS states as an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s.
 
-    A new segment begins at each of `breaks_s` [s], where the velocity jumps: what is interpolated must not cross them.
+    Parameters
+    ----------
+    path : path of the file
+    name, object_id : OBJECT_NAME and OBJECT_ID of the message
+    epochs : two or more instants
+    states : their states in GCRS axes
+
+    Other parameters
+    ----------------
+    originator : ORIGINATOR of the message
+    version : version of the format
+    breaks_s : instants [s] at which the velocity jumps; a new segment begins at each, since interpolation must not
+        cross them
+    created_utc : CREATION_DATE, now if left out
+    overwrite : whether an existing file is replaced
+
+    Returns
+    -------
+    Path
+        the path
+
+    Raises
+    ------
+    RecordingError
+        if the states or epochs make no ephemeris, or the file cannot be written
     """
     rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
@@ -317,13 +380,31 @@ def write_oem(
 
 
 def _format_line(text: str, row: list[float]) -> str:
-    """Return a line of an OEM: km to 1e-9, km/s to 1e-12."""
+    """Format a line of an OEM: km to 1e-9, km/s to 1e-12."""
     cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
     return " ".join([text, *cells])
 
 
 def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:
-    """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s; return its path."""
+    """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s.
+
+    Parameters
+    ----------
+    path : path of the file
+    epochs : two or more instants
+    states : their states in GCRS axes
+    overwrite : whether an existing file is replaced
+
+    Returns
+    -------
+    Path
+        the path
+
+    Raises
+    ------
+    RecordingError
+        if the states or epochs make no ephemeris, or the file cannot be written
+    """
     rows, texts = _check_rows(epochs, states), format_epochs(epochs)
     lines = [",".join(("utc", *_PLACES[0], *_SPEEDS[0]))]
     for text, row in zip(texts, rows.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""The reference frames of CCSDS messages that are known here, and how they stand in GCRS axes."""
+"""Reference frames of CCSDS messages, and their rotation to GCRS axes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ARCSEC = units.DEG / 3600.0
 
 
 def gcrs_from_eme2000() -> np.ndarray:
-    """Return the matrix (3, 3) from the mean equator and equinox of J2000.0 to GCRS: the frame bias, 23 mas.
+    """Return the rotation matrix (3, 3) from EME2000 (mean equator and equinox of J2000.0) to GCRS: the frame bias, 23 mas.
 
-    USNO Circular 179 (Kaplan 2005), sec. 3.5, with the IAU 2000A offsets d_alpha0 = -14.6, xi0 = -16.6170,
-    eta0 = -6.8192 mas: EME2000 = R1(-eta0) R2(xi0) R3(d_alpha0) GCRS.
+    USNO Circular 179 (Kaplan 2005), sec. 3.5, with the IAU 2000A offsets d_alpha0 = -14.6, xi0 = -16.6170, eta0 =
+    -6.8192 mas: EME2000 = R1(-eta0) R2(xi0) R3(d_alpha0) GCRS.
     """
     alpha, xi, eta = -0.014_600 * ARCSEC, -0.016_617_0 * ARCSEC, -0.006_819_2 * ARCSEC
     about_x = np.array([[1, 0, 0], [0, np.cos(-eta), np.sin(-eta)], [0, -np.sin(-eta), np.cos(-eta)]])
@@ -30,7 +30,13 @@ def gcrs_from_eme2000() -> np.ndarray:
 
 
 def parse_frame(name: str, where: str) -> str:
-    """Return "gcrs", "eme2000" or "teme" for a frame's name; others are refused in words."""
+    """Parse the name of a frame: "gcrs", "eme2000" or "teme".
+
+    Raises
+    ------
+    ScenarioError
+        if the frame is unknown, or rotates with the Earth
+    """
     plain = name.upper().replace(" ", "").replace("_", "").replace("-", "")
     for frame, names in (("gcrs", _GCRS), ("eme2000", _EME2000), ("teme", _TEME)):
         if plain in names:
@@ -41,7 +47,7 @@ def parse_frame(name: str, where: str) -> str:
 
 
 def gcrs_from_frame(frame: str, epochs: Epochs) -> np.ndarray | None:
-    """Return the matrices (time, 3, 3) or (3, 3) from a known frame to GCRS axes, None where it is GCRS."""
+    """Return the rotation matrices (time, 3, 3) or (3, 3) from a parsed frame to GCRS axes; None where it is GCRS."""
     if frame == "gcrs":
         return None
     if frame == "eme2000":

@@ -1,6 +1,6 @@
-"""Polynomials through the rows of a table around an instant: Lagrange's, and Hermite's where rates are given too.
+"""Polynomial interpolation of a table: Lagrange's, and Hermite's where rates are given too.
 
-Each instant sees its own window of rows only, so that its value has the same bits whatever else is asked for.
+Each instant uses only its own window of rows, so the bits of its value do not depend on the other instants.
 """
 
 from __future__ import annotations
@@ -13,14 +13,18 @@ GREATEST_DEGREE = 31
 def interpolate_lagrange(
     time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, degree: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and their rates (time, n) at `time_s` by the polynomial through the degree + 1 nearest rows.
+    """Interpolate by the polynomial through the degree + 1 nearest rows.
 
     Parameters
     ----------
-    time_s : (time,) within the nodes [s]
-    nodes_s : (row,) rising [s]
+    time_s : (time,) instants within the nodes [s]
+    nodes_s : (row,) increasing [s]
     values : (row, n)
-    degree : of the polynomial; with fewer rows, the highest that they allow
+    degree : degree of the polynomial; with fewer rows, the highest that they allow
+
+    Returns
+    -------
+    values, rates : (time, n)
     """
     rows = _window(time_s, nodes_s, degree + 1)
     basis, slope, _ = _basis(time_s, nodes_s[rows])
@@ -30,10 +34,18 @@ def interpolate_lagrange(
 def interpolate_hermite(
     time_s: np.ndarray, nodes_s: np.ndarray, values: np.ndarray, rates: np.ndarray, degree: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and their rates (time, n) by the polynomial that meets the values and the rates of the nearest rows.
+    """Interpolate by the polynomial that meets the values and the rates of the nearest rows.
 
-    `degree` 2 m - 1 takes m rows (an even degree is raised by one); the other parameters are those of
-    `interpolate_lagrange`.
+    Parameters
+    ----------
+    time_s : (time,) instants within the nodes [s]
+    nodes_s : (row,) increasing [s]
+    values, rates : (row, n)
+    degree : 2 m - 1 uses m rows; an even degree is raised by one
+
+    Returns
+    -------
+    values, rates : (time, n)
     """
     rows = _window(time_s, nodes_s, (degree + 2) // 2)
     near = nodes_s[rows]
@@ -47,7 +59,14 @@ def interpolate_hermite(
 
 
 def _window(time_s: np.ndarray, nodes_s: np.ndarray, width: int) -> np.ndarray:
-    """Return the numbers (time, width) of the rows around each instant, as many before as after where there are."""
+    """Return the numbers (time, width) of the rows around each instant, centred where the table allows.
+
+    Parameters
+    ----------
+    time_s : (time,) instants [s]
+    nodes_s : (row,) increasing [s]
+    width : number of rows
+    """
     width = min(width, len(nodes_s))
     before = np.clip(np.searchsorted(nodes_s, time_s, side="right") - 1, 0, len(nodes_s) - 1)
     first = np.clip(before - (width - 1) // 2, 0, len(nodes_s) - width)
@@ -79,7 +98,15 @@ def _sums(
     weights: list[tuple[np.ndarray, np.ndarray | None]],
     rates: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weighted sums for the value and for its rate, from differences to the nearest row: less is lost."""
+    """Return the weighted sums for the value and for its rate, of differences to the nearest row, which cancel less.
+
+    Parameters
+    ----------
+    values, rates : (row, n); rates may be None
+    rows : (time, width) numbers of the rows in each window
+    time_s, nodes_s : instants and nodes [s]
+    weights : of the value and of its rate: weights (time, width) of the values, and of the rates or None
+    """
     after = np.clip(np.searchsorted(nodes_s, time_s), 1, len(nodes_s) - 1)
     nearest = np.where(nodes_s[after] - time_s < time_s - nodes_s[after - 1], after, after - 1)
     middle = values[nearest]

@@ -1,4 +1,4 @@
-"""CCSDS navigation messages as keyword = value text, read and written."""
+"""CCSDS navigation messages in keyword = value notation, read and written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,19 @@ Piece = tuple[dict[str, str], Iterable[str]]  # the metadata of a segment, and i
 
 
 def read_kvn(text: str, kind: str, where: str) -> Message:
-    """Read a message in keyword = value notation; `kind` is "OEM" or "AEM"."""
+    """Read a message in keyword = value notation.
+
+    Parameters
+    ----------
+    text : the text of the file
+    kind : "OEM" or "AEM"
+    where : name of the file, for messages
+
+    Raises
+    ------
+    ScenarioError
+        if the text does not follow the format; the message names the line
+    """
     message = Message(where, "", {}, [])
     inside = ""  # the block that is open: META, COVARIANCE or DATA
     begun = 0
@@ -65,7 +77,20 @@ def read_kvn(text: str, kind: str, where: str) -> Message:
 
 
 def format_kvn(kind: str, version: str, header: dict[str, str], segments: Sequence[Piece]) -> str:
-    """Return a message of one or more segments in keyword = value notation."""
+    """Format a message of one or more segments in keyword = value notation.
+
+    Parameters
+    ----------
+    kind : "OEM" or "AEM"
+    version : version of the format
+    header : entries of the header
+    segments : metadata and data lines of each segment
+
+    Raises
+    ------
+    RecordingError
+        if a value is not printable ASCII of at most 200 characters
+    """
     before, after = (["DATA_START"], ["DATA_STOP"]) if kind == "AEM" else ([], [])
     lines = [f"CCSDS_{kind}_VERS = {version}", *_format_pairs(header), ""]
     for meta, rows in segments:
@@ -83,6 +108,6 @@ def _format_pairs(words: dict[str, str]) -> list[str]:
 
 
 def make_header(originator: str, created_utc: datetime.datetime | None) -> dict[str, str]:
-    """Return the header of a message; it is created now, unless `created_utc` says otherwise."""
+    """Make the header of a message; `created_utc` is now unless given."""
     created = (created_utc or datetime.datetime.now(datetime.UTC)).astimezone(datetime.UTC)
     return {"CREATION_DATE": f"{created:%Y-%m-%dT%H:%M:%S}", "ORIGINATOR": originator}

@@ -1,8 +1,4 @@
-"""The text of CCSDS navigation messages (OEM 502.0-B, AEM 504.0-B): keyword = value lines, metadata blocks, data rows.
-
-An instant is kept as whole picoseconds of TAI since the start of 2000 (UTC), so that no date is rounded: in one float64
-a date of 2026 is 0.1 us coarse, which is a millimetre along a low orbit.
-"""
+"""The structure of CCSDS navigation messages (OEM 502.0-B, AEM 504.0-B): header, metadata blocks and data rows."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ from rso_lidar.part import GREATEST
 
 @dataclass(frozen=True)
 class Entry:
-    """The value of a keyword, and the line it stands on."""
+    """The value of a keyword, and its line in the file."""
 
     value: str
     line: int
@@ -36,15 +32,21 @@ class Segment:
 
 @dataclass
 class Message:
-    """A message as read: where it is from, its format's version, its header and its segments."""
+    """A message as read: its source, the version of its format, its header and its segments."""
 
     where: str
     version: str
     header: dict[str, Entry]
     segments: list[Segment]
 
-    def need(self, segment: Segment, key: str) -> Entry:
-        """Return an obligatory entry of a segment's metadata."""
+    def require(self, segment: Segment, key: str) -> Entry:
+        """Return a mandatory entry of a segment's metadata.
+
+        Raises
+        ------
+        ScenarioError
+            if the entry is missing
+        """
         if key not in segment.meta:
             raise ScenarioError(
                 f"{self.where}: line {segment.line}: the metadata lack {key}: add it, for the standard asks for it"
@@ -52,12 +54,12 @@ class Message:
         return segment.meta[key]
 
     def stamp(self, entry: Entry, system: str) -> int:
-        """Return an entry's instant [ps of TAI since the start of 2000]."""
+        """Parse the instant of an entry [ps of TAI since the start of 2000]."""
         return parse_epoch_ps(entry.value, system, f"{self.where}: line {entry.line}")
 
     def time_system(self, segment: Segment) -> str:
-        """Return the time system of a segment, one of those known here."""
-        entry = self.need(segment, "TIME_SYSTEM")
+        """Return the time system of a segment; `ScenarioError` if it is not one of `TIME_SYSTEMS`."""
+        entry = self.require(segment, "TIME_SYSTEM")
         system = entry.value.upper()
         if system not in TIME_SYSTEMS:
             raise ScenarioError(
@@ -68,10 +70,21 @@ class Message:
 
 
 def select_segments(message: Message, wanted: str | None) -> list[Segment]:
-    """Return the segments of the object of that name or id, or of the only one."""
+    """Select the segments of an object by name or id, or of the only object.
+
+    Parameters
+    ----------
+    message : the message
+    wanted : name or id in any case, or None for the only object
+
+    Raises
+    ------
+    ScenarioError
+        if there is no such object, or more than one and none is named
+    """
     chosen, known = [], {}
     for segment in message.segments:
-        name, identity = message.need(segment, "OBJECT_NAME").value, message.need(segment, "OBJECT_ID").value
+        name, identity = message.require(segment, "OBJECT_NAME").value, message.require(segment, "OBJECT_ID").value
         known[f"{name} ({identity})"] = (name, identity)
         if wanted is None or wanted.upper() in (name.upper(), identity.upper()):
             chosen.append(segment)
@@ -84,7 +97,19 @@ def select_segments(message: Message, wanted: str | None) -> list[Segment]:
 
 
 def parse_number(where: str, name: str, cell: str) -> float:
-    """Return a cell as a finite number."""
+    """Parse a cell as a finite number.
+
+    Parameters
+    ----------
+    where : file and line, for messages
+    name : name of the value
+    cell : text of the value
+
+    Raises
+    ------
+    ScenarioError
+        if the text is no finite number
+    """
     try:
         value = float(cell if cell.isascii() and "_" not in cell else "no number")
     except ValueError:
@@ -95,7 +120,19 @@ def parse_number(where: str, name: str, cell: str) -> float:
 
 
 def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) -> None:
-    """Refuse rows whose instants [ps] do not grow by 1 ns or more."""
+    """Check that the instants of rows increase by 1 ns or more.
+
+    Parameters
+    ----------
+    where : name of the file, for messages
+    stamps : (row,) instants [ps]
+    lines : (row,) their lines in the file
+
+    Raises
+    ------
+    ScenarioError
+        if an instant is not 1 ns or more after the one before
+    """
     for (before, after), line in zip(itertools.pairwise(stamps), lines[1:], strict=True):
         if after - before < 1000:
             raise ScenarioError(
@@ -106,7 +143,24 @@ def check_increasing(where: str, stamps: Sequence[int], lines: Sequence[int]) ->
 def usable_span_s(
     message: Message, segment: Segment, system: str, first_ps: int, time_s: np.ndarray
 ) -> tuple[float, float]:
-    """Return the useable span of a segment, counted as its rows' `time_s` are, and within them."""
+    """Return the usable span of a segment, within its rows.
+
+    Parameters
+    ----------
+    message, segment : the message and its segment
+    system : time system of the segment
+    first_ps : instant of the first row [ps]
+    time_s : (row,) instants of the rows [s]
+
+    Returns
+    -------
+    begin, end : [s], counted as `time_s`
+
+    Raises
+    ------
+    ScenarioError
+        if nothing is left of the span
+    """
     span = []
     for key, edge_s in (("START_TIME", float(time_s[0])), ("STOP_TIME", float(time_s[-1]))):
         entry = segment.meta.get(f"USEABLE_{key}") or segment.meta.get(key)

@@ -1,4 +1,4 @@
-"""Files of CCSDS messages, found, read and told apart: keyword = value, XML, or no message but CSV."""
+"""Readers that recognise the notation of a table from its content: CCSDS keyword = value, CCSDS XML, or CSV."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from rso_lidar.shipped import find
 
 
 def find_table(file: str) -> Path:
-    """Return the path of a file that a part names, looked up beside the working folder and among the shipped data."""
+    """Find a file named by a part: in the working folder, then among the shipped data.
+
+    Raises
+    ------
+    ScenarioError
+        if there is no such file
+    """
     path = find(file)
     if path is None:
         raise ScenarioError(f"{file}: no such file: check the path")
@@ -22,7 +28,13 @@ def find_table(file: str) -> Path:
 
 
 def read_table_text(path: Path) -> str:
-    """Return the text of a file; what cannot be read is a `ScenarioError` that names it."""
+    """Read the text of a table.
+
+    Raises
+    ------
+    ScenarioError
+        if the file cannot be read, is empty, or is no text
+    """
     text = files.read_text(path, files.MOST_BYTES, ScenarioError, "table (OEM, AEM or CSV)")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name an OEM, AEM or CSV file")
@@ -32,13 +44,25 @@ def read_table_text(path: Path) -> str:
 
 
 def is_message(text: str) -> bool:
-    """Return whether a text is meant as a CCSDS message, and not as CSV."""
+    """Determine whether a text is meant as a CCSDS message rather than CSV."""
     first = text.lstrip().splitlines()[0]
     return first.startswith(("<", "CCSDS_", "COMMENT")) or "," not in first
 
 
 def read_message(text: str, kind: str, where: str) -> Message:
-    """Return the message of a KVN or XML text; `kind` is "OEM" or "AEM"."""
+    """Read a message in either notation.
+
+    Parameters
+    ----------
+    text : keyword = value or XML text
+    kind : "OEM" or "AEM"
+    where : name of the file, for messages
+
+    Raises
+    ------
+    ScenarioError
+        if the text does not follow the format
+    """
     if text.lstrip().startswith("<"):
         return _check_message(read_xml(text, kind, where), kind)
     return _check_message(read_kvn(text, kind, where), kind)

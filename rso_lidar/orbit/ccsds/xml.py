@@ -1,4 +1,4 @@
-"""CCSDS navigation messages in XML (505.0-B) as the same `Message` that their keyword = value text gives."""
+"""CCSDS navigation messages in XML (505.0-B), read to the same `Message` as their keyword = value notation."""
 
 from __future__ import annotations
 
@@ -9,18 +9,30 @@ from xml.parsers import expat
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.ccsds.message import Entry, Message, Segment
 
-# One data row: its cells are the leaves in it, by name, in the order that the other notation has.
+# Leaves of a data row, in the order of the cells in keyword = value notation.
 _ROWS = {
     "stateVector": ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT"),
     "attitudeState": ("EPOCH", "Q1", "Q2", "Q3", "QC"),
 }
 _ACCELERATION = ("X_DDOT", "Y_DDOT", "Z_DDOT")
 _SKIPPED = ("COMMENT", "covarianceMatrix", "USER_DEFINED")
-_LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; those of a quaternion have none
+_LENGTHS = {"km", "km/s", "km/s**2", ""}  # of an OEM; quaternions have none
 
 
 def read_xml(text: str, kind: str, where: str) -> Message:
-    """Return the message of an XML text; a document type (and so entities of its own) is refused."""
+    """Read a message in XML. A document type, and with it any entity of its own, is refused.
+
+    Parameters
+    ----------
+    text : the text of the file
+    kind : "OEM" or "AEM"
+    where : name of the file, for messages
+
+    Raises
+    ------
+    ScenarioError
+        if the text does not follow the format; the message names the line
+    """
     reader = _Reader(kind, where)
     parser = expat.ParserCreate()
     reader.parser = parser
@@ -39,7 +51,7 @@ def read_xml(text: str, kind: str, where: str) -> Message:
 
 
 class _Reader:
-    """What expat calls: it keeps the path of open elements and the words of the leaf that is open."""
+    """Callbacks of expat. They keep the path of open elements and the words of the open leaf."""
 
     def __init__(self, kind: str, where: str) -> None:
         self.kind, self.where = kind, where
@@ -86,22 +98,32 @@ class _Reader:
                 self.message.segments[-1].meta["QUATERNION_TYPE"] = Entry("LAST", self.row_line)
             self.row = None
         elif self.row is not None and value:
-            self.once(tag, self.row, line)
+            self.check_unique(tag, self.row, line)
             self.row[tag] = value
         elif "metadata" in self.path and value and self.message.segments:
-            self.once(tag, self.message.segments[-1].meta, line)
+            self.check_unique(tag, self.message.segments[-1].meta, line)
             self.message.segments[-1].meta[tag] = Entry(value, line)
         elif "header" in self.path and value:
-            self.once(tag, self.message.header, line)
+            self.check_unique(tag, self.message.header, line)
             self.message.header[tag] = Entry(value, line)
 
-    def once(self, tag: str, known: Collection[str], line: int) -> None:
-        """Refuse a second leaf of one name."""
+    def check_unique(self, tag: str, known: Collection[str], line: int) -> None:
+        """Check that a leaf occurs once.
+
+        Parameters
+        ----------
+        tag : name of the leaf
+        known : names that have occurred
+        line : its line in the file
+        """
         if tag in known:
             raise ScenarioError(f"{self.where}: line {line}: {tag} stands there twice: remove one")
 
     def cells(self, tag: str, row: dict[str, str]) -> list[str]:
-        """Return a row's words; a state vector that lacks a part is refused: what follows would take its place."""
+        """Return the cells of a row.
+
+        A state vector that lacks a component is refused, because the next component would take its place.
+        """
         names = _ROWS[tag]
         if tag == "stateVector":
             names += _ACCELERATION if any(name in row for name in _ACCELERATION) else ()

@@ -1,1 +1,1 @@
-"""Conjunction screening: every close approach of many objects to one."""
+"""Conjunction screening: every close approach of many objects to one follower."""

@@ -1,9 +1,9 @@
-"""Stays of objects near another, refined on SGP4 itself: entry, every minimum of range, exit.
+"""Close approaches refined by SGP4 itself: entry, every minimum of range, and exit.
 
-Where something may be inside, SGP4 itself is asked every 37.5 s. Each change of sign of the range rate
-(the central difference over 1 s of positions, since a minimum is one of positions) is a minimum or a maximum, each turn of
-it toward zero is looked at more closely, and roots are found to 0.1 ms. Between two neighbours of all these the range
-rises or falls, so that entry and exit are bracketed too.
+Where an object may be inside the limit, SGP4 is evaluated every 37.5 s. The range rate is the central difference of
+positions over 1 s, because a minimum of range is one of positions. Each change of its sign is a minimum or a maximum. Each
+turn of it toward zero is sampled more finely, and roots are found to 0.1 ms. Between two neighbours of all these the range
+is monotonic, so that entry and exit are bracketed too.
 """
 
 from __future__ import annotations
@@ -16,18 +16,26 @@ import numpy as np
 from rso_lidar.orbit.sets.fleet import SWITCH_S, Fleet, ScheduledFleet
 
 ROOT_S = 1e-4
-BRIEF_S = 1e-3  # sets that fly for less are passed over
+BRIEF_S = 1e-3  # sets that apply for less than this are ignored
 _MOST_TURNS = 80
 _DIFFERENCE_S = 0.5
-_EQUAL_M = 1e-4  # minima closer to each other are equal: after days, rounding in SGP4 moves a position by some 1e-7 m
+_EQUAL_M = (
+    1e-4  # minima that differ by less are equal: rounding in SGP4 alone moves a position by some 1e-7 m after days
+)
 
 
 @dataclass(frozen=True, eq=False)
 class CloseApproach:
-    """One time inside the limit, from `enter_s` to `leave_s` [s since the start], with the minima of range in it.
+    """One interval during which an object is inside the limit, with the minima of range in it.
 
-    `entered` and `left` are False where the span, or what SGP4 can fly, begins or ends inside. A minimum may lie at such
-    an end, and where an object switches between element sets and jumps. `which` is the object's number.
+    A minimum may be at an end of the interval, and where an object switches between element sets and jumps.
+
+    Parameters
+    ----------
+    which : number of the object
+    enter_s, leave_s : begin and end [s since the start]
+    entered, left : False where the span, or what SGP4 can propagate, begins or ends inside the limit
+    minima_s, minima_m : (minimum,) instants [s since the start] and ranges [m] of the minima
     """
 
     which: int
@@ -40,36 +48,44 @@ class CloseApproach:
 
     @property
     def time_s(self) -> float:
-        """Return when it is nearest [s since the start]; of equal minima, as in a formation, the first."""
+        """Time of closest approach [s since the start]; of equal minima, as in a formation, the first."""
         return float(self.minima_s[np.argmax(self.minima_m <= self.minima_m.min() + _EQUAL_M)])
 
     @property
     def range_m(self) -> float:
-        """Return the least range [m]."""
+        """Least range [m]."""
         return float(self.minima_m.min())
 
 
 class RelativePositions:
-    """Relative positions of element sets by number about one of the follower's; `span_s` (set, 2) is when they fly [s]."""
+    """Positions of element sets relative to one set of the follower.
+
+    Parameters
+    ----------
+    lead : element sets of the follower
+    one : number of its set
+    fleet : element sets of the objects
+    span_s : (set, 2) when each of these applies [s since the start]
+    """
 
     def __init__(self, lead: Fleet, one: int, fleet: Fleet, span_s: np.ndarray) -> None:
         self._lead, self._one, self._fleet, self.span_s = lead, one, fleet, span_s
 
     def relative(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return positions (pair, 3) [m] of the objects from the follower."""
-        instants, place = np.unique(time_s, return_inverse=True)  # the follower is flown once for all objects
+        """Return positions (pair, 3) [m] of the sets ``which[k]`` from the follower at ``time_s[k]``."""
+        instants, place = np.unique(time_s, return_inverse=True)  # propagate the follower once for all objects
         lead = self._lead.at(np.full(len(instants), self._one), instants)[0]
         position: np.ndarray = self._fleet.at(which, time_s)[0] - lead[place]
         return position
 
     def square(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return the range squared (pair) [m2]."""
+        """Return the squared range (pair,) [m2]."""
         rho = self.relative(which, time_s)
         square: np.ndarray = np.einsum("ni,ni->n", rho, rho)
         return square
 
     def closing(self, which: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        """Return half the rate of the range squared (pair) [m2/s], a central difference of positions."""
+        """Return half the rate of the squared range (pair,) [m2/s], a central difference of positions."""
         after = self.relative(which, time_s + _DIFFERENCE_S)
         before = self.relative(which, time_s - _DIFFERENCE_S)
         rate: np.ndarray = np.einsum("ni,ni->n", after - before, after + before) / (4.0 * _DIFFERENCE_S)
@@ -78,7 +94,7 @@ class RelativePositions:
 
 @dataclass(frozen=True)
 class SubIntervals:
-    """Sub-intervals of `sub_s` [s] from `begin_s` on, `last` of them."""
+    """Equal intervals of `sub_s` [s] from `begin_s` on, `last` of them."""
 
     begin_s: float
     sub_s: float
@@ -87,7 +103,7 @@ class SubIntervals:
 
 @dataclass(eq=False)
 class _Nodes:
-    """Instants at which SGP4 was asked, by object and time; `window` numbers the runs inside which they follow on."""
+    """Instants at which SGP4 was evaluated, by object and time; `window` numbers the runs of consecutive instants."""
 
     which: np.ndarray
     window: np.ndarray
@@ -96,7 +112,14 @@ class _Nodes:
     closing: np.ndarray
 
     def with_more(self, pair: RelativePositions, near: np.ndarray, time_s: np.ndarray) -> _Nodes:
-        """Return these and others, in the windows of the nodes `near`."""
+        """Return these nodes and others.
+
+        Parameters
+        ----------
+        pair : the relative positions
+        near : (new,) existing nodes whose windows the new ones belong to
+        time_s : (new,) instants [s]
+        """
         which = self.which[near]
         parts = (
             (self.which, which),
@@ -111,7 +134,7 @@ class _Nodes:
 
     @property
     def follows(self) -> np.ndarray:
-        """Return whether each node but the last is followed by another of its window."""
+        """Whether each node but the last is followed by another of its window."""
         after: np.ndarray = self.window[1:] == self.window[:-1]
         return after
 
@@ -119,7 +142,19 @@ class _Nodes:
 def refine_approaches(
     pair: RelativePositions, cells: np.ndarray, times: SubIntervals, within_m: float
 ) -> list[CloseApproach]:
-    """Return the stays of some sets in the sub-intervals (set, number) that may hold one, cut to when the sets fly."""
+    """Find the close approaches of some sets in the sub-intervals that may hold one.
+
+    Parameters
+    ----------
+    pair : the relative positions
+    cells : (cell, 2) number of the set, and of the sub-interval
+    times : the sub-intervals
+    within_m : limit of range [m]
+
+    Returns
+    -------
+    list of CloseApproach, whose `which` is the number of the set, cut to when each set applies
+    """
     nodes = _sample(pair, cells, times)
     if not len(nodes.time_s):
         return []
@@ -136,18 +171,18 @@ def refine_approaches(
     crossing = np.flatnonzero(nodes.follows & (inside[:-1] != inside[1:]))
     crossed = _find_roots(lambda which, time_s: pair.square(which, time_s) - within_m**2, nodes, crossing, beyond)
     edge = dict(zip(crossing.tolist(), crossed.tolist(), strict=True))
-    linked = np.concatenate([[False], nodes.follows])  # to the node before
+    linked = np.concatenate([[False], nodes.follows])  # whether each node follows the one before
     begins = np.flatnonzero(inside & ~(linked & np.concatenate([[False], inside[:-1]])))
     ends = np.flatnonzero(inside & ~np.concatenate([linked[1:] & inside[1:], [False]]))
     before = np.where(linked, np.concatenate([[np.inf], nodes.square[:-1]]), np.inf)
     after = np.where(np.concatenate([linked[1:], [False]]), np.concatenate([nodes.square[1:], [np.inf]]), np.inf)
     lower = (nodes.square < before) & (nodes.square <= after)
-    stays = []
+    approaches = []
     for first, end in zip(begins.tolist(), ends.tolist(), strict=True):
         of = slice(first, end + 1)
-        # the same elements twice have no minimum: then the first of the least counts
+        # two objects with the same elements have no minimum; then the first of the least ranges counts
         at = first + (np.flatnonzero(lower[of]) if lower[of].any() else np.argmin(nodes.square[of], keepdims=True))
-        stays.append(
+        approaches.append(
             CloseApproach(
                 which=int(nodes.which[first]),
                 enter_s=edge.get(first - 1, float(nodes.time_s[first])),
@@ -158,32 +193,49 @@ def refine_approaches(
                 minima_m=np.sqrt(nodes.square[at]),
             )
         )
-    return stays
+    return approaches
 
 
 def join_approaches(
     pieces: Sequence[CloseApproach], lead: ScheduledFleet, flights: ScheduledFleet
 ) -> list[CloseApproach]:
-    """Return the stays of objects from those of their sets: what one set leaves off and the next takes up is one stay.
+    """Join the close approaches of element sets to those of objects.
 
-    Where sets switch the range jumps. A minimum there counts if it is one of the course with the jump, so that the least
-    of a stay is always among its minima.
+    Where one set stops and the next takes over inside the limit, it is one close approach. The range jumps there. A
+    minimum at the jump counts if the course with the jump has one. So the least range is always among the minima.
+
+    Parameters
+    ----------
+    pieces : close approaches of sets
+    lead, flights : the follower, and the objects
+
+    Returns
+    -------
+    list of CloseApproach, whose `which` is the number of the object
     """
-    stays: list[CloseApproach] = []
-    last: dict[int, int] = {}  # where the last stay of an object is
+    approaches: list[CloseApproach] = []
+    last: dict[int, int] = {}  # index of the last close approach of each object
     for piece in sorted(pieces, key=lambda piece: piece.enter_s):
         own = replace(piece, which=int(flights.owner[piece.which]))
         k = last.get(own.which)
-        before = None if k is None else stays[k]
+        before = None if k is None else approaches[k]
         if before is None or before.left or own.entered or own.enter_s - before.leave_s > 2.0 * BRIEF_S:
-            last[own.which] = len(stays)
-            stays.append(own)
+            last[own.which] = len(approaches)
+            approaches.append(own)
         elif k is not None:
-            stays[k] = _merge(before, own, *_ranges_m(lead, flights, own.which, (before.leave_s, own.enter_s)))
-    return [_mark_jumps(stay, lead, flights) for stay in stays]
+            approaches[k] = _merge(before, own, *_ranges_m(lead, flights, own.which, (before.leave_s, own.enter_s)))
+    return [_mark_jumps(approach, lead, flights) for approach in approaches]
 
 
 def _ranges_m(lead: ScheduledFleet, flights: ScheduledFleet, which: int, time_s: tuple[float, ...]) -> list[float]:
+    """Return the ranges [m] of an object at some instants.
+
+    Parameters
+    ----------
+    lead, flights : the follower, and the objects
+    which : number of the object
+    time_s : instants [s since the start]
+    """
     times = np.array(time_s)
     apart = flights.at(np.full(len(times), which), times)[0] - lead.at(np.zeros(len(times), dtype=int), times)[0]
     ranges: list[float] = np.sqrt(np.einsum("ti,ti->t", apart, apart)).tolist()
@@ -191,7 +243,13 @@ def _ranges_m(lead: ScheduledFleet, flights: ScheduledFleet, which: int, time_s:
 
 
 def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: float) -> CloseApproach:
-    """Return two stays as one; `end_m` and `begin_m` are the ranges [m] on both sides of the jump between them."""
+    """Merge two close approaches into one.
+
+    Parameters
+    ----------
+    before, after : the two
+    end_m, begin_m : ranges [m] on both sides of the jump between them
+    """
     kept_before = (before.minima_s < before.leave_s) | (end_m <= begin_m)
     kept_after = (after.minima_s > after.enter_s) | (begin_m < end_m)
     return replace(
@@ -203,21 +261,34 @@ def _merge(before: CloseApproach, after: CloseApproach, end_m: float, begin_m: f
     )
 
 
-def _mark_jumps(stay: CloseApproach, lead: ScheduledFleet, flights: ScheduledFleet) -> CloseApproach:
-    """Return a stay that is entered or left where the object jumps in or out."""
-    beside_s = (stay.enter_s - 1.5 * SWITCH_S, stay.leave_s + 1.5 * SWITCH_S)
-    if (stay.entered or beside_s[0] < 0.0) and (stay.left or beside_s[1] > flights.duration_s):
-        return stay
-    known = np.isfinite(_ranges_m(lead, flights, stay.which, beside_s))
+def _mark_jumps(approach: CloseApproach, lead: ScheduledFleet, flights: ScheduledFleet) -> CloseApproach:
+    """Mark a close approach as entered or left where the object jumps in or out.
+
+    Parameters
+    ----------
+    approach : the close approach
+    lead, flights : the follower, and the objects
+    """
+    beside_s = (approach.enter_s - 1.5 * SWITCH_S, approach.leave_s + 1.5 * SWITCH_S)
+    if (approach.entered or beside_s[0] < 0.0) and (approach.left or beside_s[1] > flights.duration_s):
+        return approach
+    known = np.isfinite(_ranges_m(lead, flights, approach.which, beside_s))
     return replace(
-        stay,
-        entered=stay.entered or bool(beside_s[0] >= 0.0 and known[0]),
-        left=stay.left or bool(beside_s[1] <= flights.duration_s and known[1]),
+        approach,
+        entered=approach.entered or bool(beside_s[0] >= 0.0 and known[0]),
+        left=approach.left or bool(beside_s[1] <= flights.duration_s and known[1]),
     )
 
 
 def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> _Nodes:
-    """Return nodes at the ends of sub-intervals and of those beside them, both ends of the span included."""
+    """Sample the ends of the sub-intervals and of those beside them, both ends of the span included.
+
+    Parameters
+    ----------
+    pair : the relative positions
+    cells : (cell, 2) number of the set, and of the sub-interval
+    times : the sub-intervals
+    """
     span_s, begin_s = pair.span_s[cells[:, 0]], times.begin_s + times.sub_s * cells[:, 1]
     cells = cells[(begin_s + times.sub_s >= span_s[:, 0]) & (begin_s <= span_s[:, 1])]
     width = times.last + 1
@@ -231,13 +302,20 @@ def _sample(pair: RelativePositions, cells: np.ndarray, times: SubIntervals) -> 
     which, window, time_s = which[fresh], window[fresh], time_s[fresh]
     square, closing = pair.square(which, time_s), pair.closing(which, time_s)
     good = np.isfinite(square) & np.isfinite(closing)
-    if not good.all():  # decayed on the way: what is before and after does not follow on
+    if not good.all():  # decayed on the way, so the nodes before and after are not consecutive
         window = window + np.cumsum(~good)
     return _Nodes(*(part[good] for part in (which, window, time_s, square, closing)))
 
 
 def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
-    """Return the nodes with more of them where the range rate turns back near zero: it may cross it twice."""
+    """Add nodes where the range rate turns back near zero, because it may cross zero twice there.
+
+    Parameters
+    ----------
+    pair : the relative positions
+    nodes : the nodes so far
+    sub_s : length of a sub-interval [s]
+    """
     if len(nodes.time_s) < 3:
         return nodes
     before, rate, after = nodes.closing[:-2], nodes.closing[1:-1], nodes.closing[2:]
@@ -248,7 +326,7 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = np.clip(np.where(curve != 0.0, 0.5 * (before - after) / curve, 0.0), -1.0, 1.0)
         vertex = rate - 0.125 * (after - before) ** 2 / np.where(curve != 0.0, curve, np.inf)
-    uneven = np.abs(np.diff(nodes.time_s, 2)) > 1e-6 * sub_s  # beside the end of a set's span
+    uneven = np.abs(np.diff(nodes.time_s, 2)) > 1e-6 * sub_s  # at the end of a set's span
     k = np.flatnonzero(turned & (uneven | (sign * vertex < 0.5 * np.abs(rate)))) + 1
     parts = np.concatenate(
         [np.tile([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75], (len(k), 1)), offset[k - 1][:, None]], axis=1
@@ -263,11 +341,19 @@ def _add_dips(pair: RelativePositions, nodes: _Nodes, sub_s: float) -> _Nodes:
 def _find_roots(
     f: Callable[[np.ndarray, np.ndarray], np.ndarray], nodes: _Nodes, left: np.ndarray, value: np.ndarray
 ) -> np.ndarray:
-    """Return the roots of f(which, time) between the nodes `left` and those after, to 0.1 ms (regula falsi, Illinois)."""
+    """Find the roots of f(which, time) between nodes, to 0.1 ms (regula falsi, Illinois variant).
+
+    Parameters
+    ----------
+    f : function of number (pair,) and time (pair,) [s] that returns (pair,)
+    nodes : the nodes
+    left : (root,) nodes before each root
+    value : (node,) values of f
+    """
     which = nodes.which[left]
     a, b, fa, fb = nodes.time_s[left], nodes.time_s[left + 1], value[left], value[left + 1]
     root: np.ndarray = np.where(fa == 0.0, a, b)
-    side = np.zeros(len(left))  # which end the last step kept: +1 the left one
+    side = np.zeros(len(left))  # the end that the last step kept, +1 for the left one
     live = np.flatnonzero((fa != 0.0) & (fb != 0.0))
     for turn in range(_MOST_TURNS):
         if not len(live):

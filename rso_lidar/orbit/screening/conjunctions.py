@@ -1,29 +1,27 @@
-"""Close approaches of one object to many: every minimum of range below a limit, and when it is inside that.
+"""Conjunction screening: every minimum of range below a limit between one object and many, and when each is inside it.
 
-**Shells.** Perigee and apogee of the osculating orbits at some instants of the span; what stays above the follower's
-apogee or below its perigee by more than the margins cannot come near. The margins are 50 km (short periods and the
-long-period terms of SGP4 change a radius by less than 25 km), the spread of the samples (drag), and for the apogee what
-the J2 part of the energy at perigee does to it, 4 a^2 J2 R^2 / r_p^3.
+**Shells.** The osculating orbits at some instants of the span bound perigee and apogee (`orbit_bounds`). An object
+above the follower's apogee, or below its perigee, by more than the limit cannot come near.
 
-**Coarse grid.** Every 300 s both are flown. Between two instants no two objects approach faster than the sum of their
-speeds at perigee, which leaves few intervals. In those, the relative position is taken as the cubic H through positions
-and velocities at both ends, which lies in the hull of its four Bezier points. Its error is at most h^4 / 384 times the
-greatest fourth derivative (any component of a vector is a function of its own, so the length obeys the same bound), and
-of an orbit about a point mass
+**Coarse grid.** Every 300 s both are propagated. Between two instants no two objects approach faster than the sum of
+their speeds at perigee, which leaves few intervals. In those, a cubic through positions and velocities at both ends
+approximates the relative position; it is inside the hull of its four Bezier points. Its error is at most h^4 / 384
+times the greatest fourth derivative. (Any component of a vector is a scalar function, so the length has the same
+bound.) About a point mass,
 
-    |r''''| <= mu^2 / r_p^5 (1 + 9 e + 12 e^2 / (1 + e)),
+    |r''''| <= mu^2 / r_p^5 (1 + 9 e + 12 e^2 / (1 + e)).
 
-from r'' = -u r, u = mu / r^3, differentiated twice, |cos| and |sin| of the anomaly put to 1 and r to r_p; 1.3e-5 m/s^4
-in low orbit, 0.22 km for h = 300 s, and just that is found. A quarter is added for what is not a point mass, and h/4 x 5
-m/s because the velocities of SGP4 are not quite the derivative of its positions (2.2 m/s at worst in a catalogue of
-15,000). An interval is dropped only where the hull, less that error, is beyond the limit; what is left is cut in eight
-and judged again.
+This is r'' = -u r, u = mu / r^3, differentiated twice, with |cos| and |sin| of the anomaly set to 1 and r to r_p. In
+low orbit it is 1.3e-5 m/s^4, an error of 0.22 km for h = 300 s, which agrees with experience. A quarter is added for
+forces beyond a point mass. Another h/4 x 5 m/s is added because the velocity of SGP4 is not quite the derivative of its
+position: 2.2 m/s at worst in a catalogue of 15,000. An interval is dropped only if the hull, less that error, is beyond
+the limit. The others are divided into eight and judged again.
 
-What may be inside then is asked of SGP4 itself (`stays`).
+Those that may be inside are evaluated by SGP4 itself (`close_approach`).
 
-**Several element sets of one object.** Each is screened by itself for as long as it flies and the follower keeps to one
-set, since the motion is smooth then; what touches is joined after. Spans under 1 ms, of epochs that two objects share but
-for their last digit, are passed over.
+**Several element sets of one object.** Each set is screened by itself while it applies and the follower keeps to one
+set. The motion is smooth then; adjoining pieces are joined afterwards. Sets that apply for less than 1 ms, because two
+epochs differ only in the last digit, are ignored.
 """
 
 from __future__ import annotations
@@ -52,15 +50,20 @@ from rso_lidar.orbit.sets.teme import describe_error
 
 STEP_S = 300.0
 CUT = 8  # sub-intervals of a step
-_MOST_STATES = 400_000  # flown at a time: some 50 MB
+_MOST_STATES = 400_000  # propagated at a time: some 50 MB
 _SPEED_OFF_M_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class ScreeningResult:
-    """All stays of objects within a limit of one follower, by time; `near` of the objects shared its shell.
+    """All close approaches of objects to one follower, by time.
 
-    `rejected` says of objects, by label, why they were not flown, or from when on they were not.
+    Parameters
+    ----------
+    follower, objects : the follower, and the objects, over the span
+    approaches : the close approaches, by time of the least range
+    rejected : label of an object, and why it was not propagated, or not to the end
+    near : number of objects whose shell overlaps the follower's
     """
 
     follower: ScheduledFleet
@@ -78,21 +81,39 @@ def screen(
     within_m: float,
     step_s: float = STEP_S,
 ) -> ScreeningResult:
-    """Return every stay of `objects` within `within_m` [m] of `follower` during `duration_s` [s] from `start_utc`.
+    """Find every close approach of objects to one follower.
 
-    Whoever has several element sets flies at each instant by the one whose epoch is nearest.
+    An object with several element sets uses, at each instant, the one whose epoch is nearest.
+
+    Parameters
+    ----------
+    follower : its element set, or several
+    objects : the element set, or several, of each object
+    start_utc : start of the span
+    duration_s : length of the span [s]
+    within_m : limit of range [m]
+    step_s : step of the coarse grid [s]
+
+    Returns
+    -------
+    ScreeningResult
+
+    Raises
+    ------
+    PropagationError
+        if SGP4 has no state of the follower
     """
     lead, flights = ScheduledFleet([follower], start_utc, duration_s), ScheduledFleet(objects, start_utc, duration_s)
     near = np.zeros(len(flights), dtype=bool)
     rejected: dict[int, tuple[float, int]] = {}
-    stays: list[CloseApproach] = []
+    approaches: list[CloseApproach] = []
     for one in range(len(lead.fleet)):
-        stays += _screen_one_set(lead, one, flights, within_m, step_s, near, rejected)
+        approaches += _screen_one_set(lead, one, flights, within_m, step_s, near, rejected)
     if lead.several.any() or flights.several.any():
-        stays = join_approaches(stays, lead, flights)
-    stays.sort(key=lambda stay: (stay.time_s, stay.which))
+        approaches = join_approaches(approaches, lead, flights)
+    approaches.sort(key=lambda approach: (approach.time_s, approach.which))
     return ScreeningResult(
-        lead, flights, tuple(stays), tuple(_describe_rejected(flights.fleet, rejected)), int(near.sum())
+        lead, flights, tuple(approaches), tuple(_describe_rejected(flights.fleet, rejected)), int(near.sum())
     )
 
 
@@ -105,7 +126,18 @@ def _screen_one_set(
     near: np.ndarray,
     rejected: dict[int, tuple[float, int]],
 ) -> list[CloseApproach]:
-    """Return the stays of element sets while the follower flies by its set `one`; `near`, `rejected` are added to."""
+    """Find the close approaches of element sets while one set of the follower applies.
+
+    Parameters
+    ----------
+    lead : the follower
+    one : number of its set
+    flights : the objects
+    within_m : limit of range [m]
+    step_s : step of the coarse grid [s]
+    near : (object,) whose shells overlap; added to
+    rejected : instant and error code by number of the set; added to
+    """
     begin_s, end_s = max(float(lead.from_s[one]), 0.0), min(float(lead.to_s[one]), lead.duration_s)
     steps = max(1, int(np.ceil((end_s - begin_s) / step_s)))
     instants = np.linspace(begin_s, end_s, steps + 1)
@@ -125,12 +157,12 @@ def _screen_one_set(
     here = OrbitBounds(lead.fleet, np.array([one]), np.array([[begin_s, end_s]]))
     there = OrbitBounds(flights.fleet, sets, span_s[sets])
     meets = np.flatnonzero(there.may_meet(here, within_m))
-    meets = meets[np.argsort(span_s[sets[meets], 0], kind="stable")]  # sets that fly at about one time together
+    meets = meets[np.argsort(span_s[sets[meets], 0], kind="stable")]  # sets that apply at similar times together
     near[flights.owner[sets[meets]]] = True
     pair = RelativePositions(lead.fleet, one, flights.fleet, span_s)
     times = SubIntervals(begin_s, float(instants[-1] - begin_s) / (steps * CUT), steps * CUT)
     lost = {int(sets[k]): (float(there.lost_s[k]), int(there.error[k])) for k in np.flatnonzero(there.never)}
-    stays: list[CloseApproach] = []
+    approaches: list[CloseApproach] = []
     chunk = max(1, _MOST_STATES // len(instants))
     for begin in range(0, len(meets), chunk):
         rows = meets[begin : begin + chunk]
@@ -138,16 +170,18 @@ def _screen_one_set(
         last = min(int(np.searchsorted(instants, span_s[sets[rows], 1].max())), steps)
         some = slice(first, last + 1)
         ends = instants[some], (position[0, some], velocity[0, some])
-        cells, gone = _find_cells(flights.fleet, sets[rows], span_s[sets[rows]], *ends, here, there.of(rows), within_m)
+        cells, gone = _find_cells(
+            flights.fleet, sets[rows], span_s[sets[rows]], *ends, here, there.select(rows), within_m
+        )
         cells[:, 1] += first * CUT
         lost.update(gone)
         for lot in _split_into_lots(cells):
-            stays += refine_approaches(pair, lot, times, within_m)
+            approaches += refine_approaches(pair, lot, times, within_m)
     for k in np.flatnonzero(there.lost):
         lost.setdefault(int(sets[k]), (float(there.lost_s[k]), int(there.error[k])))
     for number, when in lost.items():
         rejected.setdefault(number, when)
-    return stays
+    return approaches
 
 
 def _describe_rejected(fleet: Fleet, rejected: dict[int, tuple[float, int]]) -> list[tuple[str, str]]:
@@ -171,9 +205,22 @@ def _find_cells(
     there: tuple[np.ndarray, np.ndarray],
     within_m: float,
 ) -> tuple[np.ndarray, dict[int, tuple[float, int]]]:
-    """Return (set, sub-interval) rows in which something may be inside, and what was lost when (time, error code).
+    """Find the sub-intervals in which an object may be inside the limit.
 
-    `there` are the speeds [m/s] and fourth derivatives [m/s4] of the sets; what is beyond their spans does not count.
+    Parameters
+    ----------
+    fleet : the element sets
+    sets : (set,) numbers of the sets
+    span_s : (set, 2) when each applies [s]; nothing beyond counts
+    instants : (time,) coarse grid [s]
+    lead : position and velocity (time, 3) of the follower
+    here : bounds of the follower's orbit
+    there : speeds [m/s] and fourth derivatives [m/s4] of the sets
+    within_m : limit of range [m]
+
+    Returns
+    -------
+    (cell, 2) number of the set and of the sub-interval; and instant and error code of the sets that were lost
     """
     step_s = instants[1] - instants[0]
     position, velocity, error = fleet.grid(sets, instants)
@@ -194,7 +241,7 @@ def _find_cells(
     reach = within_m + 1.02 * (here.speed_m_s[0] + speed) * step_s / 2.0
     with np.errstate(invalid="ignore"):
         row, k = np.nonzero((np.fmin(apart[:, :-1], apart[:, 1:]) <= reach[:, None]) & flies)
-    known = ~(np.isnan(apart[row, k]) | np.isnan(apart[row, k + 1]))  # an interval without one end is not flown
+    known = ~(np.isnan(apart[row, k]) | np.isnan(apart[row, k + 1]))  # an interval needs a state at both ends
     row, k = row[known], k[known]
     ends = position[row, k], velocity[row, k], position[row, k + 1], velocity[row, k + 1]
     alive = _hull_inside(ends, step_s, limit[row])
@@ -211,10 +258,16 @@ def _find_cells(
 
 
 def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -> np.ndarray:
-    """Return whether a cubic (n) through two positions and velocities may come within `limit` [m] of the origin.
+    """Determine whether a cubic (n) through two positions and velocities may come within a limit of the origin.
 
-    It cannot where all four Bezier points are beyond a plane that far off: planes across their mean, and across the part
-    of it that is square to the chord.
+    It cannot if all four Bezier points are beyond a plane that far from the origin. Two planes are tried: normal to the
+    mean of the points, and normal to the part of it that is perpendicular to the chord.
+
+    Parameters
+    ----------
+    ends : position and velocity at the begin and at the end, each (n, 3)
+    step_s : time between them [s]
+    limit : (n,) [m]
     """
     p0, v0, p1, v1 = ends
     second, third = p0 + v0 * (step_s / 3.0), p1 - v1 * (step_s / 3.0)
@@ -229,7 +282,7 @@ def _hull_inside(ends: Sequence[np.ndarray], step_s: float, limit: np.ndarray) -
 
 
 def _split_into_lots(cells: np.ndarray) -> list[np.ndarray]:
-    """Return the (set, sub-interval) rows in lots of bounded size, all of one set in one."""
+    """Split the (set, sub-interval) rows into lots of bounded size, all rows of one set in one lot."""
     if not len(cells):
         return []
     cells = cells[np.lexsort((cells[:, 1], cells[:, 0]))]

@@ -1,4 +1,9 @@
-"""Bounds of osculating orbits over a span: perigee and apogee shells, greatest speeds and fourth derivatives."""
+"""Bounds of osculating orbits over a span: perigee and apogee shells, greatest speeds and fourth derivatives.
+
+A shell has three margins. 50 km cover short periods and the long-period terms of SGP4, which change a radius by less than
+25 km. The spread of the samples covers drag. The apogee is raised by the effect of the J2 part of the energy at perigee,
+4 a^2 J2 R^2 / r_p^3.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +18,22 @@ _J2_R2_M2 = units.EARTH_J2 * units.EARTH_RADIUS_M**2
 
 
 class OrbitBounds:
-    """Bounds of osculating orbits (set), each over its own span (set, 2) [s]: shells, speeds, fourth derivatives."""
+    """Bounds of the orbits of some element sets, each over its own span.
+
+    Parameters
+    ----------
+    fleet : the element sets
+    sets : (set,) numbers of the sets
+    span_s : (set, 2) span of each [s since the start]
+
+    Attributes
+    ----------
+    perigee_m, apogee_m : (set,) bounds of the distance from the Earth's centre [m]
+    speed_m_s : (set,) greatest speed [m/s]
+    fourth_m_s4 : (set,) bound of the fourth derivative of position [m/s4]
+    never, lost : (set,) whether there is a state at no instant, and whether one is missing at some
+    lost_s, error : (set,) the first such instant [s], and SGP4's error code there
+    """
 
     def __init__(self, fleet: Fleet, sets: np.ndarray, span_s: np.ndarray) -> None:
         count = len(sets)
@@ -45,17 +65,17 @@ class OrbitBounds:
             low = np.maximum(np.where(np.isnan(least), 0.0, least) - 0.5 * _SHELL_MARGIN_M, units.EARTH_RADIUS_M)
         self.speed_m_s = np.sqrt(units.EARTH_GM_M3_S2 * (1.0 + e) / low)
         self.fourth_m_s4 = units.EARTH_GM_M3_S2**2 / low**5 * (1.0 + 9.0 * e + 12.0 * e**2 / (1.0 + e))
-        # what is lost on the way may fall: its shell is not believed
+        # an object lost on the way may be decaying, so its shell is not used
         open_ = self.lost | ~np.isfinite(self.perigee_m) | ~np.isfinite(self.apogee_m) | (axis <= 0.0)
         self.perigee_m = np.where(open_, 0.0, self.perigee_m)
         self.apogee_m = np.where(open_, np.inf, self.apogee_m)
 
-    def of(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def select(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return speed [m/s] and fourth derivative [m/s4] of some rows."""
         return self.speed_m_s[rows], self.fourth_m_s4[rows]
 
     def may_meet(self, one: OrbitBounds, within_m: float) -> np.ndarray:
-        """Return whether each shell comes within a limit [m] of that of `one`, and there is anything to fly."""
+        """Return whether each shell comes within a limit [m] of that of `one`, and has any state at all."""
         above = self.perigee_m > one.apogee_m[0] + within_m
         below = self.apogee_m < one.perigee_m[0] - within_m
         meets: np.ndarray = ~(above | below | self.never)
@@ -63,14 +83,21 @@ class OrbitBounds:
 
 
 def _group_by_span(span_s: np.ndarray) -> list[np.ndarray]:
-    """Return rows in lots of bounded size: those of the widest span together, and the rest."""
+    """Group rows into lots of bounded size: those of the widest span, and the others."""
     widest = (span_s == [span_s[:, 0].min(initial=np.inf), span_s[:, 1].max(initial=-np.inf)]).all(axis=1)
     lots = [np.flatnonzero(widest), np.flatnonzero(~widest)]
     return [lot[begin : begin + 20_000] for lot in lots for begin in range(0, len(lot), 20_000)]
 
 
 def _propagate_sets(fleet: Fleet, sets: np.ndarray, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (set, time, 3), each set at instants (set, time) of its own [s]."""
+    """Propagate sets to position [m] and velocity [m/s] (set, time, 3), each at its own instants.
+
+    Parameters
+    ----------
+    fleet : the element sets
+    sets : (set,) numbers of the sets
+    instants : (set, time) [s since the start]
+    """
     if (instants == instants[0]).all():
         return fleet.grid(sets, instants[0])[:2]
     position, velocity = fleet.at(np.repeat(sets, instants.shape[1]), instants.ravel())

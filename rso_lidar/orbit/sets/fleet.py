@@ -165,7 +165,17 @@ class ScheduledFleet:
         return number
 
     def at(self, which: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (pair, 3) of object ``which[k]`` at ``time_s[k]``; NaN where there is none."""
+        """Return states of objects in TEME axes, each at its own instant.
+
+        Parameters
+        ----------
+        which : (pair,) numbers of the objects
+        time_s : (pair,) instants [s since the start]
+
+        Returns
+        -------
+        position_m, velocity_m_s : (pair, 3) [m], [m/s]; NaN where there is no state
+        """
         return self.fleet.at(self.number(which, time_s), time_s)
 
     def elements(self, which: int, time_s: float) -> ElementSet:

@@ -36,9 +36,10 @@ class SetJump:
 
 @dataclass(frozen=True, eq=False)
 class SetSequence:
-    """The trajectory of one object from all its sets. It switches half-way between neighbouring epochs, where the state jumps.
+    """The trajectory of one object from all its sets.
 
-    A jump is as large as the errors of the sets, a kilometre or so: motion across one is not smooth.
+    It switches half-way between neighbouring epochs, where the state jumps. A jump is as large as the errors of the sets, a
+    kilometre or so: motion across one is not smooth.
 
     Parameters
     ----------

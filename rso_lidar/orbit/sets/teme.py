@@ -2,7 +2,7 @@
 
 SGP4 is the sgp4 library's (Vallado et al., AIAA 2006-6753, WGS72). TEME to GCRS is skyfield's rotation: IAU 2000A
 nutation, IAU 2006 precession and the frame bias. It is computed at whole hours TT and interpolated by a cubic through
-the four hours around an epoch, which is within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The
+the four hours around an epoch. That is within skyfield's own rounding (1e-13 rad, 5 um at GEO) and far faster. The
 hours are absolute, so the bits of a state do not depend on the other epochs. Velocity is only rotated, as in skyfield:
 the axes turn by 1e-11 rad/s.
 """
@@ -255,7 +255,7 @@ def _hour_matrix(hour: int) -> np.ndarray:
 def _day_of_matrices(day: int) -> np.ndarray:
     """Return gcrs_from_teme (24, 3, 3) at the whole hours of a day since J2000.0.
 
-    It is always a whole day at once, because the bits of skyfield's sums depend on the number of instants.
+    It is always a whole day, because the bits of skyfield's sums depend on the number of instants.
     """
     from skyfield.sgp4lib import TEME
 

@@ -11,8 +11,8 @@ def itrs_from_gcrs(epochs: Epochs) -> np.ndarray:
     """Return rotation matrices from GCRS to Earth-fixed (ITRS) coordinates.
 
     Precession (IAU 2006), nutation (IAU 2000A) and Earth rotation are skyfield's, with its built-in UT1. Polar motion
-    is left out: up to 0.6 arcsecond, 20 m on the ground. UT1 is good to half a millisecond where it has been observed
-    (0.2 m at the equator), and to some 20 ms where it is predicted. Each epoch takes a quarter of a millisecond.
+    is left out: up to 0.6 arcsecond, 20 m on the ground. Where UT1 has been observed it is good to half a millisecond,
+    0.2 m at the equator. Where it is predicted it is good to some 20 ms. Each epoch takes a quarter of a millisecond.
 
     Parameters
     ----------
