@@ -103,7 +103,10 @@ class Ephemeris(Part):
         )
 
     def validity(self, epochs: Epochs) -> list[str]:
-        """Return a sentence if a polynomial of two degrees more differs by more than a metre, which means that the rows are far apart."""
+        """Return a sentence if a polynomial of two degrees more differs by more than a metre.
+
+        Then the rows are too far apart for the interpolation.
+        """
         states, other = self._states(epochs, 0), self._states(epochs, 2)
         off_m = float(np.linalg.norm(states.position_m - other.position_m, axis=1).max(initial=0.0))
         if off_m <= ROUGH_M:
@@ -333,7 +336,7 @@ def write_oem(
     epochs : two or more instants
     states : their states in GCRS axes
 
-    Other parameters
+    Other Parameters
     ----------------
     originator : ORIGINATOR of the message
     version : version of the format
