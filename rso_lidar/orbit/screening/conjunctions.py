@@ -12,7 +12,7 @@ bound.) About a point mass,
     |r''''| <= mu^2 / r_p^5 (1 + 9 e + 12 e^2 / (1 + e)).
 
 This is r'' = -u r, u = mu / r^3, differentiated twice, with |cos| and |sin| of the anomaly set to 1 and r to r_p. In
-low orbit it is 1.3e-5 m/s^4, an error of 0.22 km for h = 300 s, which is also the greatest error measured. A quarter is added for
+low orbit it is 1.3e-5 m/s^4: for h = 300 s an error of 0.22 km, as large as the errors found. A quarter is added for
 forces beyond a point mass. Another h/4 x 5 m/s is added because the velocity of SGP4 is not quite the derivative of its
 position: 2.2 m/s at worst in a catalogue of 15,000. An interval is dropped only if the hull, less that error, is beyond
 the limit. The others are divided into eight and judged again.

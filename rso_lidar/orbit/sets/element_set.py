@@ -145,12 +145,12 @@ class ElementSet:
 
     @property
     def kind(self) -> str:
-        """ "tle" or "omm": how the elements were written."""
+        """Notation of the source: "tle" or "omm"."""
         return "tle" if self.line1 else "omm"
 
     @property
     def regime(self) -> str:
-        """ "leo", "meo", "geo", "heo" or "other", as Space-Track divides its catalogue.
+        """Orbital regime as Space-Track divides its catalogue: "leo", "meo", "geo", "heo" or "other".
 
         leo: more than 11.25 rev/day and e below 0.25. meo: a period of 600 to 800 min and e below 0.25. geo: 0.99 to
         1.01 rev/day and e below 0.01. heo: e of 0.25 and more. Source: www.space-track.org, basic space data, orbital
