@@ -7,6 +7,7 @@ and the layout of a recording from a file that is laid out in memory.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import datetime
 import importlib
@@ -69,6 +70,7 @@ def pages() -> dict[Path, str]:
         "physics.md": {"budget": budget(), "detection": detection(), "defaults": defaults()},
         "instrument.md": {"constants": constants(), "presets": presets()},
         "studies.md": {"merits": merits(), "study keys": study_keys()},
+        "glossary.md": {"classes": classes()},
         "models.md": {"models": shipped_models(), "sources": model_sources(), "materials": shipped_materials()},
     }
     return {DOCS / name: _filled(DOCS / name, blocks) for name, blocks in made.items()}
@@ -500,6 +502,22 @@ def model_sources() -> str:
             + f"*Source:* {entry.source.removesuffix('.')}. *Confidence:* {entry.confidence.removesuffix('.')}."
         )
     return "\n".join(told)
+
+
+# ------------------------------------------------------------------------------------------------- glossary.md
+
+
+def classes() -> str:
+    """Return every public class of the package with the first line of its docstring."""
+    package = DOCS.parent / "rso_lidar"
+    rows = []
+    for file in package.rglob("*.py"):
+        module = ".".join(file.relative_to(package).with_suffix("").parts).removesuffix(".__init__")
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                first = (ast.get_docstring(node) or "").partition("\n")[0].replace("``", "`")
+                rows.append((f"`{node.name}`", f"`{module}`", first))
+    return _table(("class", "module of `rso_lidar`", "what it is"), sorted(rows, key=lambda row: row[0].lower()))
 
 
 def _is_a_value(field: Any) -> bool:

@@ -25,8 +25,8 @@ CLASSES_TO_RENAME = {
     "Arc", "Camera", "Curve", "Flight", "Impulse", "Model", "Plan", "Pulses", "Rows",
     "Sight", "Sky", "Store", "Table", "Way",
 }  # fmt: skip
-MODULES_TO_RENAME = {"record records", "aem aim", "joint point", "preview review"}
-ROOMS_TO_CLEAN = {"scenario", "study", "simulate.py"}
+MODULES_TO_RENAME = {"aem aim", "preview review"}
+ROOMS_TO_CLEAN = {"scenario", "study"}
 
 
 def classes(trees):
