@@ -42,7 +42,7 @@ from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.surfaces import build_whole_surface
 from rso_lidar.scene.surfaces.portrait import portrait
-from rso_lidar.study.time_history.open_loop import course
+from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
 BLUE, ORANGE, GREEN, PINK, SKY, RED = PARTS[:6]
@@ -615,7 +615,7 @@ def safety_ellipse() -> Any:
         lidar=rl.Lidar(receiver=rl.Receiver(fov_deg=2.5, f_number=2.8)),
     )
     return picture.orbit_figure(
-        course(scenario)[0],
+        fly_open_loop(scenario)[0],
         "station",
         keep_out_m=50.0,
         title="A safety ellipse walks by: four revolutions",

@@ -23,7 +23,7 @@ import rso_lidar as rl
 from rso_lidar import part, records
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.export.writer import hdf5_layout
-from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
+from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import MERITS
 
@@ -486,7 +486,7 @@ def shipped_materials() -> str:
     """Return the materials: what each is, its kind of BRDF, reflectance, and how well that is known."""
     rows = [
         (f"`{line.name}`", line.what, line.kind, *(f"{share:.3g}" for share in line.reflectance), line.confidence)
-        for line in material_lines()
+        for line in list_materials()
     ]
     return _table(("material", "what it is", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM), "confidence"), rows)
 

@@ -13,7 +13,7 @@ from rso_lidar.motion.bodies.prescribed import read_table
 from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.optics.tables.zemax import read_huygens_psf
 from rso_lidar.scene import load_mesh
-from rso_lidar.study.budgets.inputs import _table
+from rso_lidar.study.budgets.inputs import _read_brdf_table
 
 STUDY = {"version": 1, "name": "s", "merits": ["range_rms_m"], "axis": [{"field": "seed", "values": [1]}]}
 READERS = {
@@ -23,7 +23,7 @@ READERS = {
     "ephemeris": ("x.oem", lambda path: rl.orbit.Ephemeris(file=str(path))._arcs()),
     "table of places": ("x.csv", read_table),
     "attitude": ("x.aem", lambda path: rl.motion.AttitudeTable(file=str(path))._arcs()),
-    "brdf": ("x.csv", _table),
+    "brdf": ("x.csv", _read_brdf_table),
     "listing": ("x.txt", read_huygens_psf),
     "pattern": ("x.png", lambda path: read_pattern(str(path))),
     "mesh": ("x.stl", load_mesh),

@@ -16,10 +16,10 @@ from rso_lidar.study.elevation import (
     SAFE,
     UNKNOWN,
     ElevationMap,
-    agreement,
-    elevation_map,
-    hazard_map,
-    true_elevation,
+    build_elevation_map,
+    build_true_elevation,
+    compare_maps,
+    find_hazards,
 )
 
 SIZE_M, CELL_M = 200.0, 1.0
@@ -44,7 +44,7 @@ def drifting(n_frames: int):
 
 def hazards(ground: ElevationMap) -> np.ndarray:
     """Return where a lander of the limits would meet a hazard."""
-    return hazard_map(ground.mended(), **LIMITS)
+    return find_hazards(ground.mended(), **LIMITS)
 
 
 def table(found: ElevationMap, truth: ElevationMap) -> list[str]:
@@ -53,7 +53,7 @@ def table(found: ElevationMap, truth: ElevationMap) -> list[str]:
     lines += [
         f"  {row.from_deg:2g} to {row.to_deg:2g}°{row.cells:10,d}{row.coverage:9.1%}{row.bias_m * 100:8.1f} cm"
         f"{row.rms_m * 100:6.1f} cm{row.worst_m * 100:8.1f} cm"
-        for row in agreement(found, truth)
+        for row in compare_maps(found, truth)
     ]
     said, there = hazards(found), hazards(truth)
     known = (said != UNKNOWN) & (there != UNKNOWN)
@@ -143,15 +143,15 @@ def _key(made, shown, axes, label):
 if __name__ == "__main__":
     scenario = rl.Scenario.load(Path(__file__).resolve().parents[1] / "lunar_descent.toml")
     frames = list(rl.simulate(scenario))
-    found = elevation_map(frames, "site", SIZE_M, CELL_M)
-    truth = true_elevation(scenario.surfaces[0], found)
+    found = build_elevation_map(frames, "site", SIZE_M, CELL_M)
+    truth = build_true_elevation(scenario.surfaces[0], found)
     there = hazards(truth)
     print(f"true hazards: {np.mean(there[there != UNKNOWN] == HAZARD):.1%} of the places")
     print("with the true poses", *table(found, truth), sep="\n")
-    believed = elevation_map(frames, "site", SIZE_M, CELL_M, drifting(len(frames)))
+    believed = build_elevation_map(frames, "site", SIZE_M, CELL_M, drifting(len(frames)))
     print(f"with poses that drift by {STEP_M * 100:g} cm a flash", *table(believed, truth), sep="\n")
     for last in (20, 40):
-        late = elevation_map(frames[-last:], "site", SIZE_M, CELL_M)
+        late = build_elevation_map(frames[-last:], "site", SIZE_M, CELL_M)
         print(f"of the last {last} frames: {late.coverage:.1%} of the cells have a height")
     if len(sys.argv) > 1:
         figure(found, truth).savefig(sys.argv[1], dpi=75)

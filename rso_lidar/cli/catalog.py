@@ -18,7 +18,7 @@ from rso_lidar.files import beside, free
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.catalog import REGIMES
 from rso_lidar.orbit.sets.formats import read_element_sets
-from rso_lidar.study.passes.search import counted
+from rso_lidar.study.passes.search import format_count
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
 _FIRST = 10  # problems that are told unasked
@@ -188,8 +188,8 @@ def _jumps(sets: Sequence[ElementSet]) -> list[str]:
 def _summary(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them asked for)"
     return (
-        f"{file.name}: {counted(len(whole), 'good element set')}{left}, {counted(count, 'object')}; "
-        f"{counted(whole.duplicates, 'duplicate')}, {counted(len(whole.problems), 'bad record')}"
+        f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "
+        f"{format_count(whole.duplicates, 'duplicate')}, {format_count(len(whole.problems), 'bad record')}"
     )
 
 

@@ -21,7 +21,7 @@ from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.passes.search import MAX_SLEW_DEG_S, counted
+from rso_lidar.study.passes.search import MAX_SLEW_DEG_S, format_count
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")
@@ -199,8 +199,8 @@ def _draw(table: Encounters, place: Path) -> Path:
         table.within_m,
         table.reach_m[1],
         f"Encounters of {table.follower.name or table.follower.label}",
-        f"{counted(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
-        f"{counted(table.screened, 'object')}   ·   "
+        f"{format_count(len(rows), 'encounter')} within {table.within_m / units.KM:g} km of "
+        f"{format_count(table.screened, 'object')}   ·   "
         f"{table.start_utc:%Y-%m-%d %H:%M} UTC + {table.span}   ·   element sets are good to a kilometre",
         window_utc=(start, start + np.timedelta64(round(units.DAY_S * 1e3 * table.days), "ms")),
     )

@@ -4,7 +4,7 @@ from rich.table import Table
 
 from rso_lidar.cli.models_show import WIDE
 from rso_lidar.cli.terminal import literal_console
-from rso_lidar.study.material_list import WAVELENGTHS_NM, material_lines
+from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 
 
 def listed_materials() -> None:
@@ -16,7 +16,7 @@ def listed_materials() -> None:
     fold = console.is_terminal
     table.add_column("what", no_wrap=not fold, ratio=3 if fold else None)
     table.add_column("confidence", no_wrap=not fold, ratio=2 if fold else None)
-    for line in material_lines():
+    for line in list_materials():
         shares = (f"{share:.3g}" for share in line.reflectance)
         table.add_row(line.name, line.kind, *shares, line.what, line.confidence)
     console.print(table)

@@ -12,7 +12,7 @@ from rso_lidar.cli.terminal import echo, literal_console
 from rso_lidar.files import free
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library.catalogue import models, own_models
-from rso_lidar.study.model_card import ModelCard, model_card
+from rso_lidar.study.model_card import ModelCard, make_model_card
 
 WIDE = 112  # columns that the tables need: no number is cut off
 
@@ -35,7 +35,7 @@ def show(
     """Tell what a model is, the light it sends back from 1 km, and its parts; draw it from four sides."""
     if output is not None:
         output = free(output, FIGURE_SUFFIXES, overwrite=overwrite)
-    card = model_card(name)
+    card = make_model_card(name)
     drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
     console = literal_console()
     for line in (card.what, *card.lines):

@@ -14,7 +14,7 @@ from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import free
 from rso_lidar.picture.plots.tracking import NAMES
-from rso_lidar.study.tracking.evaluation import AXES, SUFFIXES, Tracking, tracking
+from rso_lidar.study.track_quality.evaluation import AXES, SUFFIXES, Tracking, tracking
 from rso_lidar.track import nis_bounds
 from rso_lidar.track.follow import FEWEST_POINTS
 

@@ -15,9 +15,9 @@ from rso_lidar.files import beside, check_suffix, free
 from rso_lidar.interruption import advise
 from rso_lidar.study.trades import report
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.execution import Rows, Trade, tabled, work, working_file
-from rso_lidar.study.trades.plan import plan_of
-from rso_lidar.study.trades.ranking import summary
+from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows
+from rso_lidar.study.trades.plan import make_plan
+from rso_lidar.study.trades.ranking import summarize
 
 
 def trade(
@@ -60,14 +60,14 @@ def trade(
     places = _places(file, output, new=new)
     if not new:
         places = [free(place, report.SUFFIXES, overwrite=overwrite) for place in places]
-    report.check(places)
+    report.check_formats(places)
     many = workers is not None and workers > 1
-    plan, base = plan_of(study, threads=1 if many else None)
+    plan, base = make_plan(study, threads=1 if many else None)
     if new:
         _make(places[0].parent)
-    kept = working_file(places[0], plan, base)
+    kept = place_row_file(places[0], plan, base)
     _tell_of_others(kept)
-    rows = Rows(kept, study.n_rows)
+    rows = RowFile(kept, study.n_rows)
     advise(
         lambda: one_line(f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
     )
@@ -75,14 +75,14 @@ def trade(
         if rows.known:
             echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
         with announce_compiling(), progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
-            for row in work(plan, rows.known, workers):
+            for row in run_rows(plan, rows.known, workers):
                 rows.add(row)
                 bar.advance()
-        made = tabled(plan, base, rows.known)
+        made = tabulate_rows(plan, base, rows.known)
         _write(made, places)
         advise(lambda: one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
-    for line in (*summary(made), *map(str, places)):
+    for line in (*summarize(made), *map(str, places)):
         echo(line)
 
 

@@ -22,8 +22,14 @@ from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.pose import ROOT
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.recorded_runs.globe import globe
-from rso_lidar.study.time_history.open_loop import burned, columns, course, plan_of, umbras
+from rso_lidar.study.recorded_runs.globe import build_globe
+from rso_lidar.study.time_history.open_loop import (
+    find_plan,
+    find_umbras,
+    fly_open_loop,
+    sample_between_impulses,
+    tabulate_run,
+)
 
 FIGURES = ("relative", "orbit", "angles", "ptu")
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv", ".oem", ".aem", ".czml")
@@ -72,15 +78,15 @@ def truth(
     if suffix in FIGURE_SUFFIXES:
         picture.save_figure(_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":
-        table = columns(scenario, *course(scenario, frames))
+        table = tabulate_run(scenario, *fly_open_loop(scenario, frames))
         write_columns(output, table)
     else:
         if scenario.local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
-            place, _ = course(scenario, frames[thinned(frames.size)])
+            place, _ = fly_open_loop(scenario, frames[thinned(frames.size)])
             targets = [target.name for target in scenario.target]
-            write_czml(output, globe(scenario.name, scenario.time.start_utc, targets, place))
+            write_czml(output, build_globe(scenario.name, scenario.time.start_utc, targets, place))
         else:
             _ephemeris(scenario, output, suffix, body, frames)
     echo(f"{output}")
@@ -127,9 +133,9 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
         raise ScenarioError(f"--figure {kind}: the scenario has no target to look at; add [[target]]")
     targets = [target.name for target in scenario.target]
     target = _named(body, targets) if body else next(iter(targets), None)
-    place, angles = course(scenario, frames, drive=kind in STEPPED)
+    place, angles = fly_open_loop(scenario, frames, drive=kind in STEPPED)
     if kind == "orbit":
-        return inertial_figure(place, scenario.name, shadows_s=umbras(scenario))
+        return inertial_figure(place, scenario.name, shadows_s=find_umbras(scenario))
     if kind == "ptu":
         assert scenario.ptu is not None
         response = scenario.ptu.response
@@ -142,9 +148,9 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
     if kind == "angles":
         edges = scenario.instrument.at(0.0).receiver.field_edge
         half = float(np.arctan(np.min(edges)))
-        shadow = umbras(scenario).get(target or "")
+        shadow = find_umbras(scenario).get(target or "")
         return angles_figure(place, target, scenario.name, half_field_rad=half, shadow_s=shadow)
-    plan = plan_of(scenario, target)
+    plan = find_plan(scenario, target)
     if plan is None:
         return picture.orbit_figure(place, target, title=scenario.name)
     return picture.orbit_figure(
@@ -162,10 +168,10 @@ def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, 
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"
-    place, _ = course(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
+    place, _ = fly_open_loop(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
     name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))
     if suffix == ".oem":
-        at, states, breaks_s = burned(scenario, name, place.time_s)
+        at, states, breaks_s = sample_between_impulses(scenario, name, place.time_s)
         write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)
         return
     epochs = orbit.Epochs(scenario.time.start_utc, place.time_s)

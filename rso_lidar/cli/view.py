@@ -12,7 +12,7 @@ from rso_lidar.cli.progress import counted
 from rso_lidar.cli.recordings import RecordingFile, places
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, Way, show, way
+from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show
 
 
 def view(
@@ -55,7 +55,7 @@ def view(
     if colour not in COLOURS:
         raise RecordingError(f"--colour {colour}: is not {' or '.join(COLOURS)}")
     with export.open(recording) as read:
-        chosen = way(tool, output, recording=recording, overwrite=overwrite)
+        chosen = choose_viewer(tool, output, recording=recording, overwrite=overwrite)
         some = export.Frames(read, places(read, frames))
         if not chosen.paths:
             echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
@@ -65,7 +65,7 @@ def view(
         echo(_said(chosen, drawn))
 
 
-def _said(chosen: Way, drawn: Sequence[str]) -> str:
+def _said(chosen: ViewerChoice, drawn: Sequence[str]) -> str:
     """Return what was written, with which frames, and why, in a line."""
     named = ", ".join(f"{path} ({frames})" for path, frames in zip(chosen.paths, drawn, strict=True))
     why = f"{chosen.why}: wrote" if chosen.why else "wrote"

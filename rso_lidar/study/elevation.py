@@ -72,7 +72,7 @@ class ElevationMap:
         return ElevationMap(self.cell_m, filled, self.points)
 
 
-def elevation_map(
+def build_elevation_map(
     frames: Iterable[Frame],
     site: str,
     size_m: float,
@@ -103,7 +103,7 @@ def elevation_map(
     if not found:
         return ElevationMap(cell_m, np.full((n, n), np.nan), np.zeros((n, n), np.int32))
     cell, height, weight = (np.concatenate(column) for column in zip(*found, strict=True))
-    kept = _among_neighbours(cell, height, n, max(1, round(_COARSE_M / cell_m)))
+    kept = _reject_outliers(cell, height, n, max(1, round(_COARSE_M / cell_m)))
     cell, height, weight = cell[kept], height[kept], weight[kept]
     total = np.bincount(cell, weight, n * n)
     with np.errstate(invalid="ignore"):
@@ -111,7 +111,7 @@ def elevation_map(
     return ElevationMap(cell_m, mean.reshape(n, n), np.bincount(cell, minlength=n * n).astype(np.int32).reshape(n, n))
 
 
-def _among_neighbours(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) -> np.ndarray:
+def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) -> np.ndarray:
     """Return which points are near the median height of the coarse square that they lie in."""
     square = (cell // n) // coarse * n + (cell % n) // coarse
     order = np.lexsort((height, square))
@@ -123,7 +123,7 @@ def _among_neighbours(cell: np.ndarray, height: np.ndarray, n: int, coarse: int)
     return kept
 
 
-def true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
+def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
     """Return the true heights of a surface's topmost facets, averaged over each cell of a map like another."""
     part = ((np.arange(_SUB) + 0.5) / _SUB - 0.5) * like.cell_m
     east = (like.east_m[:, None] + part).ravel()
@@ -151,7 +151,7 @@ class Agreement:
     worst_m: float
 
 
-def agreement(
+def compare_maps(
     found: ElevationMap, truth: ElevationMap, slopes_deg: tuple[float, ...] = (0, 5, 10, 15, 20, 90)
 ) -> list[Agreement]:
     """Return how a map agrees with the truth, over all slopes first, then from slope to slope [deg]."""
@@ -170,7 +170,7 @@ def agreement(
     return rows
 
 
-def hazard_map(ground: ElevationMap, footprint_m: float, slope_deg: float, roughness_m: float) -> np.ndarray:
+def find_hazards(ground: ElevationMap, footprint_m: float, slope_deg: float, roughness_m: float) -> np.ndarray:
     """Return what a lander would meet (row, col) about each cell: SAFE, HAZARD, or UNKNOWN.
 
     A plane is laid by least squares through the cells of a square `footprint_m` wide; steeper than `slope_deg`, or with a

@@ -22,22 +22,25 @@ class MaterialLine:
     confidence: str
 
 
-def material_lines() -> list[MaterialLine]:
+def list_materials() -> list[MaterialLine]:
     """Return the materials of the catalogue in its order.
 
-    >>> [line.reflectance for line in material_lines() if line.name == "mli_gold"]
+    >>> [line.reflectance for line in list_materials() if line.name == "mli_gold"]
     [(0.8, 0.87)]
     """
     return [
         MaterialLine(
-            name, table["type"], table["what"], (_total(table), _total({**table, **table["at_1570_nm"]})),
+            name,
+            table["type"],
+            table["what"],
+            (_total_reflectance(table), _total_reflectance({**table, **table["at_1570_nm"]})),
             table["confidence"],
         )
         for name, table in materials().items()
-    ]  # fmt: skip
+    ]
 
 
-def _total(table: Mapping[str, Any]) -> float:
+def _total_reflectance(table: Mapping[str, Any]) -> float:
     """Return the share of the light that comes back, in all directions together."""
     if table["type"] == "lambertian":
         total = table["reflectance"]

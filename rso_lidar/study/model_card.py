@@ -87,7 +87,7 @@ class ModelCard:
         rows = [heads]
         for side in dict.fromkeys(one.side for one in self.returns):
             of = [one for one in self.returns if one.side == side]
-            rows.append([side, *(f"{_counted(v)}" for one in of for v in (one.photons, one.brightest_photons))])
+            rows.append([side, *(f"{_format_photons(v)}" for one in of for v in (one.photons, one.brightest_photons))])
         return rows
 
     def save(self, path: str | Path) -> Path:
@@ -95,17 +95,17 @@ class ModelCard:
         return save_figure(self.figure(), path, dpi=110)
 
 
-def model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
+def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
     """Return the card of a model of the catalogue, or of the mesh that `name`, with a suffix or a slash, is the path of."""
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
     surface = build_whole_surface(target, file, WAVELENGTHS_NM[0] * units.NM)
-    seen = tuple(_side_return(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
-    words, colours = _finishes(target, surface)
+    seen = tuple(_simulate_side(target, file, nm, side) for nm in WAVELENGTHS_NM for side in SIDES) if returns else ()
+    words, colours = _list_finishes(target, surface)
     parts = surface.part
     finish = surface.finish
-    side_m = 1.04 * max(_extent(surface, *sight) for sight in SIDES.values())
+    side_m = 1.04 * max(_view_width_m(surface, *sight) for sight in SIDES.values())
     views = []
     for side, (toward, up) in SIDES.items():
         picture = portrait(surface, toward, up, side_m=side_m, cells=_CELLS)
@@ -128,17 +128,17 @@ def model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool =
         if len(corners):
             bounds.append(PartBounds(part, word, tuple(corners.min(axis=0)), tuple(corners.max(axis=0))))
     what = f"a mesh of {surface.mesh.path.name}" if target.is_path else model(name).what
-    return ModelCard(name, what, tuple(bounds), tuple(_lines(target, surface)), tuple(views), seen)
+    return ModelCard(name, what, tuple(bounds), tuple(_describe_model(target, surface)), tuple(views), seen)
 
 
-def _extent(surface: Surface, toward: _Direction, up: _Direction) -> float:
+def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float:
     """Return twice the distance [m] of the farthest corner from the middle, up, down or sideways in a picture."""
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
     right, down, _ = viewer_axes(toward, up)
     return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, down))
 
 
-def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
+def _list_finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]:
     """Return names and colours of the surface's materials."""
     if target.is_path:
         return tuple(str(getattr(one, "type", "own")) for one in surface.materials), (_GREY,) * len(surface.materials)
@@ -148,7 +148,7 @@ def _finishes(target: Target, surface: Surface) -> tuple[tuple[str, ...], tuple[
     return words, tuple(tuple(table[word]["display_rgb"]) if word in table else _GREY for word in words)
 
 
-def _side_return(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
+def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: float, side: str) -> SideReturn:
     lidar = Lidar(preset=CAMERA).at(0.0)  # type: ignore[call-arg]
     lidar = lidar.replace(laser=lidar.laser.replace(wavelength_nm=wavelength_nm))
     surface = build_whole_surface(target, file, lidar.laser.wavelength_m)
@@ -172,17 +172,17 @@ def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> Rigi
     return RigidTransform.from_components(np.array([0.0, 0.0, range_m]), turn)
 
 
-def _counted(photons: float) -> str:
+def _format_photons(photons: float) -> str:
     """Return a number of photons in three digits, with commas.
 
-    >>> _counted(2_796_000.0), _counted(281.7), _counted(0.01234)
+    >>> _format_photons(2_796_000.0), _format_photons(281.7), _format_photons(0.01234)
     ('2,800,000', '282', '0.0123')
     """
     rounded = float(f"{photons:.3g}")
     return f"{rounded:,.0f}" if rounded >= 100.0 else f"{rounded:g}"
 
 
-def _lines(target: Target, surface: Surface) -> list[str]:
+def _describe_model(target: Target, surface: Surface) -> list[str]:
     sides = surface.mesh.size_m
     kind = find_taxonomy(target)
     lines = [kind.in_words] if kind else []

@@ -9,7 +9,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import track
 from rso_lidar.cli.track import consistency, summary
-from rso_lidar.study.tracking.evaluation import AXES, Tracking
+from rso_lidar.study.track_quality.evaluation import AXES, Tracking
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from functools import partial
 
 import pytest
 
-from rso_lidar.study.trades.execution import Rows
+from rso_lidar.study.trades.execution import RowFile
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 NO_PICTURES = "\n[report]\npictures = 0\n"
@@ -161,7 +161,7 @@ def kept_rows(output):
 
 def interrupted(monkeypatch, after):
     """Press Ctrl-C in this process once so many rows more are kept."""
-    add, kept = Rows.add, []
+    add, kept = RowFile.add, []
 
     def added(rows, row):
         add(rows, row)
@@ -169,7 +169,7 @@ def interrupted(monkeypatch, after):
         if len(kept) == after:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(Rows, "add", added)
+    monkeypatch.setattr(RowFile, "add", added)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")

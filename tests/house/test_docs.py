@@ -13,7 +13,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.plan import plan_of
+from rso_lidar.study.trades.plan import make_plan
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -131,7 +131,7 @@ def test_scenarios_of_the_pages_fly(page):
         if "version" not in (said := tomllib.loads(block)):
             continue
         if "merits" in said:
-            plan_of(Study.loads(block, folder=ROOT))
+            make_plan(Study.loads(block, folder=ROOT))
             continue
         frame = next(rl.simulate(rl.Scenario.loads(block), threads=1))
         assert frame.valid.any()

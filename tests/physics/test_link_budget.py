@@ -17,7 +17,7 @@ from rso_lidar.detector.bench.trial import trial
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
-from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
+from rso_lidar.study.budgets.pixel_light import compute_photons, depth_spread_s, pixel_width_m
 from tests.optics.bench_for_tests import look, place, plate
 
 PULSE = LaserPulse(*Laser().pulse, Laser().pulse_fwhm_s, Laser().timing_jitter_ns)
@@ -43,7 +43,7 @@ def traced(laser, receiver, material, tilt_deg, range_m, side_m=None):
 
 
 def check(validation, case, laser, receiver, material, tilt_deg, range_m, facet_m2=None):
-    closed, fill = light(laser, receiver, material, math.radians(tilt_deg), np.array([range_m]), facet_m2)
+    closed, fill = compute_photons(laser, receiver, material, math.radians(tilt_deg), np.array([range_m]), facet_m2)
     side_m = None if facet_m2 is None else math.sqrt(facet_m2)
     validation(
         case=f"{case}: photons on the middle pixel",
@@ -178,8 +178,8 @@ def test_a_plate_through_the_whole_chain(validation, tilt_deg, range_m, steps):
     share = float(np.mean([np.isfinite(reading.range_m) for reading in readings]))
     at_m = np.sort(seen.labels.range_m.ravel())
     n, at_m = flashes * at_m.size, at_m[8::16]
-    photons, fill = light(Laser(), lens, Lambertian(), math.radians(tilt_deg), at_m)
-    stretch_s = depth_s(lens, math.radians(tilt_deg), at_m, fill)
+    photons, fill = compute_photons(Laser(), lens, Lambertian(), math.radians(tilt_deg), at_m)
+    stretch_s = depth_spread_s(lens, math.radians(tilt_deg), at_m, fill)
     p = predict(detector, PULSE, photons, stretch_s, only_probability=True).probability
     expected = float(p.mean())
     validation(
@@ -240,5 +240,5 @@ def test_the_light_of_the_description_is_the_same():
 
     receiver = Receiver(fov_deg=2.5, f_number=2.8)
     for range_m in (30.0, 3000.0):
-        photons, _ = light(Laser(), receiver, Lambertian(), 0.0, np.array([range_m]))
+        photons, _ = compute_photons(Laser(), receiver, Lambertian(), 0.0, np.array([range_m]))
         assert photons[0] == pytest.approx(filled_pixel_photons(Laser(), receiver, 0.3 / math.pi, range_m), rel=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.budgets.pixel_light import light
+from rso_lidar.study.budgets.pixel_light import compute_photons
 
 DIAMETER_M, WAVELENGTH_M, APERTURE_M = 12.7e-3, 1064e-9, 0.105
 WALK = f"""
@@ -112,7 +112,9 @@ def test_photons_of_cube_corners_in_the_walk(range_m, beside_m, where, validatio
         unit="1",
     )
     lidar = cubes.lidar
-    (budget,), _ = light(lidar.laser, lidar.receiver, cubes.surfaces[0].materials[0], 0.0, np.array([range_m]))
+    (budget,), _ = compute_photons(
+        lidar.laser, lidar.receiver, cubes.surfaces[0].materials[0], 0.0, np.array([range_m])
+    )
     assert budget == pytest.approx(
         photons, rel=0.01
     )  # both average to 1 %; the closed form's pixel is on the boresight

@@ -9,7 +9,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.detector import detect
-from rso_lidar.study.tracking.range_noise import recorded_range_noise_m
+from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
 from tests.detector.returns_for_tests import returns
 from tests.optics.bench_for_tests import plate, write_stl
 
@@ -156,7 +156,7 @@ def test_track_takes_the_range_noise_that_frames_have(case, tmp_path, validation
         case=f"{case}: range noise that `track` takes",
         source="simulated frames of the same scenario",
         expected=noise_m,
-        got=recorded_range_noise_m(scenario.instrument, list(rl.simulate(scenario))),
+        got=estimate_range_noise_m(scenario.instrument, list(rl.simulate(scenario))),
         tolerance=0.15 * noise_m,
         unit="m",
     )

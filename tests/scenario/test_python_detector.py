@@ -11,7 +11,7 @@ from rso_lidar.detector import DetectorTraits
 from rso_lidar.errors import ScenarioError
 from rso_lidar.records import Command, Photons, Reading
 from rso_lidar.study import reach_m
-from rso_lidar.study.time_history.opportunities import detection_curve
+from rso_lidar.study.time_history.opportunities import find_detection_curve
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def test_studies_ask_it(flown):
     budget = rl.budget(flown, probability=0.9)
     assert budget.curves[0].detection_probability[0] > 0.99
     assert reach_m(flown.lidar)[1] <= 2000.0
-    curve = detection_curve(flown.lidar)
+    curve = find_detection_curve(flown.lidar)
     photons = np.array([1.0, 10.0])
     np.testing.assert_allclose(curve(photons), -np.expm1(-0.5 * photons), atol=0.12)  # 200 trials a level
     assert rl.timeline(flown, casts=2).table["detection_probability"].max() > 0.9

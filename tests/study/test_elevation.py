@@ -12,10 +12,10 @@ from rso_lidar.study.elevation import (
     SAFE,
     UNKNOWN,
     ElevationMap,
-    agreement,
-    elevation_map,
-    hazard_map,
-    true_elevation,
+    build_elevation_map,
+    build_true_elevation,
+    compare_maps,
+    find_hazards,
 )
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])  # site_from_lidar: columns east, rows south
@@ -33,7 +33,7 @@ def flat(n=40, cell_m=1.0, height_m=0.0):
 
 
 def test_points_fall_into_their_cells():
-    made = elevation_map([frame([[-1.5, 1.5, 3.0], [1.5, -0.5, 4.0]], 100.0)], "site", 4.0, 1.0)
+    made = build_elevation_map([frame([[-1.5, 1.5, 3.0], [1.5, -0.5, 4.0]], 100.0)], "site", 4.0, 1.0)
     assert made.height_m[0, 0] == pytest.approx(3.0, abs=1e-12)  # the north-west corner
     assert made.height_m[2, 3] == pytest.approx(4.0, abs=1e-12)
     assert np.isfinite(made.height_m).sum() == 2
@@ -44,7 +44,7 @@ def test_points_fall_into_their_cells():
 
 def test_what_was_seen_from_near_by_stands():
     points = [[0.5, 0.5, 0.0]]
-    made = elevation_map([frame([[0.5, 0.5, 1.0]], 1001.0), frame(points, 100.0)], "site", 2.0, 1.0)
+    made = build_elevation_map([frame([[0.5, 0.5, 1.0]], 1001.0), frame(points, 100.0)], "site", 2.0, 1.0)
     far2, near2 = 1000.0**2 + 0.5, 100.0**2 + 0.5
     assert made.height_m[0, 1] == pytest.approx(near2 / (near2 + far2), rel=1e-12)
 
@@ -52,7 +52,7 @@ def test_what_was_seen_from_near_by_stands():
 def test_a_point_from_nothing_is_dropped():
     points = np.column_stack([np.linspace(-3.9, 3.9, 50), np.zeros(50), np.zeros(50)])
     points[20, 2] = 60.0
-    made = elevation_map([frame(points, 100.0)], "site", 8.0, 1.0)
+    made = build_elevation_map([frame(points, 100.0)], "site", 8.0, 1.0)
     assert np.nanmax(made.height_m) == 0.0
     assert made.points.sum() == 49
 
@@ -61,14 +61,14 @@ def test_a_pose_that_is_believed_shifts_the_map():
     def higher(_, pose):
         return pose[0] + [0.0, 0.0, 2.0], pose[1]
 
-    made = elevation_map([frame([[0.5, 0.5, 0.0]], 100.0)], "site", 2.0, 1.0, higher)
+    made = build_elevation_map([frame([[0.5, 0.5, 0.0]], 100.0)], "site", 2.0, 1.0, higher)
     assert np.nanmax(made.height_m) == pytest.approx(2.0, abs=1e-12)
 
 
 def test_nothing_seen_is_nothing_known():
-    made = elevation_map([], "site", 4.0, 1.0)
+    made = build_elevation_map([], "site", 4.0, 1.0)
     assert made.coverage == 0.0
-    assert (hazard_map(made, 3.0, 10.0, 0.3) == UNKNOWN).all()
+    assert (find_hazards(made, 3.0, 10.0, 0.3) == UNKNOWN).all()
 
 
 def test_small_holes_are_mended_and_large_ones_are_not():
@@ -85,7 +85,7 @@ def test_true_heights_are_those_of_the_mesh(tmp_path):
     plane = 0.1 * at[None, :] + 0.3 * at[::-1, None]  # rises to the east and to the north
     surface = build_surface("site", height_field(plane, 1.0, tmp_path / "plane", ""))
     found = flat(30)
-    truth = true_elevation(surface, found)
+    truth = build_true_elevation(surface, found)
     expected = 0.1 * found.east_m[None, :] + 0.3 * found.north_m[:, None]
     assert np.allclose(truth.height_m, expected, rtol=0.0, atol=1e-5)  # float32 of some 10 m
     assert np.allclose(truth.slope_deg, np.degrees(np.arctan(np.hypot(0.1, 0.3))), atol=1e-3)
@@ -96,7 +96,7 @@ def test_agreement_by_slope():
     truth.height_m[:, 20:] += np.arange(20)  # 45 degrees in the east
     found.height_m[:, 20:] += np.arange(20)
     found.height_m[0, 0] = np.nan
-    whole, gentle, steep = agreement(found, truth, (0, 20, 90))
+    whole, gentle, steep = compare_maps(found, truth, (0, 20, 90))
     assert whole.cells == 1600
     assert gentle.cells + steep.cells == 1600
     assert steep.cells == 40 * 20
@@ -111,24 +111,24 @@ def test_hazards_are_slopes_and_stones():
     ground = flat(60)
     ground.height_m[:] = np.where(x > 0.0, np.tan(np.radians(12.0)) * x, 0.0)
     ground.height_m[30, 10] = 0.5
-    state = hazard_map(ground, 5.0, 10.0, 0.3)
+    state = find_hazards(ground, 5.0, 10.0, 0.3)
     assert state[30, 50] == HAZARD  # 12 degrees
     assert state[30, 22] == SAFE
     assert (state[28:33, 8:13] == HAZARD).all()  # a stone anywhere under the lander
     assert state[30, 7] == SAFE
     assert state[0, 0] == UNKNOWN  # beyond the edge
-    gentle = hazard_map(ground, 5.0, 13.0, 0.6)
+    gentle = find_hazards(ground, 5.0, 13.0, 0.6)
     assert (gentle[2:-2, 2:-2] == SAFE).all()
 
 
 def test_a_hole_under_the_lander_is_not_known():
     ground = flat()
     ground.height_m[20, 20] = np.nan
-    state = hazard_map(ground, 3.0, 10.0, 0.3)
+    state = find_hazards(ground, 3.0, 10.0, 0.3)
     assert (state[19:22, 19:22] == UNKNOWN).all()
     assert state[20, 18] == SAFE
 
 
 def test_no_cell_is_an_error():
     with pytest.raises(ValueError, match="make cell_m smaller"):
-        elevation_map([], "site", 1.0, 10.0)
+        build_elevation_map([], "site", 1.0, 10.0)

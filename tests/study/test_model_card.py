@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.model_card import SIDES, model_card
+from rso_lidar.study.model_card import SIDES, make_model_card
 
 
 def test_a_plate_sends_back_what_the_budget_says():
-    card = model_card("plate")
+    card = make_model_card("plate")
     seen = {(one.wavelength_nm, one.side): one for one in card.returns}
     facing = seen[1064.0, "from +x"]
     # a filled pixel by the closed form, which shares no radiometry with the chain; 0.5 % is what the two agree to
@@ -22,7 +22,7 @@ def test_a_plate_sends_back_what_the_budget_says():
 
 
 def test_a_card_shows_parts_and_materials(tmp_path):
-    card = model_card("tdrs", returns=False)
+    card = make_model_card("tdrs", returns=False)
     assert [view.side for view in card.views] == list(SIDES)
     for view in card.views:
         assert np.array_equal(view.part >= 0, view.material >= 0)
@@ -32,7 +32,7 @@ def test_a_card_shows_parts_and_materials(tmp_path):
 
 
 def test_light_stands_in_a_table_whose_cells_do_not_meet():
-    card = model_card("cubesat_3u")
+    card = make_model_card("cubesat_3u")
     heads, *rows = card.light_table()
     assert [row[0] for row in rows] == list(SIDES) and all(len(row) == len(heads) == 5 for row in rows)
     figure = card.figure()
@@ -47,5 +47,5 @@ def test_light_stands_in_a_table_whose_cells_do_not_meet():
 
 def test_no_model_is_one_line():
     with pytest.raises(rl.ScenarioError, match="unknown model 'tdr'; did you mean 'tdrs'") as caught:
-        model_card("tdr")
+        make_model_card("tdr")
     assert "\n" not in str(caught.value)

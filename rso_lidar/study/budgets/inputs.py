@@ -29,7 +29,7 @@ _FARTHEST_M = 1e9
 _GATED_TO_M = 50_000.0
 
 
-def camera_of(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, str]:
+def select_camera(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, str]:
     """Return a camera, the scenario that it is of, and its name."""
     if isinstance(camera, Scenario):
         return camera.instrument.at(0.0), camera, camera.name
@@ -43,14 +43,14 @@ def camera_of(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, s
     raise ScenarioError(f"{camera}: no camera of that name{did_you_mean(camera, load_presets())} (known: {known})")
 
 
-def positive(what: str, value: Any) -> float:
+def check_positive(what: str, value: Any) -> float:
     """Return a number that is finite and above 0."""
     if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
         raise ScenarioError(f"{what}: {value}: is no size; give a finite number above 0")
     return float(value)
 
 
-def angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
+def check_angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
     """Return angles [deg], each once, within two others."""
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
@@ -61,12 +61,12 @@ def angles_deg(what: str, given: Sequence[float] | float, least: float, most: fl
     return values
 
 
-def with_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
+def change_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
     """Return a camera with another beam."""
     return lidar.replace(laser=lidar.laser.replace(divergence_deg=divergence_deg))
 
 
-def ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
+def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
     """Return rising ranges [m]: those given, or 121 in equal ratios between two."""
     if given is None:
         traits = detector.traits
@@ -101,7 +101,7 @@ class BudgetTarget:
     square_m: float | None
 
 
-def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) -> BudgetTarget:
+def choose_target(given: Sequence[float] | float | None, scenario: Scenario | None) -> BudgetTarget:
     """Return the target of a budget: a square or a box as given, or the scenario's first target as the lidar sees it.
 
     One side is that of a square that faces the lidar. Of a box, as of any convex body, the mean silhouette is a quarter of
@@ -118,7 +118,7 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
             return BudgetTarget(f"target: {name}", sides, max(sides) ** 2, None)
         area_m2, square_m = float(areas_m2.mean()), float(np.median(squares_m))
         return BudgetTarget(f"target: {name}, {area_m2:.3g} m² in silhouette", sides, area_m2, square_m)
-    sides = tuple(positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
+    sides = tuple(check_positive("target_m", side) for side in np.atleast_1d(1.0 if given is None else given).tolist())
     if len(sides) == 1:
         what = (
             f"pixels counted on a square of {sides[0]:g} m" if given is None else f"target: a square of {sides[0]:g} m"
@@ -131,14 +131,14 @@ def target_of(given: Sequence[float] | float | None, scenario: Scenario | None) 
     return BudgetTarget(box, sides, 0.5 * (a * b + b * c + c * a), sorted(sides)[1])
 
 
-def materials_of(
+def choose_materials(
     given: Sequence[str | float | Material] | None, scenario: Scenario | None, wavelength_m: float
 ) -> list[tuple[str, Scatterer]]:
     """Return the materials asked for by name, as light of `wavelength_m` [m] sees them."""
     if given is not None:
         if isinstance(given, str | float | int | Material):
             given = [given]
-        named = dict(_material(one, wavelength_m) for one in given)
+        named = dict(_find_material(one, wavelength_m) for one in given)
         if not named:
             raise ScenarioError("materials: none given; name one, or leave them out")
         return list(named.items())
@@ -148,19 +148,19 @@ def materials_of(
     found = {material for material in found if not material.is_retro} or found  # those are far smaller than a pixel
     facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
-    return [(_name(one, wavelength_m), one) for one in ends]
+    return [(_name_material(one, wavelength_m), one) for one in ends]
 
 
-def _material(given: str | float | Material, wavelength_m: float) -> tuple[str, Scatterer]:
+def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[str, Scatterer]:
     if isinstance(given, Material):
         whole = complete(given)
-        return _name(whole, wavelength_m), whole.at(wavelength_m)
+        return _name_material(whole, wavelength_m), whole.at(wavelength_m)
     if isinstance(given, str):
         if given in materials():
             return given, material_named(given, wavelength_m)
         if Path(given).suffix.lower() == ".csv":
-            return Path(given).stem, _table(Path(given))
-        if not _number(given):
+            return Path(given).stem, _read_brdf_table(Path(given))
+        if not _is_number(given):
             guess = did_you_mean(given, materials())
             known = ", ".join(materials())
             raise MeshError(
@@ -172,7 +172,7 @@ def _material(given: str | float | Material, wavelength_m: float) -> tuple[str, 
     return f"lambertian {given:g}", Lambertian(reflectance=float(given))
 
 
-def _table(file: Path) -> TableBrdf:
+def _read_brdf_table(file: Path) -> TableBrdf:
     """Return the BRDF that a file tabulates: incidence_deg, brdf_per_sr, a heading allowed."""
     text = read_text(file, MOST_BYTES, ScenarioError, "table (incidence_deg, brdf_per_sr)")
     try:
@@ -180,7 +180,7 @@ def _table(file: Path) -> TableBrdf:
     except csv.Error:
         raise ScenarioError(f"{file}: is no CSV; give columns incidence_deg, brdf_per_sr") from None
     try:
-        columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _number(rows[0][0]) else 0 :]]
+        columns = [(float(one), float(other)) for one, other in rows[1 if rows and not _is_number(rows[0][0]) else 0 :]]
         degrees, values = zip(*columns, strict=True)
         return TableBrdf(incidence_deg=degrees, measured_per_sr=values)
     except ValidationError as error:
@@ -192,7 +192,7 @@ def _table(file: Path) -> TableBrdf:
         raise ScenarioError(f"{file}: is no table of two columns of numbers; give incidence_deg, brdf_per_sr") from None
 
 
-def _number(text: str) -> bool:
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:
@@ -200,7 +200,7 @@ def _number(text: str) -> bool:
     return True
 
 
-def _name(material: Scatterer, wavelength_m: float) -> str:
+def _name_material(material: Scatterer, wavelength_m: float) -> str:
     """Return what the catalogue calls a material, or its type and reflectance."""
     for name in materials():
         if material_named(name, wavelength_m) == material and name != "lambertian_30":
@@ -216,7 +216,7 @@ def has_retros(scenario: Scenario | None) -> bool:
     return len({material.is_retro for surface in seen for material in surface.materials}) > 1
 
 
-def left_out(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
+def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
     """Return in words how many false alarms there are, and what of camera and target the closed form does not count."""
     laser, receiver = lidar.laser, lidar.receiver
     dropped = ["retro-reflectors of the target"] * retros

@@ -25,7 +25,7 @@ def pixel_width_m(receiver: Receiver, range_m: np.ndarray) -> np.ndarray:
     return width
 
 
-def light(
+def compute_photons(
     laser: Laser,
     receiver: Receiver,
     material: Scatterer,
@@ -40,7 +40,7 @@ def light(
     the lens lights the facet from there; its distance and angle count as the lens's own, right to offset / range.
 
     >>> from rso_lidar.scene import Lambertian
-    >>> photons, _ = light(Laser(), Receiver(fov_deg=2.5, f_number=2.8), Lambertian(), 0.0, np.array([3000.0]))
+    >>> photons, _ = compute_photons(Laser(), Receiver(fov_deg=2.5, f_number=2.8), Lambertian(), 0.0, np.array([3000.0]))
     >>> round(float(photons[0]))
     1001
     """
@@ -55,19 +55,19 @@ def light(
     sent = laser.energy_mj * units.MJ / units.photon_energy_j(laser.wavelength_nm * units.NM)
     lens_sr = 0.25 * math.pi * receiver.aperture_m**2 / range_m**2
     photons: np.ndarray = (
-        sent * _share(laser, across_m, range_m) * brdf_per_sr * cosine * lens_sr * receiver.transmission
+        sent * _illuminated_share(laser, across_m, range_m) * brdf_per_sr * cosine * lens_sr * receiver.transmission
     )
     return photons, (across_m / pixel_m) ** 2
 
 
-def depth_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fill: np.ndarray) -> np.ndarray:
+def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fill: np.ndarray) -> np.ndarray:
     """Return for how long light returns from a tilted facet in one pixel (range) [s]: 2 w tan α / c, w the width seen."""
     seen_m = pixel_width_m(receiver, range_m) * np.sqrt(fill)
     spread: np.ndarray = seen_m * math.tan(tilt_rad) / units.RANGE_PER_DELAY_M_S
     return spread
 
 
-def _share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarray:
+def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarray:
     """Return the share of the pulse's energy that falls onto a square of width `across_m` on the boresight (range)."""
     right_m, down_m, ahead_m = laser.offset_m
     before = range_m > ahead_m
@@ -81,12 +81,12 @@ def _share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarra
         )  # eq. 7 of Fuller et al. as printed sends four times its energy
         share = energy * 0.25 * _overlap(x, half) * _overlap(y, half)
     elif laser.footprint == "gaussian":
-        share = _bell(x, half) * _bell(y, half)
+        share = _gaussian_share(x, half) * _gaussian_share(y, half)
     elif laser.footprint == "circle":
-        share = _in_circle(x, y, half)
+        share = _circle_share(x, y, half)
     else:
         assert laser.pattern_file is not None
-        share = _in_pattern(read_pattern(laser.pattern_file), x, y, half)
+        share = _pattern_share(read_pattern(laser.pattern_file), x, y, half)
     return np.where(before, share, 0.0)
 
 
@@ -96,7 +96,7 @@ def _overlap(middle: np.ndarray, half: np.ndarray, low: float = -1.0, high: floa
     return length
 
 
-def _bell(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _gaussian_share(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the share of a normal law within `half` of `middle`: exp(−2x²), of which 1 is the 1/e² half width."""
     from scipy.special import ndtr
 
@@ -104,7 +104,7 @@ def _bell(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
     return share
 
 
-def _in_circle(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _circle_share(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the share of the unit circle inside a square, slice by slice."""
     place = (np.arange(_SLICES) + 0.5) / _SLICES * 2.0 - 1.0
     across = x[..., None] + half[..., None] * place
@@ -115,7 +115,7 @@ def _in_circle(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
     return share
 
 
-def _in_pattern(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
+def _pattern_share(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the share of a measured pattern (row, col), its cells evenly lit, inside a square."""
     rows, cols = pattern.shape
     shares = []

@@ -22,17 +22,17 @@ from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scene import Material, Scatterer
 from rso_lidar.study.budgets.inputs import (
     BudgetTarget,
-    angles_deg,
-    camera_of,
+    change_divergence,
+    check_angles_deg,
+    check_positive,
+    choose_materials,
+    choose_ranges_m,
+    choose_target,
+    describe_omissions,
     has_retros,
-    left_out,
-    materials_of,
-    positive,
-    ranges_m,
-    target_of,
-    with_divergence,
+    select_camera,
 )
-from rso_lidar.study.budgets.pixel_light import depth_s, light, pixel_width_m
+from rso_lidar.study.budgets.pixel_light import compute_photons, depth_spread_s, pixel_width_m
 
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
@@ -42,7 +42,7 @@ _FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class BudgetCurve:
     """One material at one tilt under one divergence: numbers (range) along `range_m`.
 
     `detection_probability` counts false alarms that come first as misses, and is 0 where the camera is not armed;
@@ -100,7 +100,7 @@ class Budget:
 
     camera: str
     probability: float
-    curves: tuple[Curve, ...]
+    curves: tuple[BudgetCurve, ...]
     target: str
     target_m: tuple[float, ...]
     target_area_m2: float
@@ -112,7 +112,7 @@ class Budget:
 
     def range_of_pixels(self, pixels: float) -> float:
         """Return the range [m] at which the target covers so many pixels, all of it in the field and lit."""
-        return math.sqrt(self.target_area_m2 / positive("pixels", pixels)) / self.pixel_rad
+        return math.sqrt(self.target_area_m2 / check_positive("pixels", pixels)) / self.pixel_rad
 
     def csv_text(self) -> str:
         """Return all curves as one table of CSV, a row for each range; names end in their unit."""
@@ -241,19 +241,19 @@ def budget(
         on a square of 1 m. Of a target, greatest ranges end where it no longer fills a pixel.
     facet_m2 : area of a facet that may be smaller than a pixel [m²]; None: it fills the pixel.
 
-    >>> seed = budget("gsfl_1064")
-    >>> round(seed.curves[0].max_range_m, -1)
+    >>> paper = budget("gsfl_1064")
+    >>> round(paper.curves[0].max_range_m, -1)
     3000.0
     """
-    lidar, scenario, name = camera_of(camera)
+    lidar, scenario, name = select_camera(camera)
     if not 0.0 < float(probability) < 1.0:
         raise ScenarioError(f"probability: {probability:g}: is never or always reached; give a number between 0 and 1")
     if facet_m2 is not None:
-        positive("facet_m2", facet_m2)
-    along_m = ranges_m(range_m, lidar.detector)
-    chosen = materials_of(materials, scenario, lidar.laser.wavelength_m)
-    tilts = angles_deg("tilt_deg", tilt_deg, 0.0, 89.0)
-    widths = angles_deg(
+        check_positive("facet_m2", facet_m2)
+    along_m = choose_ranges_m(range_m, lidar.detector)
+    chosen = choose_materials(materials, scenario, lidar.laser.wavelength_m)
+    tilts = check_angles_deg("tilt_deg", tilt_deg, 0.0, 89.0)
+    widths = check_angles_deg(
         "divergence_deg", lidar.laser.divergence_deg if divergence_deg is None else divergence_deg, 1e-6, 179.0
     )
     if len(chosen) * len(tilts) * len(widths) > _MOST_CURVES:
@@ -261,13 +261,13 @@ def budget(
             f"budget: {len(chosen)} materials x {len(tilts)} tilts x {len(widths)} divergences are over {_MOST_CURVES} "
             "curves; ask for fewer at once"
         )
-    target = target_of(target_m, scenario)
+    target = choose_target(target_m, scenario)
     receiver, detector = lidar.receiver, lidar.detector
     pixel_rad = receiver.pixel_pitch_m / receiver.focal_length_m
     filled_to_m = math.inf if facet_m2 is not None or target.square_m is None else target.square_m / pixel_rad
     curves = [
-        _curve(
-            with_divergence(lidar, width), label, material, tilt, along_m, facet_m2, target, filled_to_m, probability
+        _compute_curve(
+            change_divergence(lidar, width), label, material, tilt, along_m, facet_m2, target, filled_to_m, probability
         )
         for width in widths
         for label, material in chosen
@@ -287,13 +287,13 @@ def budget(
         each * n_pixels,
         pixel_rad,
         (
-            *_filled(filled_to_m),
-            *left_out(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
+            *_describe_filled_limit(filled_to_m),
+            *describe_omissions(lidar, each * n_pixels, retros=materials is None and has_retros(scenario)),
         ),
     )
 
 
-def _filled(to_m: float) -> tuple[str, ...]:
+def _describe_filled_limit(to_m: float) -> tuple[str, ...]:
     """Return in words to which range the law of a filled pixel holds for the target."""
     if not math.isfinite(to_m):
         return ()
@@ -303,7 +303,7 @@ def _filled(to_m: float) -> tuple[str, ...]:
     )
 
 
-def _curve(
+def _compute_curve(
     lidar: Lidar,
     label: str,
     material: Scatterer,
@@ -313,32 +313,32 @@ def _curve(
     target: BudgetTarget,
     filled_to_m: float,
     wanted: float,
-) -> Curve:
+) -> BudgetCurve:
     laser, receiver, detector = lidar.laser, lidar.receiver, lidar.detector
     tilt_rad = tilt * units.DEG
-    photons, fill = light(laser, receiver, material, tilt_rad, range_m, facet_m2)
+    photons, fill = compute_photons(laser, receiver, material, tilt_rad, range_m, facet_m2)
     pulse = LaserPulse(*laser.pulse, laser.pulse_fwhm_s, laser.timing_jitter_ns)
-    seen = predict(detector, pulse, photons, depth_s(receiver, tilt_rad, range_m, fill))
+    seen = predict(detector, pulse, photons, depth_spread_s(receiver, tilt_rad, range_m, fill))
     first = false_alarm_probability(detector, range_m)
     pixel_m = pixel_width_m(receiver, range_m)
-    lit = np.minimum(_beam_m2(lidar, range_m), receiver.n_rows * receiver.n_cols * pixel_m**2)
+    lit = np.minimum(_footprint_m2(lidar, range_m), receiver.n_rows * receiver.n_cols * pixel_m**2)
 
     def probability(at_m: np.ndarray) -> np.ndarray:
-        photons, fill = light(laser, receiver, material, tilt_rad, at_m, facet_m2)
-        stretch_s = depth_s(receiver, tilt_rad, at_m, fill)
+        photons, fill = compute_photons(laser, receiver, material, tilt_rad, at_m, facet_m2)
+        stretch_s = depth_spread_s(receiver, tilt_rad, at_m, fill)
         detected = predict(detector, pulse, photons, stretch_s, only_probability=True).probability
         return detected * (1.0 - false_alarm_probability(detector, at_m))
 
-    farthest, armed_limits = _greatest(probability, *_reach_m(detector), wanted)
+    farthest, armed_limits = _find_greatest_range_m(probability, *_armed_span_m(detector), wanted)
     fill_limits = farthest > filled_to_m
-    return Curve(
+    return BudgetCurve(
         material=label,
         tilt_deg=tilt,
         divergence_deg=laser.divergence_deg,
         range_m=range_m,
         photons=photons,
         fill_fraction=fill,
-        detection_probability=np.where(_armed(detector, range_m), seen.probability * (1.0 - first), 0.0),
+        detection_probability=np.where(_is_armed(detector, range_m), seen.probability * (1.0 - first), 0.0),
         range_precision_m=seen.range_precision_m,
         snr=seen.snr,
         saturated=seen.saturated,
@@ -353,7 +353,7 @@ def _curve(
     )
 
 
-def _beam_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
+def _footprint_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
     """Return the area of the footprint (range) [m²]; of a Gaussian one within 1/e²."""
     half_m = range_m * math.tan(0.5 * lidar.laser.divergence_deg * units.DEG)
     round_ = lidar.laser.footprint in ("circle", "gaussian")
@@ -361,7 +361,7 @@ def _beam_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
     return area
 
 
-def _reach_m(detector: AnyDetector) -> tuple[float, float]:
+def _armed_span_m(detector: AnyDetector) -> tuple[float, float]:
     """Return from where to where [m] light may be waited for; a gate is put about the target, wherever that is."""
     traits = detector.traits
     if traits.is_gated:
@@ -369,13 +369,13 @@ def _reach_m(detector: AnyDetector) -> tuple[float, float]:
     return max(traits.sees_from_m, 1e-3), min(traits.sees_to_m, _FARTHEST_M)
 
 
-def _armed(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
-    low, high = _reach_m(detector)
+def _is_armed(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
+    low, high = _armed_span_m(detector)
     armed: np.ndarray = (range_m >= low * (1.0 - 1e-9)) & (range_m <= high * (1.0 + 1e-9))
     return armed
 
 
-def _greatest(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
+def _find_greatest_range_m(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
     """Return the greatest range [m] between two at which the wanted probability is reached, and whether it is the last."""
     from scipy.optimize import brentq
 

@@ -50,15 +50,15 @@ def fold_docked(screened: ScreeningResult, rows: Sequence[Encounter]) -> list[En
     for row in rows:
         which = row.stay.which
         if which not in reasons:
-            reasons[which] = _reason(screened, which) if row.range_m < _NEAR_M else None
+            reasons[which] = _explain_docking(screened, which) if row.range_m < _NEAR_M else None
         if reasons[which] is None:
             others.append(row)
         else:
             docked.setdefault(which, []).append(row)
-    return others + [_one_of(stays, str(reasons[which])) for which, stays in docked.items()]
+    return others + [_merge_stays(stays, str(reasons[which])) for which, stays in docked.items()]
 
 
-def _one_of(stays: Sequence[Encounter], reason: str) -> Encounter:
+def _merge_stays(stays: Sequence[Encounter], reason: str) -> Encounter:
     nearest = min(stays, key=lambda row: row.range_m)
     first, last = min(stays, key=lambda row: row.stay.enter_s), max(stays, key=lambda row: row.stay.leave_s)
     return replace(
@@ -78,7 +78,7 @@ def _one_of(stays: Sequence[Encounter], reason: str) -> Encounter:
     )
 
 
-def _reason(screened: ScreeningResult, which: int) -> str | None:
+def _explain_docking(screened: ScreeningResult, which: int) -> str | None:
     """Return in words why an object counts as docked with the follower, or None."""
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)

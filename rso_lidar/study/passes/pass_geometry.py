@@ -128,14 +128,14 @@ def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
     return float(detector.sees_from_m), float(min(detector.sees_to_m, far))
 
 
-def sightings(
+def build_encounters(
     screened: ScreeningResult,
     reach: tuple[float, float],
     max_slew_deg_s: float,
     constraints: Constraints | None = None,
 ) -> list[Encounter]:
     """Return one encounter for each stay, in the order of the stays."""
-    sky = _Sky(screened, constraints)
+    sky = _ExclusionAngles(screened, constraints)
     each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
     each = [2 ** math.ceil(math.log2(number / _EACH_SIDE)) * _EACH_SIDE for number in each]
     rows: list[Encounter | None] = [None] * len(each)
@@ -145,12 +145,12 @@ def sightings(
         for begin in range(0, len(alike), lot):
             some = alike[begin : begin + lot]
             stays = tuple(screened.approaches[k] for k in some)
-            for k, row in zip(some, _some(screened, stays, reach, max_slew_deg_s, sky, number), strict=True):
+            for k, row in zip(some, _build_batch(screened, stays, reach, max_slew_deg_s, sky, number), strict=True):
                 rows[k] = row
     return [row for row in rows if row is not None]
 
 
-def rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
+def select_rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
     """Return the corridors that an element set can be held to: those in the rtn axes of their target."""
     return [corridor for corridor in constraints.corridor if corridor.axes == "rtn"] if constraints else []
 
@@ -161,7 +161,7 @@ def keep_out_radius_m(constraints: Constraints | None) -> float | None:
     return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
 
 
-class _Sky:
+class _ExclusionAngles:
     """Sun and Moon in TEME axes over the span of a screening, and how near to them and to the Earth one may look."""
 
     def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
@@ -200,12 +200,12 @@ class _Sky:
         return np.stack([np.interp(time_s, self._time_s, column) for column in vectors.T], axis=-1)
 
 
-def _some(
+def _build_batch(
     screened: ScreeningResult,
     stays: tuple[CloseApproach, ...],
     reach: tuple[float, float],
     max_slew_deg_s: float,
-    sky: _Sky,
+    sky: _ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
     lead, objects = screened.follower, screened.objects
@@ -214,7 +214,7 @@ def _some(
     range_m = np.array([stay.range_m for stay in stays])
     epochs = Epochs(objects.start_utc, time_s)
     first = np.zeros_like(which)
-    target, own = _gcrs(objects, which, epochs), _gcrs(lead, first, epochs)
+    target, own = _state_in_gcrs(objects, which, epochs), _state_in_gcrs(lead, first, epochs)
     line = target.position_m - own.position_m
     sun, moon = sun_position_m(epochs), moon_position_m(epochs)
     speed = np.linalg.norm(target.velocity_m_s - own.velocity_m_s, axis=1)
@@ -234,10 +234,10 @@ def _some(
     }
     for name in ("phase_deg", "sun_angle_deg", "moon_angle_deg", "earth_limb_deg"):
         table[name][range_m < TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
-    looked, spans = _looked(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
+    looked, spans = _integrate_stays(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
     place_m = rotate_vectors(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
-    kept = _kept(sky.constraints, table, place_m)
+    kept = _check_constraints(sky.constraints, table, place_m)
     rows = []
     for k, stay in enumerate(stays):
         elements = objects.elements(stay.which, stay.time_s)
@@ -267,7 +267,9 @@ def _some(
     return rows
 
 
-def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray) -> dict[str, list[Any]]:
+def _check_constraints(
+    asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.ndarray
+) -> dict[str, list[Any]]:
     """Return whether (row) each constraint is kept at the closest approach, and the angle [deg] off a corridor's axis.
 
     `place_m` (row, 3) is the follower's in the rtn axes of each object. Of several corridors the worst that applies counts.
@@ -277,7 +279,7 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
     if asked is not None:
         sun_deg, moon_deg, earth_deg = asked.sun_exclusion_deg, asked.moon_exclusion_deg, asked.earth_exclusion_deg
         radius_m = keep_out_radius_m(asked)
-    corridors = rtn_corridors(asked)
+    corridors = select_rtn_corridors(asked)
     unseen = table["follower_sunlit_fraction"] <= 0.0
     together = table["range_m"] < TOGETHER_M
 
@@ -304,19 +306,19 @@ def _kept(asked: Constraints | None, table: dict[str, np.ndarray], place_m: np.n
     }
 
 
-def _gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
+def _state_in_gcrs(objects: ScheduledFleet, which: np.ndarray, epochs: Epochs) -> BodyState:
     position, velocity = objects.at(which, epochs.time_s)
     rotation = gcrs_from_teme(epochs)
     return BodyState(rotate_vectors(rotation, position), rotate_vectors(rotation, velocity))
 
 
-def _looked(
+def _integrate_stays(
     screened: ScreeningResult,
     stays: tuple[CloseApproach, ...],
     speed_m_s: np.ndarray,
     reach: tuple[float, float],
     max_slew_deg_s: float,
-    sky: _Sky,
+    sky: _ExclusionAngles,
     each_side: int,
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
     """Return what needs the whole stay, and from when to when [s] the lidar reaches around the nearest (NaN: never).

@@ -20,7 +20,7 @@ from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_axes
 from rso_lidar.scenario import Lidar
-from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, rtn_corridors
+from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, select_rtn_corridors
 from rso_lidar.study.passes.search import Encounters
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
@@ -55,17 +55,17 @@ def scenario_text(table: Encounters, number: int) -> str:
             f"scenario {number}: there are {len(table.rows)} rows; give a number from 1 to {len(table.rows)}"
         )
     row = table.rows[number - 1]
-    _refuse_together(table, number)
-    start_utc, duration_s, rate_hz = _time(table, row)
-    name = _slug(row)
-    pan, pitch, roll = _attitude(table, row)
-    model, why = _model(row.name)
+    _check_separate(table, number)
+    start_utc, duration_s, rate_hz = _choose_time(table, row)
+    name = _name_target(row)
+    pan, pitch, roll = _choose_attitude(table, row)
+    model, why = _guess_model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
-        *map(make_printable, _facts(table, number)),  # names were written by others: a comment stays in its line
-        *map(make_printable, _warnings(table, row)),
+        *map(make_printable, _write_facts(table, number)),  # names were written by others: a comment stays in its line
+        *map(make_printable, _write_warnings(table, row)),
         "version = 1",
-        f"name    = {_quoted(title)}",
+        f"name    = {_write_value(title)}",
         f"seed    = {row.norad_id % 2**31}",
         "",
         "[time]",
@@ -74,27 +74,27 @@ def scenario_text(table: Encounters, number: int) -> str:
         f"frame_rate_hz = {rate_hz:g}",
         "",
         "[[target]]",
-        f"name     = {_quoted(name)}",
-        f"model    = {_quoted(model)}   # {why}: size and material are no better; put your own here",
-        f"motion   = {_motion(row.elements)}",
+        f"name     = {_write_value(name)}",
+        f"model    = {_write_value(model)}   # {why}: size and material are no better; put your own here",
+        f"motion   = {_write_motion(row.elements)}",
         'attitude = { type = "spin", axis = [0, 0, 1], rate_deg_s = 0.5 }   # assumed',
         "",
         "[follower]",
-        f"motion   = {_motion(row.follower)}",
+        f"motion   = {_write_motion(row.follower)}",
         f'attitude = {{ type = "rtn", euler_zyx_deg = [{pan:.4f}, {pitch:.4f}, {roll:.4f}] }}   # +x to it',
         "",
         "[ptu]                                   # the rate of the drive is the limit that was asked about",
-        f'point    = {{ type = "track", at = {_quoted(name)} }}',
+        f'point    = {{ type = "track", at = {_write_value(name)} }}',
         'response = { type = "second_order", natural_hz = 4.0, damping = 0.7, '
         f"max_rate_deg_s = {table.max_slew_deg_s:g} }}",
         "",
-        _lidar(table),
-        *_constraints(table, name),
+        _write_lidar(table),
+        *_write_constraints(table, name),
     ]
     return "\n".join(lines)
 
 
-def _refuse_together(table: Encounters, number: int) -> None:
+def _check_separate(table: Encounters, number: int) -> None:
     """Refuse an encounter of what is docked, or has the follower's own elements at the closest approach."""
     row = table.rows[number - 1]
     whom = f"{row.label} and {table.follower.name or table.follower.label}"
@@ -107,7 +107,7 @@ def _refuse_together(table: Encounters, number: int) -> None:
         )
 
 
-def _facts(table: Encounters, number: int) -> list[str]:
+def _write_facts(table: Encounters, number: int) -> list[str]:
     """Return the comments that say which encounter this is, and how good."""
     row = table.rows[number - 1]
     light = "in sunlight" if row.sunlit_fraction >= 0.5 else "in the Earth's shadow"
@@ -120,17 +120,18 @@ def _facts(table: Encounters, number: int) -> list[str]:
         f"# It is within {table.within_m / units.KM:g} km for {inside}, in the lidar's reach for {row.lidar_s:,.1f} s; the "
         f"line of sight turns at {row.slew_deg_s:.3g} deg/s.",
         "# Both fly by element sets, which are good to about a kilometre at their epochs and worse away from them:",
-        f"# the object's {_age(row.age_days)}, the follower's {_age(row.follower_age_days)} the closest approach.",
+        f"# the object's {_format_age(row.age_days)}, the follower's {_format_age(row.follower_age_days)} "
+        "the closest approach.",
         "# A plausible encounter, not a prediction.",
     ]
 
 
-def _age(days: float) -> str:
+def _format_age(days: float) -> str:
     """Return how long before or after an instant an epoch lies, from the age of its elements there."""
     return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
 
 
-def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, float]:
+def _choose_time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, float]:
     """Return start (a whole second), duration [s] and frame rate [Hz]."""
     begin, end = row.span_s if math.isfinite(row.span_s[0]) else (row.stay.enter_s, row.stay.leave_s)
     begin = max(begin - _MARGIN_S, row.time_s - 0.5 * _LONGEST_S)
@@ -141,7 +142,7 @@ def _time(table: Encounters, row: Encounter) -> tuple[datetime.datetime, float, 
     return start_utc, duration_s, rate_hz
 
 
-def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
+def _choose_attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     """Return the intrinsic angles z, y, x [deg] of the follower's body in its rtn axes."""
     from scipy.spatial.transform import Rotation
 
@@ -165,7 +166,7 @@ def _attitude(table: Encounters, row: Encounter) -> tuple[float, float, float]:
     return float(angles[0]), float(angles[1]), float(angles[2])
 
 
-def _warnings(table: Encounters, row: Encounter) -> list[str]:
+def _write_warnings(table: Encounters, row: Encounter) -> list[str]:
     lines = []
     if row.lidar_s == 0.0:
         lines.append(
@@ -184,7 +185,7 @@ def _warnings(table: Encounters, row: Encounter) -> list[str]:
     return lines
 
 
-def _constraints(table: Encounters, name: str) -> list[str]:
+def _write_constraints(table: Encounters, name: str) -> list[str]:
     """Return the table of what is asked, of this target; corridors in axes that an element set cannot tell are left out."""
     if table.constraints is None:
         return []
@@ -194,23 +195,23 @@ def _constraints(table: Encounters, name: str) -> list[str]:
     radius_m = keep_out_radius_m(table.constraints)
     if radius_m is not None:
         tree["keep_out_m"] = radius_m
-    corridors = [corridor.replace(target=name) for corridor in rtn_corridors(table.constraints)]
+    corridors = [corridor.replace(target=name) for corridor in select_rtn_corridors(table.constraints)]
     if corridors:
         tree["corridor"] = [corridor.model_dump(exclude_unset=True, exclude_none=True) for corridor in corridors]
     return [tomli_w.dumps({"constraints": tree})] if tree else []
 
 
-def _motion(elements: ElementSet) -> str:
+def _write_motion(elements: ElementSet) -> str:
     """Return the inline table of a motion by an element set: its two lines, or the fields of its message."""
     if elements.line1 and elements.line2:
-        named = f", name = {_quoted(elements.name)}" if elements.name else ""
-        first, second = _quoted(elements.line1), _quoted(elements.line2)
+        named = f", name = {_write_value(elements.name)}" if elements.name else ""
+        first, second = _write_value(elements.line1), _write_value(elements.line2)
         return f'{{ type = "tle"{named}, lines = [\n    {first},\n    {second},\n] }}'
     fields = Omm.of(elements).model_dump(exclude_none=True)
-    return "{ " + ", ".join(f"{key} = {_quoted(value)}" for key, value in fields.items()) + " }"
+    return "{ " + ", ".join(f"{key} = {_write_value(value)}" for key, value in fields.items()) + " }"
 
 
-def _lidar(table: Encounters) -> str:
+def _write_lidar(table: Encounters) -> str:
     import tomli_w
 
     tree: dict[str, Any] = table.lidar.model_dump(exclude_unset=True, exclude_none=True, mode="python")
@@ -220,7 +221,7 @@ def _lidar(table: Encounters) -> str:
     return tomli_w.dumps({"lidar": tree})
 
 
-def _model(name: str) -> tuple[str, str]:
+def _guess_model(name: str) -> tuple[str, str]:
     """Return a model of the catalogue for an object, and why."""
     for pattern, model in _HINTS:
         if re.search(pattern, name.upper()):
@@ -228,7 +229,7 @@ def _model(name: str) -> tuple[str, str]:
     return "cubesat_3u", "a stand-in, for nothing in the object's name says what it is"
 
 
-def _slug(row: Encounter) -> str:
+def _name_target(row: Encounter) -> str:
     words = re.sub(r"[^a-z0-9]+", "_", row.name.lower()).strip("_")
     return (
         f"norad_{row.norad_id}"
@@ -242,7 +243,7 @@ def _slug(row: Encounter) -> str:
 _TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
-def _quoted(value: Any) -> str:
+def _write_value(value: Any) -> str:
     """Return a value as TOML."""
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")

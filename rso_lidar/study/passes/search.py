@@ -26,10 +26,10 @@ from rso_lidar.study.passes.docked import fold_docked
 from rso_lidar.study.passes.pass_geometry import (
     SMALL_M2,
     Encounter,
+    build_encounters,
     keep_out_radius_m,
     reach_m,
-    rtn_corridors,
-    sightings,
+    select_rtn_corridors,
 )
 
 Order = Literal["range", "time", "speed"]
@@ -72,14 +72,14 @@ class Encounters:
     def title(self) -> str:
         """Return one line that says what was asked."""
         return (
-            f"{self.follower.label} within {self.within_m / units.KM:g} km of {counted(self.screened, 'object')}, "
+            f"{self.follower.label} within {self.within_m / units.KM:g} km of {format_count(self.screened, 'object')}, "
             f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
         )
 
     @property
     def span(self) -> str:
         """Return in words how long was looked."""
-        return counted(self.days, "day")
+        return format_count(self.days, "day")
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
         """Return heads and rows of text, as they are shown; `csv` has more columns."""
@@ -101,13 +101,13 @@ class Encounters:
             f"{row.range_m / units.KM:,.3f}",
             f"{row.speed_m_s:,.1f}",
             ("" if row.entered and row.left else ">") + f"{row.inside_s:,.1f}",
-            _seconds(row.lidar_s),
+            _format_seconds(row.lidar_s),
             f"{row.slew_deg_s:,.3f}",
-            *([_seconds(row.clear_s)] if self._excludes else []),
-            _seconds(row.usable_s),
-            _degrees(row.phase_deg),
-            _degrees(row.moon_angle_deg),
-            _degrees(row.earth_limb_deg),
+            *([_format_seconds(row.clear_s)] if self._excludes else []),
+            _format_seconds(row.usable_s),
+            _format_degrees(row.phase_deg),
+            _format_degrees(row.moon_angle_deg),
+            _format_degrees(row.earth_limb_deg),
             light,
             f"{row.age_days:.1f}",
             *([", ".join(row.breaks) or "-"] if self.constraints is not None else []),
@@ -140,7 +140,7 @@ class Encounters:
         ]
         lines += self._docked()
         if self.switching:
-            several = counted(self.switching, "object")
+            several = format_count(self.switching, "object")
             lines.append(
                 f"{several} with more than one element set in this span, the follower counted: at each instant the set "
                 "nearest in epoch flies, and where sets switch the range jumps"
@@ -170,7 +170,7 @@ class Encounters:
         lines = []
         if self._excludes:
             lines.append(f"clear: a boresight at the object keeps off {', '.join(self._excludes)}")
-        radius_m, known = keep_out_radius_m(asked), rtn_corridors(asked)
+        radius_m, known = keep_out_radius_m(asked), select_rtn_corridors(asked)
         if radius_m is not None:
             named = f", the largest of {', '.join(asked.keep_out_m)}" if isinstance(asked.keep_out_m, dict) else ""
             outside = ", but in a corridor" if known else ""
@@ -212,7 +212,7 @@ class Encounters:
         writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()
         writer.writerow(names)
-        writer.writerows([_written(getattr(row, name)) for name in names] for row in self.rows)
+        writer.writerows([_format_cell(getattr(row, name)) for name in names] for row in self.rows)
         return write_text(path, text.getvalue(), overwrite=overwrite)
 
 
@@ -248,22 +248,22 @@ def encounters(
     sunlit : only where the object is in sunlight at the closest approach
     min_duration_s : only stays at least so long [s]
     """
-    checked_span(within_m, start_utc, days, max_slew_deg_s)
+    check_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
         raise ScenarioError(f"sort: {quote(sort)} is no order; use one of {', '.join(_KEYS)}")
     if limit is not None and (isinstance(limit, bool) or not isinstance(limit, numbers.Integral) or limit < 1):
         raise ScenarioError(f"limit: {quote(limit)} is no number of rows; give 1 or more, or leave it out for all")
-    _real("min_duration", "s", min_duration_s)
+    _check_number("min_duration", "s", min_duration_s)
     if not min_duration_s >= 0.0:
         raise ScenarioError(f"min_duration: {min_duration_s:g} s is no duration; give 0 or more")
     if isinstance(follower, bool) or not isinstance(follower, str | numbers.Integral | ElementSet):
         raise ScenarioError(f"follower: {quote(follower)} is no object; give its catalogue number or its name")
     if lidar is None:
         lidar, lidar_name = Lidar(preset="long_range_1064"), "long_range_1064"  # type: ignore[call-arg]
-    sets, problems = _sets(catalog)
-    own = [follower] if isinstance(follower, ElementSet) else _follower(sets, follower, catalog)
+    sets, problems = _read_sets(catalog)
+    own = [follower] if isinstance(follower, ElementSet) else _find_follower(sets, follower, catalog)
     lead = min(own, key=lambda entry: abs((entry.epoch_utc - start_utc).total_seconds()))
-    others = _by_object([entry for entry in sets if not _same(entry, lead)])
+    others = _group_by_object([entry for entry in sets if not _is_same(entry, lead)])
     found = screen(own, others, start_utc, days * units.DAY_S, within_m)
     age_days, oldest = found.follower.oldest(0)
     if age_days > STALE_DAYS:
@@ -274,7 +274,7 @@ def encounters(
             stacklevel=2,
         )
     reach = reach_m(lidar)
-    rows = fold_docked(found, sorted(sightings(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
+    rows = fold_docked(found, sorted(build_encounters(found, reach, max_slew_deg_s, constraints), key=_KEYS[sort]))
     rows = [row for row in rows if row.inside_s >= min_duration_s and (row.sunlit_fraction >= 0.5 or not sunlit)]
     return Encounters(
         rows=tuple(rows[:limit]),
@@ -293,10 +293,10 @@ def encounters(
     )
 
 
-def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
+def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
     """Refuse limits and spans that mean nothing, each with its cure."""
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
-        _real(what, unit, value)
+        _check_number(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
         raise ScenarioError(f"start: {quote(start_utc)} is no time; give a datetime with its time zone")
     if not 0.0 < within_m <= 1e8:
@@ -309,17 +309,17 @@ def checked_span(within_m: float, start_utc: datetime.datetime, days: float, max
         raise ScenarioError(f"max_slew: {max_slew_deg_s:g} deg/s is no limit; give more than 0")
 
 
-def _real(what: str, unit: str, value: Any) -> None:
+def _check_number(what: str, unit: str, value: Any) -> None:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise ScenarioError(f"{what}: {quote(value)} is no number; give one in {unit}, without the unit")
 
 
-def counted(number: float, noun: str) -> str:
+def format_count(number: float, noun: str) -> str:
     """Return a number with its noun, in the plural where it is not one."""
     return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
 
 
-def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
+def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
     """Return the element sets of a catalogue, and what is wrong with others."""
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
@@ -334,7 +334,7 @@ def _sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet],
     return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in told]
 
 
-def _follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[ElementSet]:
+def _find_follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[ElementSet]:
     """Return the element sets of the follower, by number or name."""
     text = str(wanted).strip()
     where = str(catalog) if isinstance(catalog, str | Path) else "catalogue"
@@ -358,11 +358,11 @@ def _follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[E
     return meant
 
 
-def _same(entry: ElementSet, lead: ElementSet) -> bool:
+def _is_same(entry: ElementSet, lead: ElementSet) -> bool:
     return entry is lead or (entry.identity == lead.identity and any(lead.identity))
 
 
-def _by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
+def _group_by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
     """Return the sets of each object; what has neither number nor name is an object of its own."""
     objects: dict[Any, list[ElementSet]] = {}
     for number, entry in enumerate(sets):
@@ -370,15 +370,15 @@ def _by_object(sets: list[ElementSet]) -> list[list[ElementSet]]:
     return list(objects.values())
 
 
-def _seconds(time_s: float) -> str:
+def _format_seconds(time_s: float) -> str:
     return "-" if math.isnan(time_s) else f"{time_s:,.1f}"
 
 
-def _degrees(angle: float) -> str:
+def _format_degrees(angle: float) -> str:
     return "-" if math.isnan(angle) else str(round(angle))
 
 
-def _written(value: Any) -> Any:
+def _format_cell(value: Any) -> Any:
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:.9g}" if isinstance(value, float) else value

@@ -21,9 +21,9 @@ from rso_lidar.motion.attitudes.aem import write_aem
 from rso_lidar.orbit.ccsds.ephemeris import write_oem
 from rso_lidar.pose import ROOT
 from rso_lidar.records import BodyState, Frame, Source
-from rso_lidar.study.recorded_runs.flown_scenario import scenario_of
-from rso_lidar.study.recorded_runs.globe import globe
-from rso_lidar.study.time_history.open_loop import breaks_s
+from rso_lidar.study.recorded_runs.flown_scenario import load_scenario
+from rso_lidar.study.recorded_runs.globe import build_globe
+from rso_lidar.study.time_history.open_loop import find_velocity_jumps_s
 from rso_lidar.toml_text import parse_toml
 
 
@@ -65,7 +65,7 @@ def save(
     place = free(path, overwrite=overwrite)
     source, frames = source_of(place, frames)
     if wanted.name == "csv":
-        texts = _utc_texts(source)
+        texts = _utc_formatter(source)
         return writer_for("csv")(place, frames, utc=texts, overwrite=overwrite, **options)
     if parse_toml(source.scenario, "recording", RecordingError).get("world", {}).get("axes") == "local":
         raise RecordingError(f"{place.name}: a local world has no Earth to give positions about; write a .csv")
@@ -75,28 +75,28 @@ def save(
     return write(place, frames, source, **options)
 
 
-def _utc_texts(source: Source) -> Any:
+def _utc_formatter(source: Source) -> Any:
     """Return a function that turns times [s since the start] into ISO UTC texts to the microsecond, leap seconds counted."""
-    start_utc = _start(source)
+    start_utc = _parse_start(source)
     return lambda time_s: np.array(orbit.Epochs(start_utc, time_s).skyfield_time().utc_iso(places=6))
 
 
-def _start(source: Source) -> datetime.datetime:
+def _parse_start(source: Source) -> datetime.datetime:
     return datetime.datetime.fromisoformat(source.start_utc)
 
 
 def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
     """Write the states of a body; a new segment begins at each impulse."""
-    folder = _folder(frames)
+    folder = _find_folder(frames)
     batches = list(courses(frames))
-    name = _known(target, list(batches[0][0].states))
-    time_s = _times(batches)
+    name = _check_name(target, list(batches[0][0].states))
+    time_s = _join_times(batches)
     states = BodyState(
         np.concatenate([truth.states[name].position_m for truth, _ in batches]),
         np.concatenate([truth.states[name].velocity_m_s for truth, _ in batches]),
     )
-    breaks = _breaks(source, name, time_s, folder)
-    epochs = orbit.Epochs(_start(source), time_s)
+    breaks = _find_breaks_s(source, name, time_s, folder)
+    epochs = orbit.Epochs(_parse_start(source), time_s)
     return write_oem(place, name, name, epochs, states, breaks_s=breaks, overwrite=True)
 
 
@@ -105,14 +105,14 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
     from scipy.spatial.transform import Rotation
 
     batches = list(courses(frames))
-    name = _known(target, list(batches[0][0].poses))
+    name = _check_name(target, list(batches[0][0].poses))
     turned = np.concatenate(
         [
             np.broadcast_to(truth.pose(ROOT, name).rotation.as_matrix(), (truth.time_s.size, 3, 3))
             for truth, _ in batches
         ]
     )
-    epochs = orbit.Epochs(_start(source), _times(batches))
+    epochs = orbit.Epochs(_parse_start(source), _join_times(batches))
     return write_aem(place, name, name, epochs, Rotation.from_matrix(turned), overwrite=True)
 
 
@@ -126,14 +126,14 @@ def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
     else:
         truth, _ = whole(courses(frames), thinned)
     targets = [one.name for one in source.targets]
-    return write_czml(place, globe(source.title, _start(source), targets, truth))
+    return write_czml(place, build_globe(source.title, _parse_start(source), targets, truth))
 
 
-def _times(batches: list[Course]) -> np.ndarray:
+def _join_times(batches: list[Course]) -> np.ndarray:
     return np.concatenate([truth.time_s for truth, _ in batches])
 
 
-def _known(name: str | None, known: list[str]) -> str:
+def _check_name(name: str | None, known: list[str]) -> str:
     """Return a body or axes by name, the follower if none is given."""
     wanted = "follower" if name is None else name
     if wanted not in known:
@@ -144,17 +144,17 @@ def _known(name: str | None, known: list[str]) -> str:
     return wanted
 
 
-def _folder(frames: Iterable[Frame]) -> Path | None:
+def _find_folder(frames: Iterable[Frame]) -> Path | None:
     """Return the folder of a recording, in which files that its scenario names are looked up; None without a file."""
     recording = frames.recording if isinstance(frames, Frames) else frames
     return recording.path.parent if isinstance(recording, Recording) else None
 
 
-def _breaks(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
+def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
     """Return the instants [s] of impulses between frames that have two frames on either side."""
     try:
         with unwarned():
-            planned = sorted(breaks_s(scenario_of(source, folder), name))
+            planned = sorted(find_velocity_jumps_s(load_scenario(source, folder), name))
     except (RsoLidarError, OSError):  # a body that is no body of the scenario, or files that are not here
         planned = []
     edges: list[float] = []

@@ -18,7 +18,7 @@ from rso_lidar.picture.viewers.player import Colour, find_fullest_frame, play, s
 from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
 from rso_lidar.picture.viewers.shape import Shape
 from rso_lidar.records import Frame, Source
-from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
+from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
 
 TOOLS = ("rerun", "window", "files")
 COLOURS: tuple[Colour, ...] = ("range", "intensity")
@@ -31,7 +31,7 @@ _BESIDE = ("_view.png", _SHEET, "_view.gif")  # what is written beside a recordi
 
 
 @dataclass(frozen=True)
-class Way:
+class ViewerChoice:
     """How a recording is shown: by which of `TOOLS`, why, in words, and the files that are written; none, a window opens."""
 
     tool: str
@@ -39,13 +39,13 @@ class Way:
     paths: tuple[Path, ...] = ()
 
 
-def way(
+def choose_viewer(
     tool: str | None = None,
     output: str | Path | None = None,
     *,
     recording: Path | None = None,
     overwrite: bool = False,
-) -> Way:
+) -> ViewerChoice:
     """Return how a recording is shown best here, or as asked, once that is sure to be possible.
 
     Parameters
@@ -58,19 +58,19 @@ def way(
     if tool is not None and tool not in TOOLS:
         raise RecordingError(f"view: nothing is called '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})")
     if output is not None:
-        return _written(tool, Path(output), overwrite=overwrite)
+        return _choose_by_suffix(tool, Path(output), overwrite=overwrite)
     if tool == "rerun":
         import_rerun("view")
     display = has_display()
     if display and (tool == "rerun" or (tool is None and has_rerun())):
-        return Way("rerun", "Rerun")
+        return ViewerChoice("rerun", "Rerun")
     backend = window_backend() if display and tool != "files" else None
     if backend is not None:
-        return Way("window", f"matplotlib's window ({backend})")
+        return ViewerChoice("window", f"matplotlib's window ({backend})")
     why = "matplotlib has nothing to open a window with (pip install PyQt6)" if display else "no display"
     if tool == "window":
         raise RecordingError(f"view: {why}; choose files, or rerun and a name that ends in .rrd")
-    return _beside(tool or "files", "" if tool == "files" else why, recording, overwrite=overwrite)
+    return _choose_files_beside(tool or "files", "" if tool == "files" else why, recording, overwrite=overwrite)
 
 
 def view(
@@ -81,7 +81,7 @@ def view(
     output: str | Path | None = None,
     overwrite: bool = False,
     folder: Path | None = None,
-) -> Way:
+) -> ViewerChoice:
     """Return how a recording was shown, after its window is closed: in Rerun, else matplotlib's window, else files.
 
     Parameters
@@ -93,14 +93,14 @@ def view(
     overwrite : whether files that are there already are replaced.
     folder : where mesh files lie that the scenario names (None: beside the recording).
     """
-    path = _path(frames)
-    chosen = way(tool, output, recording=path, overwrite=overwrite)
+    path = _find_path(frames)
+    chosen = choose_viewer(tool, output, recording=path, overwrite=overwrite)
     show(chosen, frames, colour=colour, folder=folder or (path.parent if path else None))
     return chosen
 
 
 def show(
-    chosen: Way,
+    chosen: ViewerChoice,
     frames: Sequence[Frame],
     *,
     colour: Colour = "range",
@@ -117,34 +117,36 @@ def show(
         raise RecordingError("view: the recording holds no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
     needless = bool(suffixes) and suffixes <= {*_FILMS}  # in a film no mesh is drawn
-    shapes = [] if needless else true_shapes(frames[0].source, folder)
+    shapes = [] if needless else load_true_shapes(frames[0].source, folder)
     if chosen.tool == "window":
         play(frames, shapes, colour)
         return ()
     if _SCENE in suffixes:
         write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
-        return (_frames(len(frames)),)
+        return (_count_frames(len(frames)),)
     if chosen.tool == "rerun":
         with temporary_folder() as place:
             open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
         return ()
-    return tuple(_draw(chosen.paths, frames, shapes, colour))
+    return tuple(_write_pictures(chosen.paths, frames, shapes, colour))
 
 
-def _frames(count: int) -> str:
+def _count_frames(count: int) -> str:
     return f"{count} frame{'s' * (count != 1)}"
 
 
-def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour) -> list[str]:
+def _write_pictures(
+    paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour
+) -> list[str]:
     """Return which frames each picture shows, once they are written, by their names."""
     count, told = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
             picture.animate(frames, path)
-            told.append(_frames(count))
+            told.append(_count_frames(count))
         elif len(paths) > 1 and path.name.endswith(_SHEET):
             picture.contact_sheet(frames, path)
-            told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _frames(count))
+            told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
         else:
             best = frames[find_fullest_frame(frames)]
             save_view([best], path, shapes, colour)
@@ -152,13 +154,13 @@ def _draw(paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape
     return told
 
 
-def true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
+def load_true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
     """Return the meshes that were recorded, each in its axes of the truth; none, with a warning, where one is not here."""
     shapes: list[Shape] = []
     try:
-        scenario = scenario_of(source, folder)
+        scenario = load_scenario(source, folder)
         for number in range(len(source.targets)):
-            surfaces = surfaces_of(scenario, source, number, "view")
+            surfaces = load_surfaces(scenario, source, number, "view")
             shapes += [Shape(surface.name, surface.corners) for surface in surfaces]
     except (RsoLidarError, OSError) as error:
         warn(f"view: drawn without true meshes: {error}")
@@ -171,7 +173,7 @@ def has_display() -> bool:
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
-def _written(tool: str | None, output: Path, *, overwrite: bool) -> Way:
+def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> ViewerChoice:
     """Return the way that writes one file, by its suffix."""
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
@@ -179,11 +181,11 @@ def _written(tool: str | None, output: Path, *, overwrite: bool) -> Way:
     place = free(output, known, overwrite=overwrite)
     if place.suffix.lower() == _SCENE:
         import_rerun(str(place))
-        return Way("rerun", "", (place,))
-    return Way("files", "", (place,))
+        return ViewerChoice("rerun", "", (place,))
+    return ViewerChoice("files", "", (place,))
 
 
-def _beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> Way:
+def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> ViewerChoice:
     """Return the way that writes beside a recording."""
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
@@ -194,10 +196,10 @@ def _beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> 
             free(path, (path.suffix,), overwrite=overwrite)
         except RecordingError as error:
             raise RecordingError(f"{why + ', so it would write files: ' if why else ''}{error}") from None
-    return Way(tool, why, tuple(paths))
+    return ViewerChoice(tool, why, tuple(paths))
 
 
-def _path(frames: Sequence[Frame]) -> Path | None:
+def _find_path(frames: Sequence[Frame]) -> Path | None:
     """Return the file that frames are read from, None of those made in memory."""
     recording = frames.recording if isinstance(frames, Frames) else frames
     return recording.path if isinstance(recording, Recording) else None

@@ -10,13 +10,13 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
 
 
-def scenario_of(source: Source, folder: Path | None = None) -> Scenario:
+def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
     """Return the scenario that a recording holds; `folder` is where mesh files lie that it names (None: as for any)."""
     with unwarned():
         return Scenario.loads(source.scenario, folder=folder, where="recording")
 
 
-def surfaces_of(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:
+def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:
     """Return the surfaces of one target by number, its body's first, of the mesh that was recorded and no other."""
     with unwarned():
         surfaces = scenario.surfaces_of(number)

@@ -14,7 +14,7 @@ from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
 
 
-def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
+def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
     """Return a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight."""
     time_s = place.time_s
     fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
@@ -22,7 +22,7 @@ def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: T
     for name, state in place.states.items():
         turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
         itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
-        bodies.append(Moving(name, state.position_m, _quaternion(itrs_from_body)))
+        bodies.append(Moving(name, state.position_m, _to_quaternion(itrs_from_body)))
     beams = []
     if targets:
         nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
@@ -35,7 +35,7 @@ def globe(title: str, start_utc: datetime.datetime, targets: list[str], place: T
     return packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
 
 
-def _quaternion(matrix: np.ndarray) -> np.ndarray:
+def _to_quaternion(matrix: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return quaternion_xyzw(Rotation.from_matrix(matrix))

@@ -15,7 +15,7 @@ from rso_lidar.simulate import POINTING, frame_numbers
 from rso_lidar.viewing_geometry import tabulate_truth
 
 
-def course(
+def fly_open_loop(
     scenario: Scenario, frames: slice | Iterable[int] | None = None, *, drive: bool = True
 ) -> tuple[Truth, tuple[PtuAngles, ...]]:
     """Return the truth at some frames (None: all) as one batch, ptu and lidar in it, and the PTU's angles frame by frame.
@@ -50,17 +50,19 @@ def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked
         yield motion.sense(scenario.ptu, state, scenario.rng(k, POINTING))
 
 
-def columns(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
+def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
     """Return the truth as columns (time) by name, as `tabulate_truth` names them."""
-    return tabulate_truth(truth, [target.name for target in scenario.target], utc(scenario, truth.time_s), angles)
+    return tabulate_truth(
+        truth, [target.name for target in scenario.target], format_utc(scenario, truth.time_s), angles
+    )
 
 
-def utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
+def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
     """Return the instants [s since start_utc] as ISO UTC text to the microsecond."""
     return np.array(orbit.Epochs(scenario.time.start_utc, time_s).skyfield_time().utc_iso(places=6))
 
 
-def plan_of(scenario: Scenario, target: str | None) -> rpo.Plan | None:
+def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan that the follower flies about `target`; None for a motion without one."""
     flown = scenario.bodies[-1].motion
     if not isinstance(flown, rpo.ProximityOperation) or flown.relative_to != target:
@@ -72,12 +74,14 @@ def plan_of(scenario: Scenario, target: str | None) -> rpo.Plan | None:
 _BESIDE_S = 1e-3  # before an impulse: what is left out of an ephemeris there
 
 
-def burned(scenario: Scenario, name: str, time_s: np.ndarray) -> tuple[orbit.Epochs, BodyState, list[float]]:
+def sample_between_impulses(
+    scenario: Scenario, name: str, time_s: np.ndarray
+) -> tuple[orbit.Epochs, BodyState, list[float]]:
     """Return epochs, GCRS states of a body there, and the instants [s] of its impulses and of those it moves about.
 
     The epochs are those asked for and, so that each stretch between impulses has its ends, those at the impulses.
     """
-    breaks = breaks_s(scenario, name)
+    breaks = find_velocity_jumps_s(scenario, name)
     inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
     ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
     kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
@@ -86,7 +90,7 @@ def burned(scenario: Scenario, name: str, time_s: np.ndarray) -> tuple[orbit.Epo
     return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
 
 
-def breaks_s(scenario: Scenario, name: str) -> set[float]:
+def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
     """Return the instants [s] at which the velocity of a body jumps: its impulses, and those of what it moves about."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
@@ -103,7 +107,7 @@ def breaks_s(scenario: Scenario, name: str) -> set[float]:
     return breaks
 
 
-def umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
+def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
     """Return by body in orbit when it is wholly in the Earth's shadow, from and to [s]; for runs of up to 30 days."""
     if scenario.local or scenario.span[1] > 30.0 * units.DAY_S:
         return {}

@@ -23,7 +23,7 @@ _MOST_SAMPLES = 8_000_000  # that all trials together may take, so that a long g
 
 
 @dataclass(frozen=True)
-class Glimpse:
+class DetectionOpportunity:
     """What one flash sends back of one target, in expectation."""
 
     target_pixels: int  # pixels with any light of the target
@@ -34,7 +34,7 @@ class Glimpse:
     expected_returns: float  # sum of the probabilities over all pixels
 
 
-NOTHING = Glimpse(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_OPPORTUNITY = DetectionOpportunity(0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class DetectionCurve:
         return found
 
 
-def detection_curve(lidar: Lidar) -> DetectionCurve:
+def find_detection_curve(lidar: Lidar) -> DetectionCurve:
     """Return how a lidar's detector finds returns: the empirical one by its formula, the full chain by trial.
 
     The chain meets a plate of 1 to a million photons, 200 pixels at each of 145 levels (fewer under a long gate), in the
@@ -76,32 +76,34 @@ def detection_curve(lidar: Lidar) -> DetectionCurve:
     return DetectionCurve(logs, np.asarray(isotonic_regression(share).x))
 
 
-def glimpses(
+def find_opportunities(
     scenario: Scenario, truth: Truth, rows: Sequence[int], target: int, box_pixels: np.ndarray
-) -> list[Glimpse]:
+) -> list[DetectionOpportunity]:
     """Return what the flashes at some rows of a truth batched over epochs send back of the target of that number.
 
     `box_pixels` (time) is the area of all targets' bounds in the field, by which the grid of rays is chosen. Light spreads,
     bends and is blocked as in a rendered frame; there is no detector, no pulse-to-pulse jitter, and sunlight is left out.
     """
     _ = scenario.surfaces
-    curve = detection_curve(scenario.instrument)
+    curve = find_detection_curve(scenario.instrument)
     most_rays = _MOST_RAYS / max(len(rows), 1)
 
-    def one(row: int) -> Glimpse:
+    def one(row: int) -> DetectionOpportunity:
         if not box_pixels[row] > 0.0:
-            return NOTHING
+            return NO_OPPORTUNITY
         finest = math.isqrt(max(int(most_rays / box_pixels[row]), 1))
-        return _glimpse(scenario, truth.at(row), target, finest, curve)
+        return _evaluate_flash(scenario, truth.at(row), target, finest, curve)
 
     with ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="glimpse") as threads:
         return list(threads.map(one, rows))
 
 
-def _glimpse(scenario: Scenario, truth: Truth, target: int, finest: int, curve: DetectionCurve) -> Glimpse:
+def _evaluate_flash(
+    scenario: Scenario, truth: Truth, target: int, finest: int, curve: DetectionCurve
+) -> DetectionOpportunity:
     seen = cast_target(scenario, truth, target, finest)
     if not seen.pixel.size:
-        return NOTHING
+        return NO_OPPORTUNITY
     detector = scenario.instrument.at(truth.time_s).detector
     light, range_m = seen.light, seen.hits.range_m[seen.light.hit]
     watched = seen.hits.target[light.hit] == target
@@ -109,7 +111,7 @@ def _glimpse(scenario: Scenario, truth: Truth, target: int, finest: int, curve: 
     n_pixels = light.shape[0] * light.shape[1]
     gain = array_load(detector, light).gain[seen.pixel]  # less of it is less signal, as of fewer photons
     found = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
-    return Glimpse(
+    return DetectionOpportunity(
         target_pixels=int(seen.pixel.size),
         filled_pixels=seen.filled_pixels,
         brightest_photons=float(seen.photons.max()),

@@ -23,8 +23,8 @@ from rso_lidar.pose import ROOT, cross, dot, rotate_vectors
 from rso_lidar.records import PtuAngles, Truth
 from rso_lidar.scenario import Scenario, require_scenario
 from rso_lidar.scene import Surface
-from rso_lidar.study.time_history.open_loop import course, umbras, utc
-from rso_lidar.study.time_history.opportunities import Glimpse, glimpses
+from rso_lidar.study.time_history.open_loop import find_umbras, fly_open_loop, format_utc
+from rso_lidar.study.time_history.opportunities import DetectionOpportunity, find_opportunities
 from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 CASTS = 300  # frames at most of which rays are cast
@@ -85,20 +85,20 @@ def timeline(
     casts : frames at most of which rays are cast, spread evenly over those asked for.
     """
     require_scenario(scenario, "timeline")
-    number = _number(scenario, target)
+    number = _find_target(scenario, target)
     if casts < 1:
         raise ScenarioError(f"casts: needs a whole number from 1, not {casts}")
-    stride = frames_apart(scenario, every_s)
+    stride = count_frames_between(scenario, every_s)
     last = scenario.time.n_frames - 1
     frames = np.union1d(np.arange(0, last + 1, stride), last)
-    truth, angles = course(scenario, frames)
+    truth, angles = fly_open_loop(scenario, frames)
     name = scenario.target[number].name
-    table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": utc(scenario, truth.time_s)}
-    table |= _geometry(truth, name)
-    table |= _pointing(scenario, truth.time_s, angles)
-    table |= _light(scenario, truth, number, casts)
+    table: dict[str, np.ndarray] = {"time_s": truth.time_s, "utc": format_utc(scenario, truth.time_s)}
+    table |= _tabulate_geometry(truth, name)
+    table |= _tabulate_pointing(scenario, truth.time_s, angles)
+    table |= _tabulate_light(scenario, truth, number, casts)
     edge = scenario.instrument.at(0.0).receiver.field_edge
-    shadows = umbras(scenario).get(name)
+    shadows = find_umbras(scenario).get(name)
     response = scenario.ptu.response if scenario.ptu else None
     return Timeline(
         title=scenario.name,
@@ -111,7 +111,7 @@ def timeline(
     )
 
 
-def frames_apart(scenario: Scenario, every_s: float | None) -> int:
+def count_frames_between(scenario: Scenario, every_s: float | None) -> int:
     """Return how many frames lie from row to row, `every_s` [s] apart."""
     if every_s is None:
         return 1
@@ -123,7 +123,7 @@ def frames_apart(scenario: Scenario, every_s: float | None) -> int:
     return round(every_s / step_s)
 
 
-def _number(scenario: Scenario, target: str | None) -> int:
+def _find_target(scenario: Scenario, target: str | None) -> int:
     names = [one.name for one in scenario.target]
     if not names:
         raise ScenarioError("timeline: the scenario has no target to look at; add [[target]]")
@@ -134,7 +134,7 @@ def _number(scenario: Scenario, target: str | None) -> int:
     return 0 if target is None else names.index(target)
 
 
-def _geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
+def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
     """Return how the target is seen: range, directions, their rates, and the Sun."""
     seen = compute_viewing_geometry(truth, name)
     table = {"range_m": seen.range_m, "range_rate_m_s": seen.range_rate_m_s}
@@ -165,7 +165,7 @@ def _geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
     return table
 
 
-def _pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, ...]) -> dict[str, np.ndarray]:
+def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, ...]) -> dict[str, np.ndarray]:
     """Return what the PTU is asked, how it answers, and where it stands at a limit; nothing without a PTU."""
     if scenario.ptu is None:
         return {}
@@ -196,20 +196,20 @@ def _pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, .
 # ------------------------------------------------------------------------------------------------- bounds and light
 
 
-def _light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
+def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
     """Return bounds and light of the target: bounds at every frame, light cast at some and carried to the others."""
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
     edge = np.array([lidar.receiver.field_edge for lidar in lidars])
     pitch = np.array([lidar.receiver.pixel_tangent for lidar in lidars])
     name = scenario.target[number].name
-    low, high = _bounds(scenario, truth, number)
-    sides, inside = _inside(low, high, edge)
+    low, high = _project_bounds(scenario, truth, number)
+    sides, inside = _clip_bounds(low, high, edge)
     box_pixels = np.prod(inside, axis=1) / pitch**2
-    within = _inside(*_bounds(scenario, truth, None), edge)[1]
+    within = _clip_bounds(*_project_bounds(scenario, truth, None), edge)[1]
     cast = np.unique(np.linspace(0, time_s.size - 1, casts).round().astype(int))
     everything = np.prod(within, axis=1) / pitch**2
-    made = glimpses(scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0))
+    made = find_opportunities(scenario, truth, cast.tolist(), number, np.where(box_pixels > 0.0, everything, 0.0))
 
     range_m = np.linalg.norm(np.broadcast_to(truth.poses.link("lidar", name).translation_m, (time_s.size, 3)), axis=-1)
     white = np.array(
@@ -218,7 +218,7 @@ def _light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[st
             for one, r in zip(lidars, range_m, strict=True)
         ]
     )
-    carried = _carried(made, cast, time_s, box_pixels, white)
+    carried = _interpolate_opportunities(made, cast, time_s, box_pixels, white)
     sides = np.where(np.isfinite(sides), sides, 2.0 * edge)
     span = np.where(box_pixels[:, None] > 0.0, sides / pitch[:, None], 0.0)
     share = inside / np.where(sides > 0.0, sides, np.inf)
@@ -230,12 +230,13 @@ def _light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[st
     return table | carried | {"cast": np.isin(np.arange(time_s.size), cast).astype(int)}
 
 
-def _carried(
-    made: list[Glimpse], cast: np.ndarray, time_s: np.ndarray, box_pixels: np.ndarray, white: np.ndarray
+def _interpolate_opportunities(
+    made: list[DetectionOpportunity], cast: np.ndarray, time_s: np.ndarray, box_pixels: np.ndarray, white: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return what the casts saw at all frames: as shares of bounds and of a white pixel's light, linear in time between."""
     seen = {
-        field: np.array([getattr(one, field) for one in made], dtype=float) for field in Glimpse.__dataclass_fields__
+        field: np.array([getattr(one, field) for one in made], dtype=float)
+        for field in DetectionOpportunity.__dataclass_fields__
     }
     scale = {
         "target_pixels": box_pixels,
@@ -259,13 +260,13 @@ def _carried(
 def in_field_fraction(scenario: Scenario, truth: Truth, number: int) -> np.ndarray:
     """Return the share (time) of a target's projected bounds that is in the field; 0 where nothing of them is."""
     edge = np.array([scenario.instrument.at(float(at)).receiver.field_edge for at in truth.time_s])
-    sides, inside = _inside(*_bounds(scenario, truth, number), edge)
+    sides, inside = _clip_bounds(*_project_bounds(scenario, truth, number), edge)
     sides = np.where(np.isfinite(sides), sides, 2.0 * edge)
     fraction: np.ndarray = np.prod(inside / np.where(sides > 0.0, sides, np.inf), axis=1)
     return fraction
 
 
-def _bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.ndarray, np.ndarray]:
+def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Return least and greatest x/z and y/z (time, 2) of a target, or of all (None); low > high where it is behind.
 
     They are infinite where the lidar is beside the target, so that it reaches from ahead to behind.
@@ -283,20 +284,20 @@ def _bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.nd
             depth = np.where(ahead, there[..., 2], 1.0)[..., None]
             tangent = there[..., :2] / depth
             least, most = (np.where(ahead[..., None], tangent, none * np.inf) for none in (1.0, -1.0))
-            around = ahead.any(axis=1) & ~ahead.all(axis=1) & _near(surface, place[rows], turn[rows])
+            around = ahead.any(axis=1) & ~ahead.all(axis=1) & _is_near(surface, place[rows], turn[rows])
             low[rows] = np.minimum(low[rows], np.where(around[:, None], -np.inf, least.min(axis=1)))
             high[rows] = np.maximum(high[rows], np.where(around[:, None], np.inf, most.max(axis=1)))
     return low, high
 
 
-def _near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """Return at which epochs (time) the lidar is within a radius of the sphere about a surface."""
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near
 
 
-def _inside(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _clip_bounds(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the sides (time, 2) of bounds, and of what of them is in the field: both 0 where nothing is."""
     with np.errstate(invalid="ignore"):
         sides = np.where(low <= high, high - low, 0.0)

@@ -18,17 +18,17 @@ from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import read_toml, validate_toml
 from rso_lidar.simulate import frame_numbers
-from rso_lidar.study.trades.merits import MERITS, judged_by
+from rso_lidar.study.trades.merits import MERITS, list_evaluated
 
 MOST_ROWS = 100_000  # of a table; its report holds them all
 _MOST_SEEDS = 1000
 
 
-def _fields(given: Any) -> Any:
+def _as_fields(given: Any) -> Any:
     return (given,) if isinstance(given, str) else given
 
 
-def _values(given: Any) -> Any:
+def _check_values(given: Any) -> Any:
     if given is None:
         return None
     if not isinstance(given, list | tuple):
@@ -50,7 +50,7 @@ def _check_finite(value: Any) -> None:
         raise ValueError(f"{value} is no number to try; give finite ones")
 
 
-def _frames(given: Any) -> Any:
+def _check_frames(given: Any) -> Any:
     """Return frames as text ``A:B:STEP``, or as numbers."""
     if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
         return given
@@ -59,7 +59,7 @@ def _frames(given: Any) -> Any:
     raise ValueError(f"needs text such as '0:2700:100' (from, end, step), or a list of frames, not {given!r:.60}")
 
 
-def _known(names: tuple[str, ...]) -> tuple[str, ...]:
+def _check_merits(names: tuple[str, ...]) -> tuple[str, ...]:
     for k, name in enumerate(names):
         if name not in MERITS:
             raise ValueError(
@@ -97,14 +97,14 @@ class Axis(Part):
     """
 
     field: Annotated[
-        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...], BeforeValidator(_fields), Field(min_length=1)
+        tuple[Annotated[Text, Field(pattern=r"^[^=\s]+$")], ...], BeforeValidator(_as_fields), Field(min_length=1)
     ] = Field(
         description=(
             "Place of a field in the scenario, as `--set` takes it, or a list of places. Several fields take one "
             "value, or each its own."
         )
     )
-    values: Annotated[Any, AfterValidator(_values)] = Field(
+    values: Annotated[Any, AfterValidator(_check_values)] = Field(
         default=None,
         description=(
             "List of values for the field; for several fields, a list with one value for each. Random points draw "
@@ -184,7 +184,7 @@ class Axis(Part):
     def settings(self, value: Any) -> dict[str, str]:
         """Return by field the TOML text of a value."""
         each = value if len(self.field) > 1 and isinstance(value, list) else [value] * len(self.field)
-        return {field: toml_of(one) for field, one in zip(self.field, each, strict=True)}
+        return {field: write_toml_value(one) for field, one in zip(self.field, each, strict=True)}
 
 
 class Report(Part):
@@ -223,14 +223,14 @@ class Study(Part):
     sampling: Annotated[Grid | Random | LatinHypercube, Field(discriminator="type")] = Field(
         default=Grid(), description="Choice of points: all of a grid, or random ones."
     )
-    frames: Annotated[Any, AfterValidator(_frames)] = Field(
+    frames: Annotated[Any, AfterValidator(_check_frames)] = Field(
         default=None,
         description=(
             'Frames of each run that are simulated, as text `"from:end:step"` or a list of indices, if a figure of '
             "merit needs frames. If omitted, all."
         ),
     )
-    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_known)] = Field(
+    merits: Annotated[tuple[Text, ...], Field(min_length=1), AfterValidator(_check_merits)] = Field(
         description="Names of the figures of merit; the first one ranks the pictures."
     )
     target: Name | None = Field(
@@ -300,7 +300,7 @@ class Study(Part):
     @property
     def judged_by(self) -> tuple[str, ...]:
         """Return the figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
-        return judged_by(self.merits)
+        return list_evaluated(self.merits)
 
     @property
     def where(self) -> str:
@@ -348,10 +348,10 @@ class Study(Part):
         return frame_numbers(scenario, self.frames)
 
 
-def toml_of(value: Any) -> str:
+def write_toml_value(value: Any) -> str:
     """Return a value as TOML on one line; a number without a fraction as a whole one, which every field of numbers takes.
 
-    >>> toml_of([0.5, 2.0, True, "a", {"type": "gsfl"}])
+    >>> write_toml_value([0.5, 2.0, True, "a", {"type": "gsfl"}])
     '[0.5, 2, true, "a", { type = "gsfl" }]'
     """
     if isinstance(value, bool):
@@ -359,12 +359,12 @@ def toml_of(value: Any) -> str:
     if isinstance(value, int | float):
         return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_of(one) for one in value) + "]"
+        return "[" + ", ".join(write_toml_value(one) for one in value) + "]"
     if isinstance(value, dict):
         return (
             "{ "
             + ", ".join(
-                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {toml_of(one)}"
+                f"{key if re.fullmatch(r'[A-Za-z0-9_-]+', key) else json.dumps(key)} = {write_toml_value(one)}"
                 for key, one in value.items()
             )
             + " }"

@@ -21,37 +21,39 @@ from rso_lidar.files import hold_lock, write_cure
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library.catalogue import own_models
-from rso_lidar.study.trades.definition import Axis, Study, toml_of
-from rso_lidar.study.trades.plan import Plan, Row, plan_of
-from rso_lidar.study.trades.report import save
+from rso_lidar.study.trades.definition import Axis, Study, write_toml_value
+from rso_lidar.study.trades.plan import Row, TradePlan, make_plan
+from rso_lidar.study.trades.report import save_trade
 from rso_lidar.study.trades.results import TradeTable
 
 
-def identity(plan: Plan, base: Scenario) -> str:
+def identify(plan: TradePlan, base: Scenario) -> str:
     """Return eight hex digits that name a study: SHA-256 of it, of its scenario as resolved, and of the version.
 
     What its points name counts by content: files beside the scenario, and models of the user's own library.
     """
     version = importlib.metadata.version("rso-lidar"), base.source.versions["arithmetic"]
-    named = [_content(word, plan.folder) for word in sorted(set(_words([list(point) for point in plan.points])))]
+    named = [
+        _hash_content(word, plan.folder) for word in sorted(set(_iterate_texts([list(point) for point in plan.points])))
+    ]
     asked = plan.study.model_dump_json(exclude={"min_detection_fraction"})  # it ranks rows, and changes none
     parts = (asked, plan.text, base.source.scenario, *named, *version)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
 
 
-def _words(value: Any) -> Iterator[str]:
+def _iterate_texts(value: Any) -> Iterator[str]:
     """Return the texts in a value of an axis, down through its lists and tables."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
         for inner in value.values():
-            yield from _words(inner)
+            yield from _iterate_texts(inner)
     elif isinstance(value, list | tuple):
         for inner in value:
-            yield from _words(inner)
+            yield from _iterate_texts(inner)
 
 
-def _content(word: str, folder: Path) -> str:
+def _hash_content(word: str, folder: Path) -> str:
     """Return what a text names, as far as it names a file or a model that may change; else nothing."""
     own = own_models().get(word)
     place = folder / word
@@ -60,7 +62,7 @@ def _content(word: str, folder: Path) -> str:
     return ""
 
 
-class Rows:
+class RowFile:
     """Rows kept in a file as they come, one JSON text a line: what was cut off goes on after its last whole line."""
 
     def __init__(self, path: Path, count: int) -> None:
@@ -69,7 +71,7 @@ class Rows:
         self._file: BinaryIO | None = None
 
     @contextmanager
-    def opened(self) -> Iterator[Rows]:
+    def opened(self) -> Iterator[RowFile]:
         """Read what is there and keep others away; the file stays when the context ends."""
         with hold_lock(self.path.with_name(f".{self.path.name}.lock")):
             try:
@@ -78,7 +80,7 @@ class Rows:
                     self._file.seek(0)
                     whole = 0
                     for line in self._file:
-                        row = _read(line, self._count)
+                        row = _parse_row(line, self._count)
                         if row is None:
                             break
                         self.known[row["row"]] = row
@@ -115,7 +117,7 @@ def _open_no_link(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
-def _read(line: bytes, count: int) -> Row | None:
+def _parse_row(line: bytes, count: int) -> Row | None:
     """Return the row of a line; None where it was cut off."""
     try:
         row = json.loads(line)
@@ -125,13 +127,13 @@ def _read(line: bytes, count: int) -> Row | None:
     return row if whole and 0 <= row["row"] < count else None
 
 
-def work(plan: Plan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
+def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
     """Yield the rows that are not known yet, as they are done; a row depends on the plan and its number only."""
     left = [number for number in range(plan.study.n_rows) if number not in known]
     if workers is None or workers < 2 or len(left) < 2:
         yield from map(plan.row, left)
         return
-    with Processes(min(workers, len(left)), partial(Plan.row, plan)) as processes:
+    with Processes(min(workers, len(left)), partial(TradePlan.row, plan)) as processes:
         waiting: set[Future[Any]] = set()
         try:
             while left or waiting:
@@ -150,7 +152,7 @@ class Trade(TradeTable):
 
     def save(self, path: str | Path) -> Path:
         """Return the path of the table (.csv, .parquet) or of the report (.html), written whole or not at all."""
-        return save(self, Path(path))
+        return save_trade(self, Path(path))
 
 
 def trade(
@@ -174,29 +176,29 @@ def trade(
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
     asked = study if isinstance(study, Study) else Study.load(study)
-    plan, base = plan_of(asked, threads=1 if workers is not None and workers > 1 else None)
+    plan, base = make_plan(asked, threads=1 if workers is not None and workers > 1 else None)
     tell = on_row or (lambda done, count: None)
     known: dict[int, Row] = {}
     if working is None:
         tell(0, asked.n_rows)
-        for row in work(plan, known, workers):
+        for row in run_rows(plan, known, workers):
             known[row["row"]] = row
             tell(len(known), asked.n_rows)
-        return tabled(plan, base, known)
-    with Rows(working_file(Path(working), plan, base), asked.n_rows).opened() as rows:
+        return tabulate_rows(plan, base, known)
+    with RowFile(place_row_file(Path(working), plan, base), asked.n_rows).opened() as rows:
         tell(len(rows.known), asked.n_rows)
-        for row in work(plan, rows.known, workers):
+        for row in run_rows(plan, rows.known, workers):
             rows.add(row)
             tell(len(rows.known), asked.n_rows)
-        return tabled(plan, base, rows.known)
+        return tabulate_rows(plan, base, rows.known)
 
 
-def working_file(place: Path, plan: Plan, base: Scenario) -> Path:
+def place_row_file(place: Path, plan: TradePlan, base: Scenario) -> Path:
     """Return the file in which rows are kept that go to `place` in the end."""
-    return place.with_name(f"{place.name}.tmp-{identity(plan, base)}")
+    return place.with_name(f"{place.name}.tmp-{identify(plan, base)}")
 
 
-def tabled(plan: Plan, base: Scenario, known: dict[int, Row]) -> Trade:
+def tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Trade:
     """Return the table of all rows, in their order."""
     study = plan.study
     rows = [known[number] for number in range(study.n_rows)]
@@ -205,7 +207,7 @@ def tabled(plan: Plan, base: Scenario, known: dict[int, Row]) -> Trade:
         values = [plan.points[number // study.seeds][k] for number in range(study.n_rows)]
         for column, field in enumerate(axis.field):
             if field != "seed":
-                table[field] = _column(axis, values, column)
+                table[field] = _tabulate_field(axis, values, column)
     table |= {name: np.array([row["merits"][name] for row in rows], dtype=float) for name in study.judged_by}
     table["error"] = np.array([row["error"] for row in rows])
     made = Trade(study, base, plan, table)
@@ -215,10 +217,10 @@ def tabled(plan: Plan, base: Scenario, known: dict[int, Row]) -> Trade:
     return made
 
 
-def _column(axis: Axis, values: list[Any], column: int) -> np.ndarray:
+def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
     """Return the values of one field: as numbers where all are, else as TOML."""
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]
     if all(type(value) in (int, float) for value in own):
         return np.array(own, dtype=float)
-    return np.array([value if isinstance(value, str) else toml_of(value) for value in own])
+    return np.array([value if isinstance(value, str) else write_toml_value(value) for value in own])

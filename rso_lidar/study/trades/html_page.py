@@ -31,7 +31,7 @@ summary { cursor: pointer; color: #70747c; }
 """
 
 
-def table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
+def write_table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> str:
     """Write an HTML table from cells that are HTML already; each head states whether its column holds numbers."""
     kinds = [' class="n"' if number else "" for _, number in heads]
     top = "".join(f"<th{kind}>{word}</th>" for (word, _), kind in zip(heads, kinds, strict=True))
@@ -42,7 +42,7 @@ def table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]) -> s
     return f"<table><thead><tr>{top}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
-def image(figure: Any, text: str, caption: str = "") -> str:
+def embed_figure(figure: Any, text: str, caption: str = "") -> str:
     """Embed a figure as a picture, with an alternative text and a caption that is HTML already."""
     with io.BytesIO() as held:
         figure.savefig(held, format="png", dpi=_DOTS)

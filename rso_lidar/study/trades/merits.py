@@ -15,9 +15,9 @@ from rso_lidar import units
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
-from rso_lidar.study.time_history.open_loop import course
+from rso_lidar.study.time_history.open_loop import fly_open_loop
 from rso_lidar.study.time_history.timeline import in_field_fraction
-from rso_lidar.study.tracking.evaluation import tracking
+from rso_lidar.study.track_quality.evaluation import tracking
 from rso_lidar.viewing_geometry import compute_viewing_geometry
 
 _LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # of the counts of errors: in steps of 1 %, from 0.1 mm to 6.6 km
@@ -25,7 +25,7 @@ _ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal law within one standa
 _WHOLE = 0.999  # share of a target's bounds in the field from which all of it is
 
 
-class Sums:
+class RunSums:
     """What is kept of the frames of a run as they pass: sums and counts, whose size does not grow."""
 
     def __init__(self, number: int, size_m: float) -> None:
@@ -57,10 +57,10 @@ class Sums:
         return _LEAST_M * math.exp(_STEP * (reached + 0.5))
 
 
-class _Passing(Sequence[Frame]):
+class _CountedFrames(Sequence[Frame]):
     """The frames of a run as a sequence: each is counted as it passes, then let go; one asked for alone is flown alone."""
 
-    def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: Sums) -> None:
+    def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: RunSums) -> None:
         self._fly = partial(simulate, scenario, threads=threads)
         self._numbers, self._sums = numbers.tolist(), sums
         self._made = self._fly(frames=self._numbers)
@@ -89,13 +89,13 @@ class Run:
 
     scenario: Scenario
     number: int
-    sums: Sums
+    sums: RunSums
     tracker_error_m: np.ndarray
 
     @cached_property
     def truth(self) -> Any:
         """Return the truth of all frames of the scenario, as one batch, without any being flashed."""
-        return course(self.scenario)[0]
+        return fly_open_loop(self.scenario)[0]
 
     @property
     def target(self) -> str:
@@ -216,13 +216,13 @@ MERITS = {
 DETECTION = "detection_fraction"
 
 
-def judged_by(names: Sequence[str]) -> tuple[str, ...]:
+def list_evaluated(names: Sequence[str]) -> tuple[str, ...]:
     """Return the figures of merit of a run: those asked for, and the detection fraction where one of them depends on it."""
     held = any(MERITS[name].of_detected for name in names) and DETECTION not in names
     return (*names, DETECTION) if held else tuple(names)
 
 
-def judged(
+def evaluate(
     scenario: Scenario,
     names: Sequence[str],
     number: int,
@@ -243,10 +243,10 @@ def judged(
     threads : how many threads work at once (None: one for each core); it does not change a bit.
     """
     needs = {MERITS[name].needs for name in names}
-    sums = Sums(number, _size_m(scenario, number))
+    sums = RunSums(number, _bounding_diagonal_m(scenario, number))
     error_m = np.empty(0)
     if needs & {"frames", "tracker"}:
-        passing = _Passing(scenario, frames, threads, sums)
+        passing = _CountedFrames(scenario, frames, threads, sums)
         if "tracker" in needs:
             table = tracking(passing, scenario.target[number].name, folder=folder, poses=False).table
             error_m = np.linalg.norm([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")], axis=0)
@@ -257,7 +257,7 @@ def judged(
     return {name: MERITS[name].of(run) for name in names}
 
 
-def _size_m(scenario: Scenario, number: int) -> float:
+def _bounding_diagonal_m(scenario: Scenario, number: int) -> float:
     """Return the diagonal of the box about a target [m], hinges as they stand in the mesh, or a metre if that is more."""
     corners = scenario.corners_of(number).reshape(-1, 3)
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1.0)

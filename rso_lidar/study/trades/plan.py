@@ -12,8 +12,8 @@ from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError,
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import read_toml
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.merits import judged
-from rso_lidar.study.trades.sampling import points, settings
+from rso_lidar.study.trades.merits import evaluate
+from rso_lidar.study.trades.sampling import list_points, list_settings
 
 _TRIED = 300  # points at most that are tried before anything is flown
 _OF_AN_AXIS = 50  # values of one axis, alone
@@ -21,7 +21,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TradePlan:
     """All that a row depends on but its number: it travels to other processes."""
 
     study: Study
@@ -41,7 +41,7 @@ class Plan:
 
     def settings(self, row: int) -> dict[str, str]:
         """Return by field what a row sets, as TOML text."""
-        chosen = settings(self.study, self.points[row // self.study.seeds])
+        chosen = list_settings(self.study, self.points[row // self.study.seeds])
         return chosen | ({"seed": str(self.seed + row % self.study.seeds)} if self.study.seeds > 1 else {})
 
     def row(self, number: int) -> Row:
@@ -53,7 +53,7 @@ class Plan:
                 scenario = self.scenario(number)
                 seed = scenario.seed
                 which, frames = study.number(scenario), study.numbers(scenario)
-                merits = judged(scenario, study.judged_by, which, frames, folder=self.folder, threads=self.threads)
+                merits = evaluate(scenario, study.judged_by, which, frames, folder=self.folder, threads=self.threads)
             except RunError:
                 raise
             except RsoLidarError as error:
@@ -61,17 +61,17 @@ class Plan:
         return {"row": number, "seed": seed, "merits": merits, "error": why}
 
 
-def plan_of(study: Study, threads: int | None = None) -> tuple[Plan, Scenario]:
+def make_plan(study: Study, threads: int | None = None) -> tuple[TradePlan, Scenario]:
     """Return the plan of a study and its scenario, once every field that it changes is known to be one."""
     base, path = study.base(), study.scenario_file()
-    plan = Plan(study, tuple(points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
+    plan = TradePlan(study, tuple(list_points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
     with unwarned():
         _check_fields(plan)
         _check_points(plan)
     return plan, base
 
 
-def _check_fields(plan: Plan) -> None:
+def _check_fields(plan: TradePlan) -> None:
     """Raise where an axis names no field of the scenario, or gives values of another type."""
     for k, axis in enumerate(plan.study.axis):
         tried = {repr(point[k]): point[k] for point in plan.points}
@@ -80,19 +80,19 @@ def _check_fields(plan: Plan) -> None:
                 _check_field(plan, f"{plan.study.where}: axis[{k}]", field, text)
 
 
-def _check_field(plan: Plan, place: str, field: str, text: str) -> None:
+def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
     changed = (*plan.study.set, f"{field}={text}")
     try:
         Scenario.loads(plan.text, folder=plan.folder, where=plan.where, settings=changed, trust_code=True)
     except ScenarioError as error:
-        key, misfit = _misfit(error, field)
+        key, misfit = _find_misfit(error, field)
         if misfit:
             said = str(error).removeprefix(f"--set {field}={text}: ")
             named = "" if field in said else f"{field}: "
             raise ScenarioError(f"{place}.{key}: {named}{said}") from None
 
 
-def _misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
+def _find_misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
     """Return which key of an axis is wrong for every point, and whether one is: no such field, or another type."""
     if isinstance(error, SettingError):
         return "field", True
@@ -106,7 +106,7 @@ def _misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
     return "field", False
 
 
-def _check_points(plan: Plan) -> None:
+def _check_points(plan: TradePlan) -> None:
     """Raise where no point is a scenario that can be flown."""
     n = len(plan.points)
     first = None

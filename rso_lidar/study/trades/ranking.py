@@ -11,10 +11,10 @@ from rso_lidar.picture.plots.trade import format_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trades.results import TradeTable
 
-_UNTOLD = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
+_AMBIGUOUS_END = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
 
 
-def best_first(trade: TradeTable, name: str) -> np.ndarray:
+def rank_points(trade: TradeTable, name: str) -> np.ndarray:
     """Return the points in order of a figure of merit, mean over seeds, the best first; only those that it ranks."""
     values = MERITS[name].sign * trade.of_points(name)[0]
     order = np.argsort(-values, kind="stable")
@@ -22,7 +22,7 @@ def best_first(trade: TradeTable, name: str) -> np.ndarray:
     return points
 
 
-def unbeaten(trade: TradeTable) -> np.ndarray:
+def find_pareto_front(trade: TradeTable) -> np.ndarray:
     """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one.
 
     Only points that every figure of merit ranks are compared.
@@ -52,44 +52,48 @@ def describe_unranked(trade: TradeTable) -> str:
     return f"{count:,} of {mean.size:,} points are not ranked in {names}: {why}"
 
 
-def words(merit: Merit) -> str:
+def name_merit(merit: Merit) -> str:
     """Return the name of a figure of merit in words, with its unit."""
     unit = "" if merit.unit == "1" else f" [{merit.unit}]"
     name = merit.name.removesuffix(f"_{merit.unit}").replace("_", " ")
     return f"{name[0].upper()}{name[1:]}{unit}"
 
 
-def chosen(trade: TradeTable) -> list[tuple[int, str]]:
+def choose_pictured(trade: TradeTable) -> list[tuple[int, str]]:
     """Return the points whose frames are shown, and why: the first figure of merit's best, worst, and between, evenly."""
-    points = best_first(trade, trade.study.merits[0])
+    points = rank_points(trade, trade.study.merits[0])
     count = min(trade.study.report.pictures, points.size)
     places = np.linspace(0, points.size - 1, count).round().astype(int).tolist() if count > 1 else [0] * count
     told = ["the best", *(f"place {place + 1} of {points.size}" for place in places[1:-1]), "the worst"]
-    name = words(MERITS[trade.study.merits[0]])
+    name = name_merit(MERITS[trade.study.merits[0]])
     return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, told, strict=False)]
 
 
-def summary(trade: TradeTable) -> list[str]:
+def summarize(trade: TradeTable) -> list[str]:
     """Return a few lines for a terminal: how many runs, and the best point of each figure of merit."""
     study = trade.study
     failed = int(np.sum(trade.table["error"] != ""))
     lines = [f"{study.name}: {study.n_rows:,} runs" + (f", {failed:,} could not be flown" if failed else "")]
     for name in study.merits:
-        points = best_first(trade, name)
+        points = rank_points(trade, name)
         if not points.size:
-            lines.append(f"{words(MERITS[name]):<28} {no_best(trade, name)}")
+            lines.append(f"{name_merit(MERITS[name]):<28} {explain_no_best(trade, name)}")
             continue
         values = trade.of_points(name)[0][points]
         row, value = int(points[0]) * study.seeds, format_value(float(values[0]))
         if points.size > 1 and np.all(values == values[0]):
-            lines.append(f"{words(MERITS[name]):<28} is {value} at all {points.size:,} points, so that none is best")
+            lines.append(
+                f"{name_merit(MERITS[name]):<28} is {value} at all {points.size:,} points, so that none is best"
+            )
             continue
-        places = ((place, head, trade.table[place][row]) for place, head in heads(study.places).items())
+        places = ((place, head, trade.table[place][row]) for place, head in shorten_places(study.places).items())
         at = ", ".join(
             f"{head} {format_value(float(value)) if is_number(trade, place) else value}"
             for place, head, value in places
         )
-        lines.append(f"{words(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}")
+        lines.append(
+            f"{name_merit(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}"
+        )
     if told := describe_unranked(trade):
         lines.append(told)
     if failed:
@@ -97,22 +101,22 @@ def summary(trade: TradeTable) -> list[str]:
     return lines
 
 
-def no_best(trade: TradeTable, name: str) -> str:
+def explain_no_best(trade: TradeTable, name: str) -> str:
     """Return in words why no point is the best of a figure of merit."""
     known = np.isfinite(trade.of_points(name)[0]).any()
     return "ranks no point: too little is detected at all of them" if known else "has no meaning at any point"
 
 
-def heads(places: Sequence[str]) -> dict[str, str]:
+def shorten_places(places: Sequence[str]) -> dict[str, str]:
     """Return by place the end of it that heads its column: as much as says what it is and tells it from the others.
 
-    >>> heads(("follower.motion.position_m.1", "target.a.material", "target.b.material", "lidar.detector.type"))
+    >>> shorten_places(("follower.motion.position_m.1", "target.a.material", "target.b.material", "lidar.detector.type"))
     ... # doctest: +NORMALIZE_WHITESPACE
     {'follower.motion.position_m.1': 'position_m.1', 'target.a.material': 'a.material',
      'target.b.material': 'b.material', 'lidar.detector.type': 'detector.type'}
     """
     steps = {place: place.split(".") for place in places}
-    count = {place: 1 + bool(_UNTOLD.fullmatch(steps[place][-1])) for place in places}
+    count = {place: 1 + bool(_AMBIGUOUS_END.fullmatch(steps[place][-1])) for place in places}
     while True:
         ends = {place: ".".join(steps[place][-count[place] :]) for place in places}
         shared = [place for place in places if list(ends.values()).count(ends[place]) > 1]

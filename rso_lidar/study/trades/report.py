@@ -18,20 +18,28 @@ from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate
-from rso_lidar.study.trades.definition import Axis, Grid, toml_of
-from rso_lidar.study.trades.html_page import STYLE, image, table
+from rso_lidar.study.trades.definition import Axis, Grid, write_toml_value
+from rso_lidar.study.trades.html_page import STYLE, embed_figure, write_table
 from rso_lidar.study.trades.merits import DETECTION, MERITS
-from rso_lidar.study.trades.ranking import best_first, chosen, describe_unranked, is_number, no_best, unbeaten, words
-from rso_lidar.study.trades.ranking import heads as column_heads
+from rso_lidar.study.trades.ranking import (
+    choose_pictured,
+    describe_unranked,
+    explain_no_best,
+    find_pareto_front,
+    is_number,
+    name_merit,
+    rank_points,
+)
+from rso_lidar.study.trades.ranking import shorten_places as column_heads
 from rso_lidar.study.trades.results import TradeTable
 
 SUFFIXES = (".csv", ".parquet", ".html")
 _LISTED = 12  # rows at most in a table of the best
-_TOLD_ERRORS = 10
+_MOST_ERRORS = 10
 _DECADES = 30.0  # greatest over least value, from which a figure of merit is drawn on a log scale
 
 
-def save(trade: TradeTable, place: Path) -> Path:
+def save_trade(trade: TradeTable, place: Path) -> Path:
     """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
@@ -41,7 +49,7 @@ def save(trade: TradeTable, place: Path) -> Path:
             place, trade.table, {"study": trade.study.model_dump_json(), "scenario": trade.base.dumps()}
         )
     if suffix == ".html":
-        text = report(trade)
+        text = write_report(trade)
         with beside(place) as draft:
             draft.write_text(text, encoding="utf-8")
         return place
@@ -49,34 +57,34 @@ def save(trade: TradeTable, place: Path) -> Path:
     raise ScenarioError(f"{place}: a trade is not written as '{place.suffix}'{guess} (known: {', '.join(SUFFIXES)})")
 
 
-def check(places: Sequence[Path]) -> None:
+def check_formats(places: Sequence[Path]) -> None:
     """Raise where one of these could not be written for want of a library."""
     for place in places:
         if place.suffix.lower() == ".parquet":
             check_parquet(place)
 
 
-def report(trade: TradeTable) -> str:
+def write_report(trade: TradeTable) -> str:
     """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
     study = trade.study
     failed = np.flatnonzero(trade.table["error"] != "")
     body = [
         f"<h1>{escape(study.name)}</h1>",
         f'<p class="quiet">A trade study of <b>{escape(trade.base.name)}</b> ({escape(trade.plan.where)}): '
-        f"{_counted(trade)}; {failed.size:,} of {study.n_rows:,} could not be flown.</p>",
+        f"{_describe_points(trade)}; {failed.size:,} of {study.n_rows:,} could not be flown.</p>",
         "<h2>What was asked</h2>",
-        _axes(trade),
-        _merits(study.merits),
-        *_unranked(trade),
-        f'<p class="quiet">{_frames(trade)}</p>',
+        _tabulate_axes(trade),
+        _tabulate_merits(study.merits),
+        *_explain_ranking(trade),
+        f'<p class="quiet">{_describe_frames(trade)}</p>',
         "<h2>Best points</h2>",
-        *_best(trade),
+        *_write_best(trade),
         "<h2>Along each axis</h2>",
-        *_plots(trade),
-        *_pictures(trade),
-        *_failed(trade, failed),
+        *_draw_plots(trade),
+        *_draw_frames(trade),
+        *_tabulate_failures(trade, failed),
         "<h2>How to get this again</h2>",
-        *_again(trade),
+        *_write_origin(trade),
     ]
     head = (
         f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(study.name)}</title>'
@@ -91,18 +99,18 @@ def report(trade: TradeTable) -> str:
 # --------------------------------------------------------------------------------------------------------- the parts
 
 
-def _counted(trade: TradeTable) -> str:
+def _describe_points(trade: TradeTable) -> str:
     study = trade.study
     seeds = f" x {study.seeds} seeds" if study.seeds > 1 else ""
     how = study.sampling.type.replace("_", " ")
-    return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_target(trade))}"
+    return f"{len(trade.plan.points):,} points ({how}){seeds}, target {escape(_name_target(trade))}"
 
 
-def _target(trade: TradeTable) -> str:
+def _name_target(trade: TradeTable) -> str:
     return trade.base.target[trade.study.number(trade.base)].name
 
 
-def _frames(trade: TradeTable) -> str:
+def _describe_frames(trade: TradeTable) -> str:
     frames = trade.study.frames
     said_so = "all frames" if frames is None else f"frames {escape(str(frames))}"
     if not any(MERITS[name].needs != "truth" for name in trade.study.merits):
@@ -110,51 +118,55 @@ def _frames(trade: TradeTable) -> str:
     return f"Of each run {said_so} were flashed."
 
 
-def _axes(trade: TradeTable) -> str:
+def _tabulate_axes(trade: TradeTable) -> str:
     rows = []
     for axis in trade.study.axis:
         places = "<br>".join(f"<code>{escape(field)}</code>" for field in axis.field)
-        rows.append((places, escape(_span(axis, isinstance(trade.study.sampling, Grid)))))
-    return table([("axis", False), ("values", False)], rows)
+        rows.append((places, escape(_describe_values(axis, isinstance(trade.study.sampling, Grid)))))
+    return write_table([("axis", False), ("values", False)], rows)
 
 
-def _span(axis: Axis, grid: bool) -> str:
+def _describe_values(axis: Axis, grid: bool) -> str:
     if axis.values is not None or grid:
-        values = [format_value(value) if type(value) in (int, float) else toml_of(value) for value in axis.grid()]
+        values = [
+            format_value(value) if type(value) in (int, float) else write_toml_value(value) for value in axis.grid()
+        ]
         return ", ".join(values if len(values) <= 24 else [*values[:12], "…", *values[-3:]])
     assert axis.low is not None
     assert axis.high is not None
     return f"{format_value(axis.low)} to {format_value(axis.high)}, {axis.scale}"
 
 
-def _merits(names: Sequence[str]) -> str:
+def _tabulate_merits(names: Sequence[str]) -> str:
     rows = [
         (f"<code>{name}</code>", escape(merit.unit), merit.better, escape(merit.meaning).replace("`", ""))
         for name in names
         for merit in [MERITS[name]]
     ]
-    return table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
+    return write_table([("figure of merit", False), ("unit", False), ("better", False), ("what it is", False)], rows)
 
 
-def _best(trade: TradeTable) -> list[str]:
+def _write_best(trade: TradeTable) -> list[str]:
     names = trade.study.merits
-    leaders = [(name, best_first(trade, name)) for name in names]
+    leaders = [(name, rank_points(trade, name)) for name in names]
     made = [
         "<h3>The best of each figure of merit</h3>",
-        _points(trade, [(_leads(trade, name, points), int(points[0])) for name, points in leaders if points.size]),
+        _tabulate_points(
+            trade, [(_describe_lead(trade, name, points), int(points[0])) for name, points in leaders if points.size]
+        ),
         *(
-            f"<p>{escape(words(MERITS[name]))} {no_best(trade, name)}.</p>"
+            f"<p>{escape(name_merit(MERITS[name]))} {explain_no_best(trade, name)}.</p>"
             for name, points in leaders
             if not points.size
         ),
     ]
     if len(names) > 1:
-        stand = unbeaten(trade)
+        stand = find_pareto_front(trade)
         points = [point for point in leaders[0][1].tolist() if stand[point]]
         more = f" (the first {_LISTED} of {len(points):,})" if len(points) > _LISTED else ""
         made.append(f"<h3>Points that no other beats in every figure of merit{more}</h3>")
         made.append(
-            _points(trade, [("", point) for point in points[:_LISTED]])
+            _tabulate_points(trade, [("", point) for point in points[:_LISTED]])
             if points
             else "<p>None is ranked in all of them.</p>"
         )
@@ -162,11 +174,11 @@ def _best(trade: TradeTable) -> list[str]:
         left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
         more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
         made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(told)}.</p>")
-        made.append(_points(trade, [("", point) for point in left[:_LISTED]]))
+        made.append(_tabulate_points(trade, [("", point) for point in left[:_LISTED]]))
     return made
 
 
-def _unranked(trade: TradeTable) -> list[str]:
+def _explain_ranking(trade: TradeTable) -> list[str]:
     """Return in words the detection fraction that a point needs to be ranked."""
     if not trade.needs_detection:
         return []
@@ -177,26 +189,26 @@ def _unranked(trade: TradeTable) -> list[str]:
     ]
 
 
-def _leads(trade: TradeTable, name: str, points: np.ndarray) -> str:
+def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
     """Return in what a point is the best, and how many are as good."""
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
-    return escape(words(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
+    return escape(name_merit(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
 
 
-def _points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
+def _tabulate_points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
     """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
     told = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
     heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in told.items()]
-    heads += [(escape(words(MERITS[name])), True) for name in trade.study.judged_by]
+    heads += [(escape(name_merit(MERITS[name])), True) for name in trade.study.judged_by]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
-    rows = [[*begin, *_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
-    return table(heads, rows)
+    rows = [[*begin, *_format_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
+    return write_table(heads, rows)
 
 
-def _cells(trade: TradeTable, point: int) -> Iterable[str]:
+def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
     seeds = trade.study.seeds
     yield f"{point * seeds}" + (f"–{point * seeds + seeds - 1}" if seeds > 1 else "")
     for place in trade.study.places:
@@ -207,36 +219,36 @@ def _cells(trade: TradeTable, point: int) -> Iterable[str]:
         yield format_value(mean) + (f" ± {format_value(spread, 2)}" if math.isfinite(spread) else "")
 
 
-def _plots(trade: TradeTable) -> list[str]:
+def _draw_plots(trade: TradeTable) -> list[str]:
     """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
-    axes = [_quantity(trade, axis) for axis in trade.study.axis]
+    axes = [_build_quantity(trade, axis) for axis in trade.study.axis]
     made, shown = [], []
     for merit in (MERITS[name] for name in trade.study.merits):
         values = trade.table[merit.name]
-        alike = _alike(values)
+        alike = _find_common_value(values)
         if alike is None:
             held = ~np.repeat(trade.ranked(merit.name), trade.study.seeds)
-            shown.append((Quantity(words(merit), values, _spans_decades(values), unranked=held), merit))
+            shown.append((Quantity(name_merit(merit), values, _spans_decades(values), unranked=held), merit))
         elif math.isfinite(alike):
-            made.append(f"<p>{escape(words(merit))} is {format_value(alike)} at all points.</p>")
+            made.append(f"<p>{escape(name_merit(merit))} is {format_value(alike)} at all points.</p>")
     for value, merit in shown:
-        made.append(image(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
+        made.append(embed_figure(effects_figure(value, axes, merit.better), f"{value.name} along each axis"))
     if isinstance(trade.study.sampling, Grid):
         maps = [(maps_figure(value, axes, merit.better), value.name) for value, merit in shown]
-        drawn = [image(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
+        drawn = [embed_figure(figure, f"{name} over pairs of axes") for figure, name in maps if figure is not None]
         made += ["<h2>Over pairs of axes</h2>", *drawn] if drawn else []
     means = [
         Quantity(value.name, trade.of_points(merit.name)[0], value.log, unranked=~trade.ranked(merit.name))
         for value, merit in shown
     ]
     by = Quantity(axes[0].name, axes[0].values[:: trade.study.seeds], axes[0].log)
-    figure = against_figure(means, [merit.better for _, merit in shown], by, unbeaten(trade))
+    figure = against_figure(means, [merit.better for _, merit in shown], by, find_pareto_front(trade))
     if figure is not None:
-        made += ["<h2>Against each other</h2>", image(figure, "Figures of merit against each other")]
+        made += ["<h2>Against each other</h2>", embed_figure(figure, "Figures of merit against each other")]
     return made
 
 
-def _alike(values: np.ndarray) -> float | None:
+def _find_common_value(values: np.ndarray) -> float | None:
     """Return the value that all rows have which have one (NaN: none has); None where they differ."""
     known = values[np.isfinite(values)]
     if not known.size:
@@ -244,15 +256,15 @@ def _alike(values: np.ndarray) -> float | None:
     return float(known[0]) if np.all(known == known[0]) else None
 
 
-def _quantity(trade: TradeTable, axis: Axis) -> Quantity:
+def _build_quantity(trade: TradeTable, axis: Axis) -> Quantity:
     values = trade.table[axis.name] if axis.name != "seed" else trade.table["seed"]
     more = f" (and {len(axis.field) - 1} more)" if len(axis.field) > 1 else ""
-    log = axis.numeric and (axis.scale == "log" or _evenly_by_ratio(values))
+    log = axis.numeric and (axis.scale == "log" or _is_geometric(values))
     drawn = 0 if isinstance(trade.study.sampling, Grid) else trade.study.sampling.points
     return Quantity(axis.name + more, values, log, drawn)
 
 
-def _evenly_by_ratio(values: np.ndarray) -> bool:
+def _is_geometric(values: np.ndarray) -> bool:
     """Return whether values look chosen by ratios: over a decade, and nearer to even in their logarithms."""
     if values.dtype.kind not in "fiu" or not np.all(values > 0.0):
         return False
@@ -268,22 +280,25 @@ def _spans_decades(values: np.ndarray) -> bool:
     return bool(known.size and known.min() > 0.0 and known.max() > _DECADES * known.min())
 
 
-def _failed(trade: TradeTable, failed: np.ndarray) -> list[str]:
+def _tabulate_failures(trade: TradeTable, failed: np.ndarray) -> list[str]:
     if not failed.size:
         return []
     why, count = np.unique(trade.table["error"][failed], return_counts=True)
-    order = np.argsort(-count, kind="stable")[:_TOLD_ERRORS]
+    order = np.argsort(-count, kind="stable")[:_MOST_ERRORS]
     first = {text: int(np.flatnonzero(trade.table["error"] == text)[0]) for text in why[order].tolist()}
     rows = [(f"{count[k]:,}", f"{first[str(why[k])]}", escape(str(why[k]))) for k in order]
-    return ["<h2>Points that could not be flown</h2>", table([("rows", True), ("first", True), ("why", False)], rows)]
+    return [
+        "<h2>Points that could not be flown</h2>",
+        write_table([("rows", True), ("first", True), ("why", False)], rows),
+    ]
 
 
-def _again(trade: TradeTable) -> list[str]:
+def _write_origin(trade: TradeTable) -> list[str]:
     source = trade.base.source
     versions = ", ".join(f"{name} {version}" for name, version in source.versions.items())
     seeds = f"sampling {trade.study.seed}; scenario {trade.plan.seed}"
     seeds += f" to {trade.plan.seed + trade.study.seeds - 1}, the same at each point" if trade.study.seeds > 1 else ""
-    asked = _toml(trade)
+    asked = _write_study(trade)
     return [
         f"<p>Seeds: {seeds}. Versions: {escape(versions)}.</p>",
         f"<details><summary>The study</summary><pre>{escape(asked)}</pre></details>",
@@ -291,7 +306,7 @@ def _again(trade: TradeTable) -> list[str]:
     ]
 
 
-def _toml(trade: TradeTable) -> str:
+def _write_study(trade: TradeTable) -> str:
     import tomli_w
 
     return tomli_w.dumps(trade.study.model_dump(exclude_none=True))
@@ -300,11 +315,11 @@ def _toml(trade: TradeTable) -> str:
 # ------------------------------------------------------------------------------------------------------- the pictures
 
 
-def _pictures(trade: TradeTable) -> list[str]:
+def _draw_frames(trade: TradeTable) -> list[str]:
     made = []
-    frames = {point: _frame_or_why(trade, point * trade.study.seeds) for point, _ in chosen(trade)}
+    frames = {point: _try_frame(trade, point * trade.study.seeds) for point, _ in choose_pictured(trade)}
     parts = parts_in_order([frame for frame in frames.values() if isinstance(frame, Frame)])
-    for point, why in chosen(trade):
+    for point, why in choose_pictured(trade):
         row, frame = point * trade.study.seeds, frames[point]
         made.append(f"<h3>{escape(why)} (row {row})</h3>")
         if isinstance(frame, RsoLidarError):
@@ -312,24 +327,24 @@ def _pictures(trade: TradeTable) -> list[str]:
             continue
         with unwarned():
             merits = ", ".join(
-                f"{words(MERITS[name])} {format_value(float(trade.table[name][row]))}" for name in trade.study.merits
+                f"{name_merit(MERITS[name])} {format_value(float(trade.table[name][row]))}"
+                for name in trade.study.merits
             )
-            caption = (
-                f"{escape(merits)}, over the whole run.<br><code>{escape(_command(trade, row, frame.index))}</code>"
-            )
-            made.append(image(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
+            command = escape(_write_command(trade, row, frame.index))
+            caption = f"{escape(merits)}, over the whole run.<br><code>{command}</code>"
+            made.append(embed_figure(frame_figure(frame, parts), f"frame {frame.index} of row {row}", caption))
     return ["<h2>Frames</h2>", *made] if made else []
 
 
-def _command(trade: TradeTable, row: int, frame: int) -> str:
+def _write_command(trade: TradeTable, row: int, frame: int) -> str:
     """Return the command that makes a frame of a row again."""
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
-    file = shlex.quote(_from_here(trade.plan.folder / trade.plan.where))
+    file = shlex.quote(_relative_path(trade.plan.folder / trade.plan.where))
     return f"rso-lidar run {file} {settings} --frames {frame}:{frame + 1} -o frame.h5"
 
 
-def _from_here(file: Path) -> str:
+def _relative_path(file: Path) -> str:
     """Return the path of a file from the working folder, or from the root where no path leads there."""
     file = file.resolve()
     try:
@@ -338,16 +353,16 @@ def _from_here(file: Path) -> str:
         return str(file)
 
 
-def _frame_or_why(trade: TradeTable, row: int) -> Frame | RsoLidarError:
+def _try_frame(trade: TradeTable, row: int) -> Frame | RsoLidarError:
     """Return the frame that is shown of a row, or why there is none."""
     with unwarned():
         try:
-            return _frame(trade, row)
+            return _make_frame(trade, row)
         except RsoLidarError as error:
             return error
 
 
-def _frame(trade: TradeTable, row: int) -> Frame:
+def _make_frame(trade: TradeTable, row: int) -> Frame:
     """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
     scenario = trade.plan.scenario(row)
     numbers = trade.study.numbers(scenario)

@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import DETECTION, MERITS
-from rso_lidar.study.trades.plan import Plan
+from rso_lidar.study.trades.plan import TradePlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class TradeTable:
 
     study: Study
     base: Scenario
-    plan: Plan
+    plan: TradePlan
     table: dict[str, np.ndarray]
 
     @property

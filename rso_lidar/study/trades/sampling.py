@@ -10,15 +10,15 @@ import numpy as np
 from rso_lidar.study.trades.definition import Grid, Random, Study
 
 
-def points(study: Study) -> list[tuple[Any, ...]]:
+def list_points(study: Study) -> list[tuple[Any, ...]]:
     """Return the points of a study, each one value for each axis; drawn points depend on the study's seed alone."""
     if isinstance(study.sampling, Grid):
         return list(itertools.product(*(axis.grid() for axis in study.axis)))
-    share = shares(study)
+    share = draw_shares(study)
     return list(zip(*(axis.at(column) for axis, column in zip(study.axis, share.T, strict=True)), strict=True))
 
 
-def shares(study: Study) -> np.ndarray:
+def draw_shares(study: Study) -> np.ndarray:
     """Return where drawn points lie (point, axis), as shares of each axis, 0 to below 1."""
     assert not isinstance(study.sampling, Grid)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(study.seed)))
@@ -31,7 +31,7 @@ def shares(study: Study) -> np.ndarray:
     return drawn
 
 
-def settings(study: Study, point: tuple[Any, ...]) -> dict[str, str]:
+def list_settings(study: Study, point: tuple[Any, ...]) -> dict[str, str]:
     """Return by field what a point sets, as TOML text."""
     return {
         field: text

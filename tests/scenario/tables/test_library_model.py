@@ -7,7 +7,7 @@ import rso_lidar as rl
 from rso_lidar.errors import MeshError, RecordingError, RsoLidarWarning, ScenarioError
 from rso_lidar.export import run_id
 from rso_lidar.scene.library.adding import Wanted, add_model
-from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
+from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb
 
 HINGE = """
@@ -84,7 +84,7 @@ def test_what_the_library_says_of_a_model_is_part_of_the_run_and_kept_by_its_rec
         mend(library, **CHANGES[change])
     named = [run_id(source, "", "1") for source in (frame.source, rl.Scenario.loads(mission).source)]
     assert named[0] != named[1], "a half-made recording is not gone on with"
-    later = scenario_of(frame.source)
+    later = load_scenario(frame.source)
     assert later.source.scenario == frame.source.scenario and later.source.targets == frame.source.targets
     assert later.target[0].joints == scenario.target[0].joints
     same = flown(later)
@@ -110,7 +110,7 @@ def test_another_mesh_of_that_name_is_refused(change, says, mission, craft, libr
     with pytest.raises(
         MeshError, match=rf"^recording: target plate: model 'craft': is no longer what was flown {says}; add"
     ):
-        surfaces_of(scenario_of(source), source, 0, "view")
+        load_surfaces(load_scenario(source), source, 0, "view")
     assert run_id(rl.Scenario.loads(mission).source, "", "1") != run_id(source, "", "1")
 
 
@@ -149,7 +149,7 @@ def test_a_recording_of_a_mesh_by_path_is_of_that_file(text, tmp_path):
     source = rl.Scenario.loads(mission).source
     path.write_bytes(binary_stl(BOX * 2))
     with pytest.raises(RecordingError, match=r"is not the mesh that was recorded"):
-        surfaces_of(scenario_of(source), source, 0, "view")
+        load_surfaces(load_scenario(source), source, 0, "view")
 
 
 def test_what_was_dropped_of_a_mesh_is_told_once(text, tmp_path, library):

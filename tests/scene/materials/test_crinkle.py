@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.records import Rays
 from rso_lidar.scene import Crinkled, cast
-from rso_lidar.study.budgets.pixel_light import light
+from rso_lidar.study.budgets.pixel_light import compute_photons
 from tests.optics.bench_for_tests import look, place, plate, surface, truth_of
 
 FOIL = Crinkled(diffuse=0.1, specular=0.7, exponent=40.0, tilt_deg=8.0, cell_mm=20.0)
@@ -86,7 +86,7 @@ def test_the_link_budget_is_that_of_the_rays():
     pose = place((0.0, 0.0, 3000.0), Rotation.from_euler("y", 20.0, degrees=True))
     photons = look(plate(24.0), pose, receiver, Laser(), FOIL).photons
     of_pixel = np.bincount(photons.pixel, photons.photons, 81)
-    told, _ = light(Laser(), receiver, FOIL, math.radians(20.0), np.array([3000.0]))
+    told, _ = compute_photons(Laser(), receiver, FOIL, math.radians(20.0), np.array([3000.0]))
     assert of_pixel.mean() == pytest.approx(told[0], abs=5.0 * of_pixel.std() / 9.0)
     assert of_pixel.std() < 0.3 * of_pixel.mean()
 

@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.study.recorded_runs import display as module
-from rso_lidar.study.recorded_runs.display import true_shapes, way
+from rso_lidar.study.recorded_runs.display import choose_viewer, load_true_shapes
 
 HINGED = (
     'motion = { type = "fixed", position_m = [500, 0, 0] }\n'
@@ -45,7 +45,7 @@ def desk(monkeypatch):
 )
 def test_the_first_that_is_possible(desk, tmp_path, here, asked, tool, why):
     desk(**here)
-    chosen = way(asked, recording=tmp_path / "a.h5")
+    chosen = choose_viewer(asked, recording=tmp_path / "a.h5")
     assert chosen.tool == tool
     assert chosen.why.startswith(why)
     assert bool(chosen.why) == bool(why)
@@ -77,13 +77,13 @@ def test_what_cannot_be_is_said_at_once(desk, tmp_path, monkeypatch, here, asked
     for name in ("old.rrd", "a_view_sheet.png"):
         (tmp_path / name).touch()
     with pytest.raises(rl.RecordingError, match=said):
-        way(asked, output, recording=tmp_path / "a.h5")
+        choose_viewer(asked, output, recording=tmp_path / "a.h5")
 
 
 def test_overwriting_is_asked_for(desk, tmp_path):
     desk(display=False)
     (tmp_path / "a_view_sheet.png").touch()
-    assert len(way(recording=tmp_path / "a.h5", overwrite=True).paths) == 3
+    assert len(choose_viewer(recording=tmp_path / "a.h5", overwrite=True).paths) == 3
 
 
 def test_frames_made_in_memory_have_no_file_to_write_beside(desk, text):
@@ -109,7 +109,7 @@ def test_hinged_parts_are_in_the_axes_of_their_hinge(text):
     flown = text.replace('"plate"', '"tdrs"').replace(PLATE, HINGED).replace("rays_per_pixel = 4", one_ray)
     scenario = rl.Scenario.loads(flown)
     (frame,) = rl.simulate(scenario, frames=[0])
-    shapes = {shape.axes: shape for shape in true_shapes(frame.source)}
+    shapes = {shape.axes: shape for shape in load_true_shapes(frame.source)}
     assert list(shapes) == ["tdrs", "tdrs.array"]
     place = {
         number: (surface.name, k)
@@ -132,7 +132,7 @@ def test_a_mesh_that_is_not_here_is_told_and_left_out(text, tmp_path):
     gone = source.scenario.replace('model = "plate"', 'model = "gone/plate.stl"')
     assert gone != source.scenario
     with pytest.warns(rl.RsoLidarWarning, match="drawn without true meshes: .*plate.stl"):
-        assert true_shapes(dataclasses.replace(source, scenario=gone), tmp_path) == []
+        assert load_true_shapes(dataclasses.replace(source, scenario=gone), tmp_path) == []
     other = dataclasses.replace(source.targets[0], mesh_sha256="0" * 64)
     with pytest.warns(rl.RsoLidarWarning, match="not the mesh that was recorded"):
-        assert true_shapes(dataclasses.replace(source, targets=(other,))) == []
+        assert load_true_shapes(dataclasses.replace(source, targets=(other,))) == []

@@ -6,7 +6,13 @@ import pytest
 import rso_lidar as rl
 from rso_lidar import motion
 from rso_lidar.orbit import write_oem
-from rso_lidar.study.time_history.open_loop import burned, columns, course, plan_of, umbras
+from rso_lidar.study.time_history.open_loop import (
+    find_plan,
+    find_umbras,
+    fly_open_loop,
+    sample_between_impulses,
+    tabulate_run,
+)
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
@@ -17,7 +23,7 @@ def bench(text):
 
 
 def test_it_is_the_truth_that_the_frames_carry(bench):
-    truth, angles = course(bench)
+    truth, angles = fly_open_loop(bench)
     for k, frame in enumerate(rl.simulate(bench)):
         np.testing.assert_array_equal(truth.time_s[k], frame.time_s)
         np.testing.assert_array_equal(angles[k].actual_rad, frame.truth.pointing.actual_rad)
@@ -27,15 +33,15 @@ def test_it_is_the_truth_that_the_frames_carry(bench):
 
 
 def test_chosen_frames_are_those_of_the_whole_run(bench):
-    whole, all_angles = course(bench)
-    some, angles = course(bench, [2, 5, 9])
+    whole, all_angles = fly_open_loop(bench)
+    some, angles = fly_open_loop(bench, [2, 5, 9])
     np.testing.assert_array_equal(some.time_s, whole.time_s[[2, 5, 9]])
     for k, angle in zip([2, 5, 9], angles, strict=True):
         np.testing.assert_array_equal(angle.actual_rad, all_angles[k].actual_rad)
 
 
 def test_without_the_drive_the_lidar_stands_on_its_demand(bench):
-    truth, angles = course(bench, drive=False)
+    truth, angles = fly_open_loop(bench, drive=False)
     assert angles == ()
     line = truth.pose("lidar", "plate").translation
     np.testing.assert_allclose(line, np.broadcast_to([0.0, 0.0, 1000.0], line.shape), atol=1e-9)
@@ -43,8 +49,8 @@ def test_without_the_drive_the_lidar_stands_on_its_demand(bench):
 
 def test_columns_of_an_orbit():
     scenario = rl.Scenario.load(EXAMPLES / "tle_flyby.toml")
-    truth, angles = course(scenario, slice(None, None, 30))
-    table = columns(scenario, truth, angles)
+    truth, angles = fly_open_loop(scenario, slice(None, None, 30))
+    table = tabulate_run(scenario, truth, angles)
     assert all(len(values) == 6 for values in table.values())
     assert table["utc"][1] == "2024-09-17T11:59:00.000000Z"
     apart = [table[f"stage_position_{axis}_m"] - table[f"follower_position_{axis}_m"] for axis in "xyz"]
@@ -61,13 +67,13 @@ def test_columns_of_an_orbit():
 
 
 def test_a_world_without_a_sun_has_no_columns_of_it(bench):
-    truth, angles = course(bench)
-    assert not [name for name in columns(bench, truth, angles) if "sun" in name or "phase" in name]
+    truth, angles = fly_open_loop(bench)
+    assert not [name for name in tabulate_run(bench, truth, angles) if "sun" in name or "phase" in name]
 
 
 def test_a_motion_without_a_plan_has_no_impulses(bench):
-    assert plan_of(bench, "plate") is None
-    assert plan_of(bench, None) is None
+    assert find_plan(bench, "plate") is None
+    assert find_plan(bench, None) is None
 
 
 def test_the_plan_of_a_run_is_that_of_its_motion():
@@ -75,7 +81,7 @@ def test_the_plan_of_a_run_is_that_of_its_motion():
     scenario = rl.Scenario.load(EXAMPLES / "closed_loop.toml")
     text = scenario.model_dump(exclude_unset=True)
     text["follower"]["motion"] = {**hop, "keep_out_m": 50.0}
-    plan = plan_of(rl.Scenario.model_validate(text), "stage")
+    plan = find_plan(rl.Scenario.model_validate(text), "stage")
     assert [one.time_s for one in plan.impulses] == [0.0, 200.0]
 
 
@@ -88,15 +94,15 @@ def test_a_plan_about_what_moves_about_something_else():
     text["target"] = [host, {**stage, "motion": beside}]
     hop = {"type": "hop", "relative_to": "stage", "from_m": [0, -400, 0], "to_m": [0, -100, 0], "duration_s": 200.0}
     text["follower"]["motion"] = hop
-    assert len(plan_of(rl.Scenario.model_validate(text), "stage").impulses) == 2
+    assert len(find_plan(rl.Scenario.model_validate(text), "stage").impulses) == 2
 
 
 def test_umbras_are_those_of_check():
     scenario = rl.Scenario.load(EXAMPLES / "safety_ellipse.toml")
-    ((begins_s, ends_s),) = umbras(scenario)["tdrs"]
+    ((begins_s, ends_s),) = find_umbras(scenario)["tdrs"]
     told = next(line for line in scenario.describe().splitlines() if "eclipse" in line)
     assert f"umbra from {begins_s:.3f} s to {ends_s:.3f} s" in told
-    assert umbras(rl.Scenario.load(EXAMPLES / "bench_plate.toml")) == {}
+    assert find_umbras(rl.Scenario.load(EXAMPLES / "bench_plate.toml")) == {}
 
 
 def test_an_oem_of_a_run_with_impulses_is_flown_again(tmp_path):
@@ -110,7 +116,7 @@ def test_an_oem_of_a_run_with_impulses_is_flown_again(tmp_path):
     drop = {"type": "teardrop", "relative_to": "stage", "cusp_m": 400.0, "turn_m": 100.0, "loops": 3}
     text["follower"]["motion"] = drop
     scenario = rl.Scenario.model_validate(text)
-    epochs, states, breaks_s = burned(scenario, "follower", np.arange(0.0, 4000.0, 60.0))
+    epochs, states, breaks_s = sample_between_impulses(scenario, "follower", np.arange(0.0, 4000.0, 60.0))
     assert breaks_s
     file = write_oem(tmp_path / "drop.oem", "follower", "follower", epochs, states, breaks_s=breaks_s)
     assert file.read_text().count("META_START") == len(breaks_s) + 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.study.time_history.opportunities import detection_curve
+from rso_lidar.study.time_history.opportunities import find_detection_curve
 
 HALF_FIELD = 1.25 * rl.units.DEG
 
@@ -106,14 +106,14 @@ def test_light_is_that_of_rendered_frames(text, detector):
 
 def test_detection_curves():
     lidar = rl.Lidar(receiver=rl.Receiver(fov_deg=2.5, f_number=2.8))
-    chain = detection_curve(lidar)
+    chain = find_detection_curve(lidar)
     # 95 % at 1000 photons is what the preset was solved for; 200 trials a level: 3 sigma are 0.046, and isotonic
     # regression shares neighbours.
     assert float(chain(np.array(1000.0))) == pytest.approx(0.95, abs=0.046)
     assert float(chain(np.array(0.0))) == 0.0
     assert float(chain(np.array(1e7))) == 1.0
     assert (np.diff(chain(np.geomspace(1, 1e6, 500))) >= 0.0).all()
-    told = detection_curve(lidar.replace(detector=rl.Empirical()))
+    told = find_detection_curve(lidar.replace(detector=rl.Empirical()))
     photons = np.geomspace(300.0, 3000.0, 50)
     # Linear between 24 levels a decade: h²/8 times the greatest curvature, 0.008 at the bend.
     np.testing.assert_allclose(told(photons), rl.Empirical().detection_probability(photons), atol=0.01)

@@ -7,8 +7,8 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.trades.definition import MOST_ROWS, Study, toml_of
-from rso_lidar.study.trades.sampling import points, settings, shares
+from rso_lidar.study.trades.definition import MOST_ROWS, Study, write_toml_value
+from rso_lidar.study.trades.sampling import draw_shares, list_points, list_settings
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 HEAD = """
@@ -23,12 +23,12 @@ BEAM = '[[axis]]\nfield = "lidar.laser.divergence_deg"\n'
 
 def test_a_grid_holds_every_combination_the_last_axis_fastest():
     study = Study.loads(f'{HEAD}{ENERGY}values = [5, 20]\n{BEAM}low = 1\nhigh = 4\ncount = 3\nscale = "log"')
-    assert points(study) == list(itertools.product([5, 20], [1.0, 2.0, 4.0]))
+    assert list_points(study) == list(itertools.product([5, 20], [1.0, 2.0, 4.0]))
     assert study.n_rows == 6
 
 
 def test_a_grid_of_one_value_is_its_lower_end():
-    assert points(Study.loads(f"{HEAD}{ENERGY}low = 3\nhigh = 4\ncount = 1")) == [(3.0,)]
+    assert list_points(Study.loads(f"{HEAD}{ENERGY}low = 3\nhigh = 4\ncount = 1")) == [(3.0,)]
 
 
 @pytest.mark.parametrize("n", [1, 7, 50])
@@ -37,9 +37,9 @@ def test_a_latin_hypercube_has_one_point_in_each_stratum_of_each_axis(n):
         f'{HEAD}seed = 3\nsampling = {{ type = "latin_hypercube", points = {n} }}\n'
         f'{ENERGY}low = 1\nhigh = 100\nscale = "log"\n{BEAM}low = 0.5\nhigh = 2.5'
     )
-    drawn = shares(study)
+    drawn = draw_shares(study)
     assert [sorted((column * n).astype(int).tolist()) for column in drawn.T] == [list(range(n))] * 2
-    energy, beam = np.array(points(study)).T  # and the values lie where the shares say
+    energy, beam = np.array(list_points(study)).T  # and the values lie where the shares say
     assert energy == pytest.approx(100.0 ** drawn[:, 0], rel=1e-11)  # twelve digits are kept
     assert beam == pytest.approx(0.5 + 2.0 * drawn[:, 1], rel=1e-11)
 
@@ -55,7 +55,7 @@ def test_the_scenario_is_found_from_the_study_s_folder_alone(text, tmp_path, mon
 
 def test_drawn_points_depend_on_the_seed_alone():
     text = f'{HEAD}seed = %d\nsampling = {{ type = "random", points = 9 }}\n{ENERGY}low = 1\nhigh = 2\n'
-    same, again, other = (points(Study.loads(text % seed)) for seed in (4, 4, 5))
+    same, again, other = (list_points(Study.loads(text % seed)) for seed in (4, 4, 5))
     assert same == again
     assert not set(same) & set(other)
     assert all(1.0 <= value < 2.0 for (value,) in same)
@@ -66,14 +66,14 @@ def test_values_are_drawn_evenly():
         f'{HEAD}sampling = {{ type = "latin_hypercube", points = 30 }}\n[[axis]]\nfield = "target.plate.model"\n'
         'values = ["plate", "sphere", "tdrs"]'
     )
-    drawn = [value for (value,) in points(study)]
+    drawn = [value for (value,) in list_points(study)]
     assert {value: drawn.count(value) for value in set(drawn)} == {"plate": 10, "sphere": 10, "tdrs": 10}
 
 
 def test_several_fields_take_one_value_or_each_their_own():
     both = '[[axis]]\nfield = ["lidar.laser.divergence_deg", "lidar.receiver.fov_deg"]\n'
     study = Study.loads(f"{HEAD}{both}values = [2.0, [1.0, 1.5]]")
-    assert [settings(study, point) for point in points(study)] == [
+    assert [list_settings(study, point) for point in list_points(study)] == [
         {"lidar.laser.divergence_deg": "2", "lidar.receiver.fov_deg": "2"},
         {"lidar.laser.divergence_deg": "1", "lidar.receiver.fov_deg": "1.5"},
     ]
@@ -87,7 +87,9 @@ def test_values_arrive_in_the_scenario_as_they_are(text):
         "target.plate.motion.position_m": [500, 0.25, -0.0],
         "target.plate.material": {"type": "phong", "diffuse": 0.25, "specular": 0.5, "exponent": 3},
     }
-    scenario = Scenario.loads(text, settings=tuple(f"{field}={toml_of(value)}" for field, value in changes.items()))
+    scenario = Scenario.loads(
+        text, settings=tuple(f"{field}={write_toml_value(value)}" for field, value in changes.items())
+    )
     assert scenario.name == changes["name"]
     assert scenario.lidar.receiver.n_rows == 16
     assert scenario.target[0].motion.position_m == (500.0, 0.25, 0.0)

@@ -13,12 +13,12 @@ import rso_lidar as rl
 from rso_lidar.arithmetic import using
 from rso_lidar.errors import RunError, ScenarioError
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.budgets.pixel_light import light
+from rso_lidar.study.budgets.pixel_light import compute_photons
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.execution import Rows, identity, trade, work
-from rso_lidar.study.trades.plan import plan_of
-from rso_lidar.study.trades.ranking import best_first, chosen, heads, summary, unbeaten
-from rso_lidar.study.trades.report import report
+from rso_lidar.study.trades.execution import RowFile, identify, run_rows, trade
+from rso_lidar.study.trades.plan import make_plan
+from rso_lidar.study.trades.ranking import choose_pictured, find_pareto_front, rank_points, shorten_places, summarize
+from rso_lidar.study.trades.report import write_report
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
 WALL = """
@@ -92,7 +92,7 @@ def test_detection_of_a_wall_is_that_of_the_closed_form(wall):
     n = 32 * 32 * 4 * 2
     for point, (energy_mj, beam_deg) in enumerate(wall.plan.points):
         laser = camera.laser.replace(energy_mj=float(energy_mj), divergence_deg=beam_deg)
-        photons, _ = light(laser, camera.receiver, rl.Lambertian(reflectance=0.3), 0.0, np.array([3000.0]))
+        photons, _ = compute_photons(laser, camera.receiver, rl.Lambertian(reflectance=0.3), 0.0, np.array([3000.0]))
         probability.append(float(camera.detector.detection_probability(photons)[0]))
         seen.append(float(wall.of_points("detection_fraction")[0][point]))
     assert min(probability) < 0.2 < 0.9 < max(probability)  # or little is tried
@@ -124,12 +124,12 @@ def test_a_row_is_the_run_that_its_settings_make(wall):
 
 def test_ranking(wall):
     mean = wall.of_points("detection_fraction")[0]
-    order = best_first(wall, "detection_fraction")
+    order = rank_points(wall, "detection_fraction")
     assert order[0] == 6  # 75 mJ within 2.5 degrees
     assert np.all(np.diff(mean[order]) <= 0.0)
-    assert [point for point, _ in chosen(wall)] == [order[0], order[3], order[5], order[8]]
-    assert np.flatnonzero(unbeaten(wall)).tolist() == [6]
-    assert "best" in summary(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summary(wall)[1]
+    assert [point for point, _ in choose_pictured(wall)] == [order[0], order[3], order[5], order[8]]
+    assert np.flatnonzero(find_pareto_front(wall)).tolist() == [6]
+    assert "best" in summarize(wall)[1] and "energy_mj 75, divergence_deg 2.5" in summarize(wall)[1]
 
 
 LUCKY = (
@@ -152,33 +152,33 @@ def lucky(tmp_path_factory):
 
 def test_a_point_where_little_is_detected_is_not_the_best(lucky):
     """20 photons on a pixel of the first point, 1000 on the second: the former is not found, whatever its error."""
-    assert best_first(lucky, "range_rms_m").tolist() == [2, 1]
-    assert best_first(lucky, "false_returns").tolist() == [0, 1, 2]  # hangs on no detection: all are alike
-    assert np.flatnonzero(unbeaten(lucky)).tolist() == [2]
-    assert [point for point, _ in chosen(lucky)] == [2, 1]
+    assert rank_points(lucky, "range_rms_m").tolist() == [2, 1]
+    assert rank_points(lucky, "false_returns").tolist() == [0, 1, 2]  # hangs on no detection: all are alike
+    assert np.flatnonzero(find_pareto_front(lucky)).tolist() == [2]
+    assert [point for point, _ in choose_pictured(lucky)] == [2, 1]
     assert lucky.table["detected"].tolist() == [0, 0, 1, 1, 1, 1]
     assert set(lucky.table["min_detection_fraction"].tolist()) == {0.5}
-    lines = summary(lucky)
+    lines = summarize(lucky)
     assert "best      0.1 at row 4" in lines[1]
     why = "1 of 3 points are not ranked in range_rms_m: detection_fraction below 0.5 (min_detection_fraction)"
     assert lines[-1] == why
     assert any(line.startswith("False returns") and "so that none is best" in line for line in lines)
-    page = report(lucky)
+    page = write_report(lucky)
     assert why in page and "Points that are not ranked" in page
 
 
 def test_the_least_detection_is_settable_down_to_none_and_beyond_all(lucky):
     ranked = replace(lucky, study=lucky.study.replace(min_detection_fraction=0.0))
-    assert best_first(ranked, "range_rms_m").tolist() == [0, 2, 1]
-    assert not any("not ranked" in line for line in summary(ranked))
+    assert rank_points(ranked, "range_rms_m").tolist() == [0, 2, 1]
+    assert not any("not ranked" in line for line in summarize(ranked))
     none = replace(lucky, study=lucky.study.replace(min_detection_fraction=1.0))
     none.table["detection_fraction"][:] = [0.0, 0.0, 0.3, 0.3, 0.25, 0.25]
-    lines = summary(none)
-    assert best_first(none, "range_rms_m").size == 0 and not unbeaten(none).any()
+    lines = summarize(none)
+    assert rank_points(none, "range_rms_m").size == 0 and not find_pareto_front(none).any()
     assert "ranks no point" in lines[1]
     assert lines[-1].startswith("no point is ranked in range_rms_m: all 3 have a detection_fraction below 1")
     assert lines[-1].endswith("0.3 at most")
-    assert "no point is ranked" in report(none)
+    assert "no point is ranked" in write_report(none)
 
 
 def test_the_least_detection_ranks_rows_and_makes_none_anew(tmp_path):
@@ -186,7 +186,7 @@ def test_the_least_detection_ranks_rows_and_makes_none_anew(tmp_path):
     (tmp_path / "wall.toml").write_text(WALL, encoding="utf-8")
     (tmp_path / "study.toml").write_text(LUCKY, encoding="utf-8")
     study = Study.load(tmp_path / "study.toml")
-    names = {identity(*plan_of(study.replace(min_detection_fraction=share))) for share in (0.5, 0.1)}
+    names = {identify(*make_plan(study.replace(min_detection_fraction=share))) for share in (0.5, 0.1)}
     assert len(names) == 1
     with pytest.raises(ScenarioError, match=r"study\.toml: min_detection_fraction"):
         Study.loads("min_detection_fraction = 1.5\n" + LUCKY, where="study.toml")
@@ -194,14 +194,14 @@ def test_the_least_detection_ranks_rows_and_makes_none_anew(tmp_path):
 
 def test_columns_are_headed_with_as_much_as_tells_them_apart():
     places = ("follower.motion.position_m.1", "lidar.laser.energy_mj", "target.a.material", "target.b.material", "seed")
-    assert list(heads(places).values()) == ["position_m.1", "energy_mj", "a.material", "b.material", "seed"]
-    assert heads(("material", "target.a.material", "lidar.detector.type")) == {
+    assert list(shorten_places(places).values()) == ["position_m.1", "energy_mj", "a.material", "b.material", "seed"]
+    assert shorten_places(("material", "target.a.material", "lidar.detector.type")) == {
         "material": "material",
         "target.a.material": "a.material",
         "lidar.detector.type": "detector.type",
     }
     both = ("follower.motion.position_m.1", "target.a.motion.position_m.1")
-    assert list(heads(both).values()) == ["follower.motion.position_m.1", "a.motion.position_m.1"]
+    assert list(shorten_places(both).values()) == ["follower.motion.position_m.1", "a.motion.position_m.1"]
 
 
 # ------------------------------------------------------------------------------------------------ errors in points
@@ -239,7 +239,7 @@ def test_what_is_wrong_at_every_point_is_told_before_anything_runs(text, tmp_pat
         study = study.replace("[5, 20]", "[4, 5.5]")
     path = folder_with(tmp_path, text, study)
     with pytest.raises(ScenarioError, match=said):
-        plan_of(Study.load(path))
+        make_plan(Study.load(path))
 
 
 def test_frames_that_a_point_lacks_are_its_error(text, tmp_path):
@@ -258,10 +258,10 @@ def test_workers_are_a_number(text, tmp_path):
 
 def test_rows_do_not_depend_on_workers_nor_on_their_order(text, tmp_path):
     study = Study.load(folder_with(tmp_path, text, STUDY.replace("[5, 20]", "[5]")))
-    plan, _ = plan_of(study, threads=1)
+    plan, _ = make_plan(study, threads=1)
     with using("numpy"):  # or each process loads numba first
-        alone = {row["row"]: json.dumps(row) for row in work(plan, {})}
-        several = {row["row"]: json.dumps(row) for row in work(plan, {}, workers=2)}
+        alone = {row["row"]: json.dumps(row) for row in run_rows(plan, {})}
+        several = {row["row"]: json.dumps(row) for row in run_rows(plan, {}, workers=2)}
         assert json.dumps(plan.row(1)) == alone[1]
     assert several == alone
 
@@ -270,9 +270,9 @@ def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
     path = folder_with(tmp_path, text)
     whole = trade(path)
     working = tmp_path / "out.csv"
-    plan, base = plan_of(Study.load(path))
-    kept = tmp_path / f"out.csv.tmp-{identity(plan, base)}"
-    with Rows(kept, 6).opened() as rows:
+    plan, base = make_plan(Study.load(path))
+    kept = tmp_path / f"out.csv.tmp-{identify(plan, base)}"
+    with RowFile(kept, 6).opened() as rows:
         for row in (plan.row(5), plan.row(0)):  # as workers may end
             rows.add(row)
     with kept.open("ab") as file:
@@ -296,17 +296,17 @@ def test_what_was_cut_off_goes_on_and_ends_the_same(text, tmp_path):
 )
 def test_another_study_does_not_go_on_from_it(text, tmp_path, file, old, new):
     path = folder_with(tmp_path, text)
-    first = identity(*plan_of(Study.load(path)))
+    first = identify(*make_plan(Study.load(path)))
     changed = tmp_path / file
     changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
-    assert identity(*plan_of(Study.load(path))) != first
+    assert identify(*make_plan(Study.load(path))) != first
 
 
 def test_an_error_that_is_not_of_the_rows_does_not_blame_them(tmp_path):
     """A report for which there is no room says so itself."""
     full = OSError(errno.ENOSPC, "No space left on device", "report.html")
     with pytest.raises(OSError, match=r"No space left on device: 'report.html'"):
-        with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
+        with RowFile(tmp_path / "out.csv.tmp-0", 1).opened():
             raise full
 
 
@@ -314,7 +314,7 @@ def test_a_row_that_cannot_be_kept_names_the_file(tmp_path, monkeypatch):
     def full(_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with Rows(tmp_path / "out.csv.tmp-0", 1).opened() as rows:
+    with RowFile(tmp_path / "out.csv.tmp-0", 1).opened() as rows:
         monkeypatch.setattr("rso_lidar.study.trades.execution.os.fsync", full)
         with pytest.raises(rl.RunError, match=r"out\.csv\.tmp-0: cannot be written \(No space left on device\)"):
             rows.add({"row": 0, "seed": 7, "merits": {}, "error": ""})
@@ -322,9 +322,9 @@ def test_a_row_that_cannot_be_kept_names_the_file(tmp_path, monkeypatch):
 
 
 def test_only_one_at_a_time(tmp_path):
-    with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
+    with RowFile(tmp_path / "out.csv.tmp-0", 1).opened():
         with pytest.raises(rl.RecordingError, match="another run is writing it"):
-            with Rows(tmp_path / "out.csv.tmp-0", 1).opened():
+            with RowFile(tmp_path / "out.csv.tmp-0", 1).opened():
                 pass
 
 
@@ -340,7 +340,7 @@ def test_a_mesh_that_an_axis_names_is_part_of_what_a_study_is(tmp_path):
     names = []
     for side in (1, 2, 1):
         (tmp_path / "box.off").write_text(box.format(side))
-        names.append(identity(*plan_of(Study.load(study))))
+        names.append(identify(*make_plan(Study.load(study))))
     assert names[0] == names[2] != names[1]
 
 
@@ -349,6 +349,6 @@ def test_rows_are_not_kept_through_a_link(tmp_path):
     victim, kept = tmp_path / "victim", tmp_path / "out.csv.tmp-0"
     victim.write_text("precious\n")
     kept.symlink_to(victim)
-    with pytest.raises(RunError, match=r"it is a symbolic link\); remove it and run again"), Rows(kept, 1).opened():
+    with pytest.raises(RunError, match=r"it is a symbolic link\); remove it and run again"), RowFile(kept, 1).opened():
         raise AssertionError("opened")
     assert victim.read_text() == "precious\n"

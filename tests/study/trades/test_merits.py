@@ -10,8 +10,8 @@ import pytest
 from rso_lidar import units
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import simulate
-from rso_lidar.study.tracking.evaluation import tracking
-from rso_lidar.study.trades.merits import MERITS, Run, Sums, judged
+from rso_lidar.study.track_quality.evaluation import tracking
+from rso_lidar.study.trades.merits import MERITS, Run, RunSums, evaluate
 
 SWEEP = """
 version = 1
@@ -54,7 +54,7 @@ def frames():
 def test_sums_over_frames_are_what_arrays_of_all_pixels_say(frames):
     scenario, made = frames
     names = [name for name in MERITS if MERITS[name].needs == "frames"]
-    judgement = judged(scenario, names, 0, np.array([0, 3, 6]), threads=1)
+    judgement = evaluate(scenario, names, 0, np.array([0, 3, 6]), threads=1)
     lit = [frame.labels.filled_fraction > 0.0 for frame in made]
     error_m = np.concatenate([(frame.range_m - frame.labels.range_m)[on] for frame, on in zip(made, lit, strict=True)])
     found = error_m[np.abs(error_m) < math.sqrt(32.0)]  # the diagonal of a plate of 4 m x 4 m
@@ -76,7 +76,7 @@ def test_the_tracker_is_the_one_that_tracks_recordings(frames):
     table = tracking(made, poses=False).table
     error_m = np.array([table[f"cv_error_{axis}_m"] for axis in ("right", "down", "ahead")])
     rms_m = np.sqrt(np.nanmean(np.sum(error_m**2, axis=0)))
-    got = judged(scenario, ["tracker_error_m", "detection_fraction"], 0, np.array([0, 3, 6]), threads=1)
+    got = evaluate(scenario, ["tracker_error_m", "detection_fraction"], 0, np.array([0, 3, 6]), threads=1)
     assert got["tracker_error_m"] == pytest.approx(rms_m, abs=0.51e-6)
     assert 0.0 < got["detection_fraction"] <= 1.0  # the same frames are counted as they pass
 
@@ -85,7 +85,7 @@ def test_the_tracker_is_the_one_that_tracks_recordings(frames):
 def test_time_in_the_field_is_that_of_a_plate_swept_past(rate_deg_s):
     """The plate's edges are 2 m off its middle at 1 km: it is wholly inside for (field - its angle) / rate."""
     scenario = Scenario.loads(SWEEP, settings=(f"follower.attitude.rate_deg_s={rate_deg_s}",))
-    made = judged(scenario, ["time_in_field_s", "off_boresight_deg"], 0, np.array([0]))
+    made = evaluate(scenario, ["time_in_field_s", "off_boresight_deg"], 0, np.array([0]))
     inside_deg = 2.5 - 2.0 * math.atan(2.0 / 1000.0) / units.DEG
     assert made["time_in_field_s"] == pytest.approx(inside_deg / rate_deg_s, abs=1.0 / 20.0 + 1e-3)  # a frame
     turned_deg = -3.0 + rate_deg_s * scenario.time.seconds(np.arange(240))
@@ -95,7 +95,7 @@ def test_time_in_the_field_is_that_of_a_plate_swept_past(rate_deg_s):
 def test_what_is_never_in_the_field_has_no_errors():
     names = [name for name in MERITS if name != "off_boresight_deg"]
     scenario = Scenario.loads(SWEEP, settings=("follower.attitude={type='fixed', euler_zyx_deg=[20, 0, 0]}",))
-    made = judged(scenario, names, 0, np.array([0, 1]), threads=1)
+    made = evaluate(scenario, names, 0, np.array([0, 1]), threads=1)
     none = {name for name, value in made.items() if math.isnan(value)}
     expected = {"detection_fraction", "range_error_m", "range_rms_m", "photons_per_pixel", "tracker_error_m"}
     assert none == expected
@@ -104,7 +104,7 @@ def test_what_is_never_in_the_field_has_no_errors():
 
 def test_merits_of_truth_alone_flash_nothing(monkeypatch):
     monkeypatch.setattr("rso_lidar.study.trades.merits.simulate", lambda *_, **__: pytest.fail("a frame was flashed"))
-    made = judged(Scenario.loads(SWEEP), ["time_in_field_s"], 0, np.array([0]))
+    made = evaluate(Scenario.loads(SWEEP), ["time_in_field_s"], 0, np.array([0]))
     assert made["time_in_field_s"] > 1.0
 
 
@@ -113,7 +113,7 @@ def test_what_differs_by_rounding_alone_is_equal():
     merit = MERITS["off_boresight_deg"]
     turns = [f"follower.attitude={{type='fixed', quaternion_xyzw=[0, {y}, 0, 1]}}" for y in (0.0, 1e-15, 1e-5)]
     made = [
-        judged(Scenario.loads(SWEEP, settings=(turn,)), [merit.name], 0, np.array([0]))[merit.name] for turn in turns
+        evaluate(Scenario.loads(SWEEP, settings=(turn,)), [merit.name], 0, np.array([0]))[merit.name] for turn in turns
     ]
     assert made[0] == made[1] == 0.0
     assert made[2] == pytest.approx(2e-5 / units.DEG, abs=0.51e-6)
@@ -122,7 +122,7 @@ def test_what_differs_by_rounding_alone_is_equal():
 
 
 def _of_photons(photons):
-    sums = Sums(0, 1.0)
+    sums = RunSums(0, 1.0)
     sums.pixels, sums.photons = 1, photons
     return Run(None, 0, sums, np.empty(0))
 

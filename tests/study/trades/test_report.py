@@ -10,7 +10,7 @@ import pytest
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.study.trades.execution import trade
-from rso_lidar.study.trades.report import _command, report
+from rso_lidar.study.trades.report import _write_command, write_report
 from tests.conftest import BENCH
 from tests.study.trades.trade_for_tests import STUDY, folder_with
 
@@ -26,7 +26,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(made):
-    return report(made)
+    return write_report(made)
 
 
 class Reader(HTMLParser):
@@ -90,11 +90,11 @@ def test_the_command_under_a_picture_finds_the_scenario_from_the_working_folder(
     folder = made.plan.folder
     for here, path in ((folder.parent, f"{folder.name}/bench.toml"), (folder, "bench.toml")):
         monkeypatch.chdir(here)
-        assert _command(made, 0, 2).startswith(f"rso-lidar run {path} --set lidar.laser.energy_mj=5 ")
+        assert _write_command(made, 0, 2).startswith(f"rso-lidar run {path} --set lidar.laser.energy_mj=5 ")
 
 
 def test_files_by_suffix(made, page, tmp_path, monkeypatch):
-    monkeypatch.setattr("rso_lidar.study.trades.report.report", lambda _: page)
+    monkeypatch.setattr("rso_lidar.study.trades.report.write_report", lambda _: page)
     assert made.save(tmp_path / "x.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert made.save(tmp_path / "x.csv").read_text(encoding="utf-8").startswith("row,seed,lidar.laser.energy_mj,")
     with pytest.raises(ScenarioError, match=r"not written as '\.htm'; did you mean '\.html'"):
@@ -104,5 +104,5 @@ def test_files_by_suffix(made, page, tmp_path, monkeypatch):
 def test_without_pictures_nothing_is_flown_again(made, monkeypatch):
     plain = made.study.replace(report={"pictures": 0})
     monkeypatch.setattr("rso_lidar.study.trades.report.simulate", lambda *_, **__: pytest.fail("a frame was flashed"))
-    monkeypatch.setattr("rso_lidar.study.trades.report._plots", lambda _: [])
-    assert "<h2>Frames</h2>" not in report(replace(made, study=plain))
+    monkeypatch.setattr("rso_lidar.study.trades.report._draw_plots", lambda _: [])
+    assert "<h2>Frames</h2>" not in write_report(replace(made, study=plain))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar.scene.library.catalogue import models
 from rso_lidar.study.trades.definition import Study
-from rso_lidar.study.trades.plan import plan_of
+from rso_lidar.study.trades.plan import make_plan
 
 STUDIES = Path(__file__).resolve().parents[3] / "examples" / "studies"
 
@@ -37,7 +37,7 @@ def test_the_trade_says_what_its_page_says():
     """Two rows of the page, flown again: to the digits that are printed there."""
     lines = (STUDIES / "trade_lens.md").read_text(encoding="utf-8").splitlines()
     told = {int(cells[1]): cells[2:-1] for line in lines if re.match(r"\| \d", line) for cells in [line.split("|")]}
-    plan, _ = plan_of(Study.load(STUDIES / "trade_lens.toml"))
+    plan, _ = make_plan(Study.load(STUDIES / "trade_lens.toml"))
     assert len(told) == 10
     for row in (34, 14):
         merits = plan.row(row)["merits"]
@@ -74,9 +74,9 @@ def test_heights_of_the_ground_are_those_of_the_frames():
     study = runpy.run_path(str(STUDIES / "lunar_descent.py"), run_name="study")
     scenario = rl.Scenario.load(STUDIES.parent / "lunar_descent.toml")
     frames = list(rl.simulate(scenario, frames=slice(24, None, 6)))  # six of the sixty, from 400 m on
-    found = study["elevation_map"](frames, "site", 60.0, 1.0)
-    truth = study["true_elevation"](scenario.surfaces[0], found)
-    whole = study["agreement"](found, truth)[0]
+    found = study["build_elevation_map"](frames, "site", 60.0, 1.0)
+    truth = study["build_true_elevation"](scenario.surfaces[0], found)
+    whole = study["compare_maps"](found, truth)[0]
     assert whole.coverage > 0.95
     # The page's 4.5 cm and less than nothing: in the middle, where pixels are smaller than cells.
     assert whole.rms_m < 0.08

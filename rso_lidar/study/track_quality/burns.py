@@ -11,7 +11,7 @@ from rso_lidar.scenario import Scenario
 _LEAST_M_S = 1e-9  # of thrust between two instants; less is free flight
 
 
-def known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, int]]:
+def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, int]]:
     """Return the follower's burns after the first of some rising instants (time) [s], each with the place of one near.
 
     They are in the rtn axes of the body that it approaches, which are the follower's own but for separation over radius.
@@ -23,12 +23,12 @@ def known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, i
         return []
     plan = flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
     burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
-    burns = sorted([*burns, *_held(plan, time_s)], key=lambda burn: burn.time_s)
+    burns = sorted([*burns, *_sample_control(plan, time_s)], key=lambda burn: burn.time_s)
     places = np.minimum(np.searchsorted(time_s, [burn.time_s for burn in burns]), time_s.size - 1)
     return list(zip(burns, places.tolist(), strict=True))
 
 
-def _held(plan: Plan, time_s: np.ndarray) -> list[Impulse]:
+def _sample_control(plan: Plan, time_s: np.ndarray) -> list[Impulse]:
     """Return what thrust along a path gives from each instant to the next."""
     step_s = np.diff(time_s)
     middle_s = time_s[:-1] + 0.5 * step_s

@@ -17,7 +17,7 @@ _LEVELS, _EACH = np.geomspace(100.0, 1e6, 60), 25  # photons at which the detect
 _FLOOR_M, _UNKNOWN_M = 1e-3, 0.05
 
 
-def recorded_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
+def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     """Estimate the standard deviation of one range [m] in a recording.
 
     Some of its frames are converted back into light: a return for each range, with the photons that give its intensity. A
@@ -32,12 +32,14 @@ def recorded_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     chosen = np.unique(np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int)).tolist()
     readings = [frames[k].observation.reading for k in chosen]
     rng = np.random.Generator(np.random.Philox(_TRIALS))
-    answers = _answers(lidar, float(np.nanmedian(_ranges_m(readings))), rng) if len(_ranges_m(readings)) else None
+    answers = (
+        _mean_intensity(lidar, float(np.nanmedian(_ranges_m(readings))), rng) if len(_ranges_m(readings)) else None
+    )
     if answers is None:
         return _UNKNOWN_M
     photons, range_m, together, gain = [], [], [], []
     for reading in readings:
-        light = _light(lidar, reading, answers)
+        light = _light_of_reading(lidar, reading, answers)
         load = array_load(lidar.detector, light)
         photons.append(light.photons)
         range_m.append(light.delay_s * units.RANGE_PER_DELAY_M_S)
@@ -66,7 +68,7 @@ def _ranges_m(readings: Sequence[Reading]) -> np.ndarray:
     return seen
 
 
-def _answers(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarray:
+def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarray:
     """Return the mean intensity [counts] of a plate at each level of photons, never falling."""
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
@@ -80,7 +82,7 @@ def _answers(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarr
     return rising
 
 
-def _light(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
+def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
     """Return the light that gives a reading: one return for each range."""
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)

@@ -22,9 +22,9 @@ from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, quaternion_xyzw, rotate_vectors
 from rso_lidar.records import Frame, Source
 from rso_lidar.scenario import Scenario
-from rso_lidar.study.recorded_runs.flown_scenario import scenario_of, surfaces_of
-from rso_lidar.study.tracking.burns import known_burns
-from rso_lidar.study.tracking.range_noise import recorded_range_noise_m
+from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
+from rso_lidar.study.track_quality.burns import list_known_burns
+from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
 from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
 
 if TYPE_CHECKING:
@@ -93,21 +93,22 @@ def tracking(
     if not len(frames):
         raise RecordingError("track: the recording holds no frames; record some")
     source = frames[0].source
-    scenario = scenario_of(source, folder)
-    number = _number([entry.name for entry in source.targets], target)
+    scenario = load_scenario(source, folder)
+    number = _find_target([entry.name for entry in source.targets], target)
     name = source.targets[number].name
-    model, size_m = _model(scenario, source, number)
-    noise_m = recorded_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
+    model, size_m = _sample_model(scenario, source, number)
+    noise_m = estimate_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
     wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
     rows = [
-        _row(scenario, frame, name, size_m, noise_m, wander, follow) for frame in (frames if each is None else each)
+        _evaluate_frame(scenario, frame, name, size_m, noise_m, wander, follow)
+        for frame in (frames if each is None else each)
     ]
     time_s = np.array([row.time_s for row in rows])
-    burns = known_burns(scenario, time_s)
-    table = _table(rows, model)
+    burns = list_known_burns(scenario, time_s)
+    table = _tabulate(rows, model)
     tracks = {}
-    for kind, mean_motion in _models(frames[0], local=scenario.local).items():
+    for kind, mean_motion in _choose_filters(frames[0], local=scenario.local).items():
         made = tracks[kind] = kalman(
             time_s,
             np.array([row.place_m(kind) for row in rows]),
@@ -116,12 +117,12 @@ def tracking(
             acceleration_m_s2_rthz=acceleration_m_s2_rthz,
             kicks=[(burn.time_s, -rows[k].from_rtn(kind).apply(burn.delta_v_m_s)) for burn, k in burns],
         )
-        table |= _errors(kind, made, rows)
+        table |= _tabulate_errors(kind, made, rows)
     hinges = tuple(joint.name for joint in scenario.target[number].joints)
     return Tracking(source.title, name, table, tracks, noise_m, acceleration_m_s2_rthz, hinges)
 
 
-def _number(names: list[str], target: str | None) -> int:
+def _find_target(names: list[str], target: str | None) -> int:
     if not names:
         raise RecordingError("track: the recording has no target; record one")
     if target is not None and target not in names:
@@ -131,14 +132,14 @@ def _number(names: list[str], target: str | None) -> int:
     return 0 if target is None else names.index(target)
 
 
-def _model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
+def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
     """Return the target's model, hinges unturned, and its greatest extent [m]."""
-    surfaces_of(scenario, source, number, "track")  # or the mesh is another one
+    load_surfaces(scenario, source, number, "track")  # or the mesh is another one
     model = sampled(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
 
 
-def _models(first: Frame, *, local: bool) -> dict[str, float | None]:
+def _choose_filters(first: Frame, *, local: bool) -> dict[str, float | None]:
     """Return the filters by name with their mean motion [rad/s]: of the follower's own orbit."""
     if local:
         return {"cv": None}
@@ -151,7 +152,7 @@ def _models(first: Frame, *, local: bool) -> dict[str, float | None]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Row:
+class _EvaluatedFrame:
     """One frame: what was measured, how the lidar is placed in a filter's axes, and the truth of the target there.
 
     `middle_m` (xyz) and `covariance_m2` (3, 3) in lidar axes are what the filters measure; `seat` is follower_from_lidar
@@ -190,7 +191,7 @@ class _Row:
         return spread
 
 
-def _row(
+def _evaluate_frame(
     scenario: Scenario,
     frame: Frame,
     name: str,
@@ -198,11 +199,11 @@ def _row(
     noise_m: float,
     wander: tuple[float, float, float],
     follow: PoseFollower | None,
-) -> _Row:
+) -> _EvaluatedFrame:
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
     fix = centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
-    seat = _seat(scenario, frame)
+    seat = _measured_mount(scenario, frame)
     own = truth.pose(ROOT, "follower").rotation
     turns = {"cv": own}
     link, turning = truth.poses.link("follower", name), truth.rates(ROOT, "follower")[1]
@@ -219,16 +220,16 @@ def _row(
         ahead = np.outer(toward, toward)
         before_m, along_m, across_m = wander
         middle = fix.position_m - before_m * toward
-        across_m = float(np.hypot(across_m, _pointing_rad(scenario) * fix.range_m))
+        across_m = float(np.hypot(across_m, _pointing_error_rad(scenario) * fix.range_m))
         covariance = fix.covariance_m2 + along_m**2 * ahead + across_m**2 * (np.eye(3) - ahead)
     kept = None if fix is None else replace(fix, points_m=fix.points_m[:0].copy())
     points = 0 if fix is None else len(fix.points_m)
-    return _Row(
+    return _EvaluatedFrame(
         truth.time_s, kept, points, middle, covariance, seat, turns, true_m, true_m_s, truth.pose("lidar", name), found
     )
 
 
-def _seat(scenario: Scenario, frame: Frame) -> RigidTransform:
+def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
     """Return follower_from_lidar, by the encoders where there is a PTU."""
     alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
     measured = frame.observation.pan_tilt_rad
@@ -236,7 +237,7 @@ def _seat(scenario: Scenario, frame: Frame) -> RigidTransform:
     return motion.with_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
 
 
-def _pointing_rad(scenario: Scenario) -> float:
+def _pointing_error_rad(scenario: Scenario) -> float:
     """Return how well the encoders tell where the lidar looks [rad], one standard deviation of each axis."""
     if scenario.ptu is None:
         return 0.0
@@ -244,7 +245,7 @@ def _pointing_rad(scenario: Scenario) -> float:
     return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG
 
 
-def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:
+def _tabulate(rows: Sequence[_EvaluatedFrame], model: Model) -> dict[str, np.ndarray]:
     """Return the columns (time) of what was measured, and of the poses found, with their errors."""
     middle = np.array([np.full(3, np.nan) if row.fix is None else row.fix.position_m for row in rows])
     true = np.array([row.true_pose.translation for row in rows])
@@ -255,18 +256,20 @@ def _table(rows: Sequence[_Row], model: Model) -> dict[str, np.ndarray]:
         "true_range_m": np.linalg.norm(true, axis=1),
         "centroid_range_m": np.linalg.norm(middle, axis=1),
     }
-    table |= _columns("centroid", middle, "_m") | _columns("centroid_error", middle - true, "_m")
+    table |= _vector_columns("centroid", middle, "_m") | _vector_columns("centroid_error", middle - true, "_m")
     if not any(row.found for row in rows):
         return table
     nothing = np.full(11, np.nan)
-    told = np.array([nothing if row.found is None else _told(row.found, row.true_pose, model) for row in rows])
-    table |= _columns("icp", told[:, :3], "_m")
+    told = np.array(
+        [nothing if row.found is None else _compare_alignment(row.found, row.true_pose, model) for row in rows]
+    )
+    table |= _vector_columns("icp", told[:, :3], "_m")
     table |= {f"icp_quaternion_{axis}": told[:, 3 + k] for k, axis in enumerate("xyzw")}
     names = ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad")
     return table | {column: told[:, 7 + k] for k, column in enumerate(names)}
 
 
-def _told(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
+def _compare_alignment(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
     """Return place and quaternion of lidar_from_body, its rms [m], and the errors of place [m], turn and long axis [rad]."""
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
@@ -276,11 +279,11 @@ def _told(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
     return np.array([*place, *quaternion_xyzw(rotation), found.rms_m, apart_m, turn_rad, axis_rad])
 
 
-def _columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
+def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.ndarray]:
     return {f"{name}_{axis}{unit}": column for axis, column in zip(AXES, values.T, strict=True)}
 
 
-def _errors(kind: str, made: Track, rows: Sequence[_Row]) -> dict[str, np.ndarray]:
+def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
     """Return a filter's estimates in its own axes, its errors in the lidar's, and its NIS."""
     table = {}
     for values, word, unit, true in (
@@ -291,5 +294,5 @@ def _errors(kind: str, made: Track, rows: Sequence[_Row]) -> dict[str, np.ndarra
             table[f"{kind}{word}_{axis}{unit}"] = column
         off = values - np.array(true)
         seen = np.array([row.lidar_from(kind).apply(one) for row, one in zip(rows, off, strict=True)])
-        table |= _columns(f"{kind}{word}_error", seen, unit)
+        table |= _vector_columns(f"{kind}{word}_error", seen, unit)
     return table | {f"{kind}_nis": made.nis}

@@ -7,7 +7,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.rpo.plans.plan import Plan
-from rso_lidar.study.tracking.burns import known_burns
+from rso_lidar.study.track_quality.burns import list_known_burns
 from rso_lidar.track import kalman
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -50,7 +50,7 @@ def test_with_its_burns_the_filter_believes_what_it_sees(motion):
     apart, _ = plan.relative(time_s)
     seen = -apart + np.random.default_rng(3).normal(0.0, NOISE_M, apart.shape)  # of the target, from the follower
     spread = np.broadcast_to(np.eye(3) * NOISE_M**2, (time_s.size, 3, 3))
-    burns = known_burns(flown, time_s)
+    burns = list_known_burns(flown, time_s)
     given = {"mean_motion_rad_s": plan.mean_motion_rad_s, "acceleration_m_s2_rthz": 1e-5}
     told = kalman(time_s, seen, spread, kicks=[(burn.time_s, -burn.delta_v_m_s) for burn, _ in burns], **given)
     # A mean of 449 NIS of three degrees of freedom spreads by sqrt(6 / 449), times 4.
@@ -61,7 +61,7 @@ def test_with_its_burns_the_filter_believes_what_it_sees(motion):
 
 def test_each_burn_once_with_an_instant_beside_it():
     time_s = np.arange(10.0, 900.0, 2.0)
-    burns = known_burns(scenario(HOPS), time_s)
+    burns = list_known_burns(scenario(HOPS), time_s)
     plan = HOPS.plan(START, LOW)
     impulses = [one for one in plan.impulses if one.time_s > 10.0]
     assert len(impulses) == 3  # the stop, the next departure and the last stop; the first was before
@@ -75,5 +75,5 @@ def test_each_burn_once_with_an_instant_beside_it():
 
 def test_who_flies_no_plan_has_none():
     drift = rl.Hill(relative_to="stage", position_m=(0.0, -500.0, 0.0), velocity_m_s=(0.0, 0.0, 0.0))
-    assert known_burns(scenario(drift), np.arange(5.0)) == []
-    assert known_burns(scenario(HOPS), np.zeros(1)) == []
+    assert list_known_burns(scenario(drift), np.arange(5.0)) == []
+    assert list_known_burns(scenario(HOPS), np.zeros(1)) == []
