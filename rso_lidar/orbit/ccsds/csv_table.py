@@ -151,7 +151,7 @@ def _find_time_column(
             guess = did_you_mean(name, known) or f"; known columns: {', '.join(known)}"
             raise ScenarioError(f"{where}: unknown column '{name}'{guess}")
         if header.count(name) > 1:
-            raise ScenarioError(f"{where}: column '{name}' stands there twice: remove one")
+            raise ScenarioError(f"{where}: column '{name}' is given twice: remove one")
     times = [name for name in TIMES if name in header]
     if len(times) != 1:
         raise ScenarioError(f"{where}: needs one column of time ({' or '.join(TIMES)}), not {len(times)}: keep one")

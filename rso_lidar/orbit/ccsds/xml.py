@@ -117,7 +117,7 @@ class _Reader:
         line : its line in the file
         """
         if tag in known:
-            raise ScenarioError(f"{self.where}: line {line}: {tag} stands there twice: remove one")
+            raise ScenarioError(f"{self.where}: line {line}: {tag} is given twice: remove one")
 
     def cells(self, tag: str, row: dict[str, str]) -> list[str]:
         """Return the cells of a row.

@@ -80,8 +80,8 @@ class J2(ClassicalElements):
         days = float(np.abs(epochs.since(self.epoch_utc)).max(initial=0.0)) / units.DAY_S
         if days > _LONG_DAYS:
             sentences.append(
-                f"j2: flown {days:.1f} days from its epoch; what it leaves out (J3, drag, Sun and Moon) moves a low orbit "
-                "by 1 to 10 km a day: use type 'numerical'"
+                f"j2: propagated {days:.1f} days from its epoch; what it leaves out (J3, drag, Sun and Moon) moves a "
+                "low orbit by 1 to 10 km a day: use type 'numerical'"
             )
         height_m = self.perigee_m - units.EARTH_RADIUS_M
         if height_m < _LOW_M:

@@ -74,7 +74,7 @@ class Catalog:
             if the text holds no record
         """
         if not isinstance(text, str):
-            raise CatalogError(f"{where}: is {quote(text)}, no text: give a str, or from_file the path of a file")
+            raise CatalogError(f"{where}: is {quote(text)}, not text: give a str, or from_file the path of a file")
         return cls._of(*parse_text(text, where), where)
 
     @classmethod
@@ -135,16 +135,16 @@ class Catalog:
             if a condition makes no sense
         """
         if name is not None and not isinstance(name, str):
-            raise CatalogError(f"name: {quote(name)} is no text: give a part of a name")
+            raise CatalogError(f"name: {quote(name)} is not text: give a part of a name")
         if regime is not None and regime not in REGIMES:
             raise CatalogError(f"regime: '{regime}' is unknown: use one of {', '.join(REGIMES)}")
         if (max_age_days is None) != (at is None):
             raise CatalogError("max_age_days: is counted from an instant: give max_age_days and at together")
         if max_age_days is not None and not (isinstance(max_age_days, numbers.Real) and max_age_days >= 0.0):
-            raise CatalogError(f"max_age_days: {quote(max_age_days)} is no age: give 0 or more days")
+            raise CatalogError(f"max_age_days: {quote(max_age_days)} is not an age: give 0 or more days")
         if epoch_within is not None:
             if not isinstance(epoch_within, Sequence) or isinstance(epoch_within, str) or len(epoch_within) != 2:
-                raise CatalogError(f"epoch_within: {quote(epoch_within)} is no span: give two times, first and last")
+                raise CatalogError(f"epoch_within: {quote(epoch_within)} is not a span: give two times, first and last")
             if _check_datetime("epoch_within", epoch_within[0]) > _check_datetime("epoch_within", epoch_within[1]):
                 raise CatalogError("epoch_within: ends before it begins: give the earlier time first")
         if at is not None:
@@ -196,14 +196,14 @@ class Catalog:
         elif suffix in (".tle", ".3le", ".txt"):
             text = format_tles(self.sets, self.where)
         else:
-            raise CatalogError(f"{path}: '{suffix}' is no format of catalogues: use .json, .csv or .tle")
+            raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use .json, .csv or .tle")
         with beside(path) as draft:
             draft.write_text(text, encoding="utf-8")
 
 
 def _check_datetime(what: str, at: Any) -> datetime.datetime:
     if not isinstance(at, datetime.datetime):
-        raise CatalogError(f"{what}: {quote(at)} is no time: give a datetime with its time zone")
+        raise CatalogError(f"{what}: {quote(at)} is not a time: give a datetime with its time zone")
     if at.tzinfo is None:
         raise CatalogError(f"{what}: a time without an offset is ambiguous: give it a time zone, such as UTC")
     return at
@@ -215,7 +215,9 @@ def _check_numbers(wanted: Any) -> set[int]:
     found = list(wanted) if several else [wanted]
     for number in found:
         if isinstance(number, bool) or not isinstance(number, numbers.Integral):
-            raise CatalogError(f"norad_id: {quote(number)} is no catalogue number: give a whole number, such as 25544")
+            raise CatalogError(
+                f"norad_id: {quote(number)} is not a catalogue number: give a whole number, such as 25544"
+            )
     return {int(number) for number in found}
 
 

@@ -271,7 +271,7 @@ def element_set_from_omm(fields: Mapping[str, Any], where: str, problem: str | N
         wrong.append(f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing")
     for key, allowed in _ONLY.items():
         if key in fields and text(key) and text(key).upper() not in allowed:
-            wrong.append(f"{key} is {quote(fields[key])}, which SGP4 cannot fly: it needs {allowed[0]}")
+            wrong.append(f"{key} is {quote(fields[key])}, which SGP4 cannot propagate: it needs {allowed[0]}")
     epoch, rest_ns = NO_EPOCH, 0.0
     if text("EPOCH"):
         try:
@@ -348,7 +348,7 @@ def parse_epoch(text: str) -> tuple[datetime.datetime, float]:
     """
     found = _EPOCH.fullmatch(text)
     if found is None:
-        raise ValueError(f"EPOCH {quote(text)} is no UTC instant such as 2024-09-17T12:00:00.123456")
+        raise ValueError(f"EPOCH {quote(text)} is not a UTC instant such as 2024-09-17T12:00:00.123456")
     year, month, day, day_of_year, hour, minute, second, decimals, _ = found.groups()
     digits = (decimals or "").ljust(6, "0")
     try:

@@ -20,7 +20,7 @@ from rso_lidar.orbit.sets.tle_text import decode_text, identify_element_line, re
 def check_path(path: Any) -> str:
     """Check that a value is a path, and return it as text."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str):
-        raise CatalogError(f"catalogue: {quote(path)} is no path: give the path of a file of element sets")
+        raise CatalogError(f"catalogue: {quote(path)} is not a path: give the path of a file of element sets")
     return os.fspath(path)
 
 
@@ -145,8 +145,8 @@ def read_lines(lines: Iterable[str], where: str) -> Found:
     def no_name() -> None:
         if name is not None:
             junk.append(
-                f"{where}: line {name[0]}: '{make_printable(name[1][:40])}' is no element line, and none follows that it "
-                "could name: remove it"
+                f"{where}: line {name[0]}: '{make_printable(name[1][:40])}' is not an element line, and no "
+                "element line follows it: remove it"
             )
 
     at = 0

@@ -34,7 +34,7 @@ _UNITS = {
     "MEAN_MOTION_DDOT": ("rev/day**3",),
 }
 _FIRST_KEY = "CCSDS_OMM_VERS"
-_TWICE = "' stands there twice"
+_TWICE = "' is given twice"
 
 
 def read_json(text: str, where: str) -> Found:
@@ -52,7 +52,7 @@ def read_json(text: str, where: str) -> Found:
         if isinstance(record, dict):
             sets.append(_set_from_json(record, place))
         else:
-            junk.append(f"{place}: is no object with the keys of an OMM: remove it")
+            junk.append(f"{place}: is not an object with the keys of an OMM: remove it")
     return sets, junk
 
 
@@ -82,13 +82,13 @@ def _salvage_json(text: str, where: str) -> Found:
         counted, end = found.start(), found.end()
         place = f"{where}: line {line}"
         if between:
-            junk.append(f"{place}: '{_shorten(between)}' before it is no JSON: remove it")
+            junk.append(f"{place}: '{_shorten(between)}' before it is not JSON: remove it")
         try:
             if not found[1]:
                 raise ValueError("no end")
             record = json.loads(found[0], object_pairs_hook=_mark_duplicate_keys)
         except ValueError as error:
-            what = "is cut off" if not found[1] else f"is no JSON ({_shorten(getattr(error, 'msg', str(error)))})"
+            what = "is cut off" if not found[1] else f"is not JSON ({_shorten(getattr(error, 'msg', str(error)))})"
             name = re.search(r'"OBJECT_NAME"\s*:\s*"([^"]*)"', found[0], re.IGNORECASE)
             number = re.search(r'"NORAD_CAT_ID"\s*:\s*"?(\d{1,9})\b', found[0], re.IGNORECASE)
             problem = f"{place}: this record {what}: fetch it again"
@@ -99,7 +99,7 @@ def _salvage_json(text: str, where: str) -> Found:
         sets.append(_set_from_json(record, place))
     after = text[end:].strip(" \t\r\n,[]}")
     if after:
-        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_shorten(after)}' is no JSON: remove it")
+        junk.append(f"{where}: line {text.count(chr(10), 0, end) + 1}: '{_shorten(after)}' is not JSON: remove it")
     return sets, junk
 
 
@@ -205,10 +205,10 @@ def _salvage_xml(text: str, where: str, error: str) -> Found:
         try:
             node = ET.fromstring(re.sub(r"(</?)\w+:", r"\1", piece[0]))
         except ET.ParseError as wrong:
-            sets.append(_make_broken(place, f"this message is no XML ({wrong})", _find_identity(piece[0])))
+            sets.append(_make_broken(place, f"this message is not XML ({wrong})", _find_identity(piece[0])))
             continue
         sets.append(_set_from_xml(next(iter(_find_messages(node)), []), place))
-    junk = [] if any(entry.problem for entry in sets) else [f"{where}: is no whole XML ({error}): fetch it again"]
+    junk = [] if any(entry.problem for entry in sets) else [f"{where}: is not complete XML ({error}): fetch it again"]
     return sets, junk
 
 

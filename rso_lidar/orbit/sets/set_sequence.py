@@ -151,7 +151,7 @@ def warn_jumps(label: str, jumps: Sequence[SetJump]) -> None:
     times = "once" if len(jumps) == 1 else f"{len(jumps)} times"
     warn(
         f"{label}: switches element sets {times} in this span, the largest jump {worst.position_m:.0f} m and "
-        f"{worst.velocity_m_s:.2f} m/s at {worst.at_utc:%Y-%m-%dT%H:%M:%SZ}: for a smooth motion fly one set (nearest)"
+        f"{worst.velocity_m_s:.2f} m/s at {worst.at_utc:%Y-%m-%dT%H:%M:%SZ}: for smooth motion use one set (nearest)"
     )
 
 

@@ -84,7 +84,8 @@ def warn_stale(elements: ElementSet, days: float) -> None:
     """Warn where elements are used more than a week from their epoch; beyond `MOST_YEARS` they are refused instead."""
     if STALE_DAYS < days <= MOST_AGE_S / units.DAY_S:
         warn(
-            f"{elements.kind} {elements.label}: flown {days:.1f} days from its epoch {elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
+            f"{elements.kind} {elements.label}: propagated {days:.1f} days from its epoch "
+            f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}: "
             f"beyond {STALE_DAYS:g} days expect errors of many kilometres; take a set nearer to the run"
         )
 
@@ -127,7 +128,7 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
     why = describe_error(code) + (f", SGP4 error {code}" if code in REASONS else "")
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
-        f"time_s = {epochs.time_s[first]:g}: {why}: fly nearer to the elements' epoch "
+        f"time_s = {epochs.time_s[first]:g}: {why}: use epochs nearer to that of the elements "
         f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
     )
 

@@ -236,12 +236,10 @@ def _find_line_problem(which: int, line: str) -> str | None:
     if which == 1:
         day = line[20:32].strip()
         if not (line[18:20].isdigit() and re.fullmatch(r"\d+\.?\d*", day)):
-            return f"epoch '{line[18:32]}' is no year and day: fetch the set again"
+            return f"epoch '{line[18:32]}' is not a year and day: fetch the set again"
         year = _parse_year(line)
         if not 1.0 <= float(day) < _count_days(year) + 1.0:
-            return (
-                f"epoch '{line[18:32]}' is no year and day ({year} has {_count_days(year)} days): fetch the set again"
-            )
+            return f"epoch '{line[18:32]}' is not a year and day ({year} has {_count_days(year)} days): fetch the set again"
         for what, (first, end) in _PACKED.items():
             if not _PACKED_NUMBER.fullmatch(line[first:end]):
                 return f"{what} '{line[first:end]}' is not a number: fetch the set again"

@@ -132,7 +132,7 @@ def solve_lambert(
         if word not in known:
             raise ScenarioError(f"{name}: '{word!s:.40}' is not known: write one of {', '.join(known)}")
     if isinstance(revolutions, bool) or not isinstance(revolutions, int | np.integer) or revolutions < 0:
-        raise ScenarioError(f"revolutions: {revolutions!r:.40} is no number of whole turns: give 0 or more")
+        raise ScenarioError(f"revolutions: {revolutions!r:.40} is not a number of whole revolutions: give 0 or more")
     chosen: Literal["short", "long"]
     if way in ("short", "long"):
         chosen = "long" if way == "long" else "short"

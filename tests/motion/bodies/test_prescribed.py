@@ -96,7 +96,7 @@ def test_outside_the_span(tmp_path):
         (f"{HEADER}\n0,0,0,0\n", "has 1 rows: a table needs at least two"),
         ("time_s,x_m,y_m\n0,0,0\n1,0,0\n", "line 1: column z_m is missing"),
         ("t_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0\n", "line 1: unknown column 't_s'; did you mean 'time_s'"),
-        (f"{HEADER},x_m\n0,0,0,0,0\n1,0,0,0,0\n", "line 1: column 'x_m' stands there twice"),
+        (f"{HEADER},x_m\n0,0,0,0,0\n1,0,0,0,0\n", "line 1: column 'x_m' is given twice"),
         (f"{HEADER},qx,qy,qz\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n", "line 1: column qw is missing"),
         (f"{HEADER}\n0,0,0,0\n\n1,0,zero,0\n", "line 4: y_m 'zero' is not a number"),
         (f"{HEADER}\n0,0,0,0\n1,0,nan,0\n", "line 3: y_m is nan: give a finite number"),

@@ -265,13 +265,13 @@ def test_xml_rows_are_read_by_name(tmp_path):
             ),
             ([row(minute, *place, *speed, *push[:2]) for minute in range(3)], "the stateVector lacks Z_DDOT: give all"),
             ([row(minute, *speed) for minute in range(3)], "the stateVector lacks X, Y, Z: give all"),
-            ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X stands there twice: remove one"),
+            ([whole[0], [*row(1, *place, *speed), ("X", 7100)], whole[2]], "line 3: X is given twice: remove one"),
         ]
     ):
         with pytest.raises(ScenarioError, match=says):
             Ephemeris(file=saved(tmp_path, in_xml(*rows), f"{k}.xml")).states(epochs)
     twice = in_xml(*whole).replace("<REF_FRAME>", "<REF_FRAME>TEME</REF_FRAME><REF_FRAME>")
-    with pytest.raises(ScenarioError, match="line 1: REF_FRAME stands there twice"):
+    with pytest.raises(ScenarioError, match="line 1: REF_FRAME is given twice"):
         Ephemeris(file=saved(tmp_path, twice, "twice.xml")).states(epochs)
 
 

@@ -88,7 +88,7 @@ def test_blocks_comments_and_covariance():
         (HEAD + "META_START\nMETA_START\n", "line 5: META_START while META_START of line 4"),
         (HEAD + "META_STOP\n", "line 4: META_STOP while no block"),
         (HEAD + "COVARIANCE_START\n", "line 4: COVARIANCE_START before any META_START"),
-        (HEAD + "META_START\nOBJECT_NAME = A\nOBJECT_NAME = B\nMETA_STOP\n", "line 6: OBJECT_NAME stands there twice"),
+        (HEAD + "META_START\nOBJECT_NAME = A\nOBJECT_NAME = B\nMETA_STOP\n", "line 6: OBJECT_NAME is given twice"),
         (HEAD + "META_START\nwhat is this\nMETA_STOP\n", "line 5: 'what is this'"),
         (HEAD + META + "REF_FRAME = GCRF\n", "line 8: keyword REF_FRAME among the rows"),
         ("<oem version='2.0'><body></oem>", "line 1: is not well-formed XML"),

@@ -211,20 +211,20 @@ def test_what_a_filter_is_asked_wrongly():
     assert catalog.trajectory(np.int32(31698)).sets[0].norad_id == 31698
     now = utc(2020, 1, 1)
     wrong = [
-        ({"norad_id": "31698"}, "norad_id: '31698' is no catalogue number"),
-        ({"norad_id": ["31698"]}, "no catalogue number"),
-        ({"norad_id": 31698.0}, "no catalogue number"),
-        ({"norad_id": True}, "no catalogue number"),
-        ({"name": 5}, "name: '5' is no text"),
-        ({"at": "2024", "max_age_days": 1.0}, "at: '2024' is no time"),
-        ({"at": now, "max_age_days": float("nan")}, "max_age_days: 'nan' is no age"),
-        ({"at": now, "max_age_days": -1.0}, "is no age"),
-        ({"at": now, "max_age_days": "1"}, "is no age"),
-        ({"epoch_within": ("2024-01-01",)}, "is no span: give two times"),
-        ({"epoch_within": "2024"}, "is no span"),
-        ({"epoch_within": 5}, "is no span"),
-        ({"epoch_within": (now, "2024-01-01")}, "epoch_within: '2024-01-01' is no time"),
-        ({"epoch_within": (now, None)}, "is no time"),
+        ({"norad_id": "31698"}, "norad_id: '31698' is not a catalogue number"),
+        ({"norad_id": ["31698"]}, "not a catalogue number"),
+        ({"norad_id": 31698.0}, "not a catalogue number"),
+        ({"norad_id": True}, "not a catalogue number"),
+        ({"name": 5}, "name: '5' is not text"),
+        ({"at": "2024", "max_age_days": 1.0}, "at: '2024' is not a time"),
+        ({"at": now, "max_age_days": float("nan")}, "max_age_days: 'nan' is not an age"),
+        ({"at": now, "max_age_days": -1.0}, "is not an age"),
+        ({"at": now, "max_age_days": "1"}, "is not an age"),
+        ({"epoch_within": ("2024-01-01",)}, "is not a span: give two times"),
+        ({"epoch_within": "2024"}, "is not a span"),
+        ({"epoch_within": 5}, "is not a span"),
+        ({"epoch_within": (now, "2024-01-01")}, "epoch_within: '2024-01-01' is not a time"),
+        ({"epoch_within": (now, None)}, "is not a time"),
         ({"epoch_within": (now, utc(2019, 1, 1))}, "ends before it begins"),
     ]
     for asked, message in wrong:
@@ -235,9 +235,9 @@ def test_what_a_filter_is_asked_wrongly():
 
 def test_what_is_no_file_and_no_text():
     for path in (None, 5, b"a.tle", ["a.tle"]):
-        with pytest.raises(CatalogError, match="is no path"):
+        with pytest.raises(CatalogError, match="is not a path"):
             Catalog.from_file(path)
-        with pytest.raises(CatalogError, match="is no path"):
+        with pytest.raises(CatalogError, match="is not a path"):
             Catalog.from_text("\n".join(BOTH)).write(path)
     for text in (None, b"1 27386U"):
         with pytest.raises(CatalogError, match="no text"):

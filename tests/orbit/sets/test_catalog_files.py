@@ -124,8 +124,8 @@ def test_formats_mixed_with_bad_records_between():
     for message in (
         "mixed: line 26: line 2 of an element set must begin with '2 ', not 'ENVISAT'",
         "mixed: line 29: eccentricity 1.5 is not from 0 to below 1",
-        "key 'EPOCH' stands there twice, again in line 4",
-        "line 22: 'an advertisement' is no element line",
+        "key 'EPOCH' is given twice, again in line 4",
+        "line 22: 'an advertisement' is not an element line",
         "is truncated: 7 characters",
     ):
         assert message in told
@@ -153,12 +153,12 @@ BROKEN_TABLES = {
         lambda _: (
             "[\n" + ",\n".join([json.dumps(RECORD), '{"NORAD_CAT_ID": 8,,}', json.dumps(RECORD | {"NORAD_CAT_ID": 6})])
         ),
-        "line 3: this record is no JSON",
+        "line 3: this record is not JSON",
     ),
     "json, no object": (lambda _: json.dumps([RECORD, 5, RECORD | {"NORAD_CAT_ID": 6}]), "record 2: is no object"),
     "json, a key twice": (
         lambda _: json.dumps([RECORD, RECORD | {"NORAD_CAT_ID": 6}])[:-1] + ', {"BSTAR": 1, "bstar": 2}]',
-        "record 3: key 'BSTAR' stands there twice",
+        "record 3: key 'BSTAR' is given twice",
     ),
     "xml, cut off": (
         lambda _: f"<ndm>{xml(RECORD)}\n{xml(RECORD | {'NORAD_CAT_ID': 6})}\n{xml(RECORD)[:60]}",
@@ -166,7 +166,7 @@ BROKEN_TABLES = {
     ),
     "xml, a key twice": (
         lambda _: f"<ndm>{xml(RECORD)}{xml(RECORD | {'NORAD_CAT_ID': 6})}{xml(RECORD, RECORD)}</ndm>",
-        "record 3: key 'OBJECT_NAME' stands there twice",
+        "record 3: key 'OBJECT_NAME' is given twice",
     ),
 }
 
@@ -199,7 +199,7 @@ def test_texts_that_are_no_catalogue_are_one_line():
         '<!DOCTYPE x [<!ENTITY a "b">]><omm>&a;</omm>': "declares a DOCTYPE",
         "<ndm></ndm>": "holds no two-line",
         "EPOCH,MEAN_MOTION,BSTAR\n1,2,3": "column NORAD_CAT_ID, ECCENTRICITY",
-        ",".join([*RECORD, "BSTAR"]): "column 'BSTAR' stands there twice",
+        ",".join([*RECORD, "BSTAR"]): "column 'BSTAR' is given twice",
         ",".join(RECORD): "holds no two-line",
         '[{"NORAD_CAT_ID": ' + "9" * 5000 + "}]": None,
     }

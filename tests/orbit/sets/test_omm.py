@@ -67,7 +67,7 @@ def test_what_cannot_be_flown_is_refused(change, message):
 
 def test_failures_and_age_are_told():
     epochs = Epochs(START + datetime.timedelta(days=30), np.array([0.0]))
-    with pytest.warns(RsoLidarWarning, match=r"omm STARLINK-9 \(NORAD 100123456\): flown 30\.0 days"):
+    with pytest.warns(RsoLidarWarning, match=r"omm STARLINK-9 \(NORAD 100123456\): propagated 30\.0 days"):
         Omm(**FIELDS).states(epochs)
     doomed = Omm(**{**FIELDS, "mean_motion_rev_day": 17.4})
     with pytest.raises(PropagationError, match=r"omm STARLINK-9 .* it has decayed .*SGP4 error 6") as caught:

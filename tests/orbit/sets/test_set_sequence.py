@@ -69,7 +69,7 @@ def test_jumps_are_the_difference_of_two_sets():
 def test_age_is_that_of_the_nearest_set():
     trajectory = SetSequence(sets())
     np.testing.assert_allclose(trajectory.ages_days(Epochs(EPOCH, np.array([-86400.0, 86400.0 * 0.75]))), [1.0, 0.25])
-    with pytest.warns(RsoLidarWarning, match=r"flown 8\.0 days from its epoch 2026-03-17"):
+    with pytest.warns(RsoLidarWarning, match=r"propagated 8\.0 days from its epoch 2026-03-17"):
         trajectory.states(Epochs(EPOCH, np.array([10 * 86400.0])))
 
 

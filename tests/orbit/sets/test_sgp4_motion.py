@@ -120,7 +120,7 @@ def test_stale_elements_warn_and_are_flown():
     part.states(fresh)
     stale = Epochs(epoch - datetime.timedelta(days=8), np.array([0.0, 10.0]))
     assert part.epoch_age_days(stale) == pytest.approx(8.0, abs=1e-12)
-    with pytest.warns(RsoLidarWarning, match=r"NORAD 31698: flown 8\.0 days"):
+    with pytest.warns(RsoLidarWarning, match=r"NORAD 31698: propagated 8\.0 days"):
         part.states(stale)
 
 
@@ -169,7 +169,7 @@ def test_a_set_far_from_its_epoch_is_refused(sets):
     epoch = part.elements().epoch_utc
     for sign in (1.0, -1.0):
         time_s = sign * np.array([0.0, FIVE_YEARS_S - 1.0, FIVE_YEARS_S + 1.0])
-        with pytest.warns(RsoLidarWarning, match=r"flown 1826\.2 days"):
+        with pytest.warns(RsoLidarWarning, match=r"propagated 1826\.2 days"):
             part.states(Epochs(epoch, time_s[:2]))
         with pytest.raises(
             PropagationError, match=r"31698.* at 1 of 3 epochs.*more than 5 years from the epoch"

@@ -79,12 +79,12 @@ def test_shifted_columns_keep_the_checksum_and_are_seen():
 @pytest.mark.parametrize(
     ("line", "change", "message"),
     [
-        (1, (20, 32, "367.00000000"), "is no year and day"),
-        (1, (20, 32, "366.00000000"), "is no year and day (2026 has 365 days)"),
-        (1, (20, 32, "366.99999999"), "is no year and day (2026 has 365 days)"),
-        (1, (20, 32, "000.50000000"), "is no year and day (2026 has 365 days)"),
-        (1, (18, 32, "24367.00000000"), "is no year and day (2024 has 366 days)"),
-        (1, (18, 32, "57366.00000000"), "is no year and day (1957 has 365 days)"),
+        (1, (20, 32, "367.00000000"), "is not a year and day"),
+        (1, (20, 32, "366.00000000"), "is not a year and day (2026 has 365 days)"),
+        (1, (20, 32, "366.99999999"), "is not a year and day (2026 has 365 days)"),
+        (1, (20, 32, "000.50000000"), "is not a year and day (2026 has 365 days)"),
+        (1, (18, 32, "24367.00000000"), "is not a year and day (2024 has 366 days)"),
+        (1, (18, 32, "57366.00000000"), "is not a year and day (1957 has 365 days)"),
         (1, (62, 63, "4"), "SGP4-XP"),
         (2, (8, 16, "190.0000"), "inclination 190 is not from 0 to 180"),
         (2, (52, 63, " 0.00000000"), "mean motion 0 rev/day is not above 0"),
@@ -205,5 +205,5 @@ def test_one_bad_day_spoils_one_record():
     catalog = Catalog.from_text("\n".join((text, LINES[1], *LINES)), "some.tle")
     assert len(catalog) == 1
     assert catalog.problems == (
-        "some.tle: line 1: epoch '25366.50000000' is no year and day (2025 has 365 days): fetch the set again",
+        "some.tle: line 1: epoch '25366.50000000' is not a year and day (2025 has 365 days): fetch the set again",
     )
