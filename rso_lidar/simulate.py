@@ -20,7 +20,7 @@ from rso_lidar.scenario import Lidar, Scenario, require_scenario
 Controller = Callable[[Observation], Command | None]
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
-KEPT = ("rays", "hits", "photons", "waveforms", "oversampled")
+KEPT = ("rays", "hits", "photons", "taps", "waveforms", "oversampled")
 
 
 def simulate(
@@ -43,7 +43,8 @@ def simulate(
     threads : number of threads (None: one for each core). The result is the same to the bit.
     workers : number of processes that make frames, in place of threads, for machines with many cores. A script that asks
         for them keeps its own work under ``if __name__ == "__main__":``. The result is the same to the bit.
-    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, waveforms, oversampled.
+    keep : names of intermediate records to leave in ``frame.kept``: rays, hits, photons, taps,
+        waveforms, oversampled. ``taps`` holds the signals between the detector's stages.
     """
     require_scenario(scenario, "simulate")
     kept = _check_kept(keep, scenario)
@@ -188,9 +189,14 @@ def flash(
         aperture_m=receiver.aperture_m,
     )
     photons = optics.collect(hits, laser, receiver, late_s)
-    reading, waveforms = detector.detect(photons, lidar.detector, rng)
+    taps = None
+    if "taps" in keep:
+        reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng)
+    else:
+        reading, waveforms = detector.detect(photons, lidar.detector, rng)
     labels = scene.label(hits, photons, lidar.max_returns)
-    made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons, "waveforms": waveforms}
+    made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons}
+    made |= {"taps": taps, "waveforms": waveforms}
     if "oversampled" in keep:
         made["oversampled"] = optics.oversample(hits, laser, receiver)
     kept = {name: record for name in keep if (record := made[name]) is not None}
@@ -249,7 +255,9 @@ def _check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
     for name in names:
         if name not in KEPT:
             raise ScenarioError(f"keep: no intermediate record '{name}'; known: {', '.join(KEPT)}")
-    if "waveforms" in names and not scenario.lidar.detector.traits.has_waveforms:
-        kind = getattr(scenario.lidar.detector, "type", type(scenario.lidar.detector).__name__)
-        raise ScenarioError(f'keep: the detector "{kind}" has no waveforms; set lidar.detector.type = "gsfl"')
+    traits = scenario.lidar.detector.traits
+    for name, is_made in (("waveforms", traits.has_waveforms), ("taps", traits.has_taps)):
+        if name in names and not is_made:
+            kind = getattr(scenario.lidar.detector, "type", type(scenario.lidar.detector).__name__)
+            raise ScenarioError(f'keep: the detector "{kind}" has no {name}; set lidar.detector.type = "gsfl"')
     return names

@@ -4,7 +4,7 @@
 ``lidar.detector``: it follows the protocol `Detector`. Every function here takes either, and nothing outside this room
 asks which detector it has.
 
-- `detect` makes a reading of the light of one flash.
+- `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
 - `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_uncounted` serve the checks and
@@ -52,7 +52,7 @@ from rso_lidar.detector.settings.traits import DetectorTraits
 from rso_lidar.detector.stages.array_effects import draw_shift_m
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam
-from rso_lidar.records import Photons, Reading, Waveforms
+from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 _MOST_STEPS = 2**14  # of time in one trace, and ...
 _MOST_GATED = 2**27  # ... in all pixels under a gate: half a gigabyte
@@ -100,10 +100,32 @@ def detect(
     What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
     """
     if isinstance(detector, Gsfl):
-        return run_chain(detector, photons, rng)
+        return run_chain(detector, photons, rng)[:2]
     if isinstance(detector, Empirical):
         return detect_by_curves(detector, photons, rng), None
     return detector.detect(photons, rng)
+
+
+def detect_with_taps(
+    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator
+) -> tuple[Reading, Waveforms | None, Taps | None]:
+    """Detect the light of one flash, and also return the signals between the stages, None where they are not simulated.
+
+    Reading and waveforms are those of `detect`.
+
+    Parameters
+    ----------
+    photons : light on every pixel.
+    detector : a part, or an object that may have a method of this name.
+    rng : generator of all noise.
+    """
+    if isinstance(detector, Gsfl):
+        return run_chain(detector, photons, rng, with_taps=True)
+    method = getattr(detector, "detect_with_taps", None)
+    if method is None:
+        return *detect(photons, detector, rng), None
+    found: tuple[Reading, Waveforms | None, Taps | None] = method(photons, rng)
+    return found
 
 
 def check_size(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float, n_pixels: int) -> None:

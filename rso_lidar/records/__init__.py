@@ -7,7 +7,7 @@ NaN in a range and 0 in an intensity; sky in an integer label is -1.
 
 from rso_lidar.records.frame import SCHEMA_VERSION, Command, Frame, Observation, Source, TargetEntry
 from rso_lidar.records.light import Extent, Hits, Oversampled, Photons, Rays
-from rso_lidar.records.reading import Labels, Reading, Waveforms
+from rso_lidar.records.reading import Labels, Reading, Taps, Waveforms
 from rso_lidar.records.schema import ArraySpec, Record, array, specs
 from rso_lidar.records.truth import BodyState, PtuAngles, Truth
 
@@ -28,6 +28,7 @@ __all__ = [
     "Reading",
     "Record",
     "Source",
+    "Taps",
     "TargetEntry",
     "Truth",
     "Waveforms",

@@ -38,6 +38,29 @@ class Waveforms(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Taps(Record):
+    """Signals between the stages of a detector, over the stretch of time that each trace of its `Waveforms` stores.
+
+    Step k of a trace begins `start_s` + k `step_s` [s] after emission. Under a range gate the signals are means over the
+    pulses of the frame. Noise that triggers an unlit pixel is simulated at its samples only: in between, its amplitude is
+    NaN.
+    """
+
+    shape: tuple[int, int]
+    step_s: float
+    pixel: np.ndarray = array("trace", "i4", "1", "row * n_cols + col, rising")
+    start_s: np.ndarray = array("trace", "f8", "s", "two-way delay of the first step since emission")
+    threshold_electrons: np.ndarray = array("trace", "f4", "1", "threshold of the comparator; NaN under a range gate")
+    primaries: np.ndarray = array(
+        "trace step", "f4", "1", "expected photoelectrons in a step: of the pulse, dark current and background"
+    )
+    amplitude_electrons: np.ndarray = array("trace step", "f4", "1", "output of the amplifier above its baseline")
+    comparator: np.ndarray = array(
+        "trace step", "i1", "1", "1 where the amplitude is at or above the threshold, 0 where below, -1 where unknown"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Reading(Record):
     """What the sensor said."""
 

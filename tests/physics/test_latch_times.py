@@ -6,8 +6,8 @@ import pytest
 from rso_lidar.detector import Droop, Gsfl
 from rso_lidar.detector.bench.calibrate import reference_pulse
 from rso_lidar.detector.bench.separation import listed_separations
+from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import shape_pulse
-from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.stages.array_effects import solve_gain
 from tests.detector.chain.test_traces import STILL, crossing_s
 from tests.detector.returns_for_tests import returns
@@ -20,7 +20,7 @@ def test_a_pulse_latches_where_its_edge_passes_the_threshold(over, validation):
     """64 phases of the clock: the mean to 0.01 ns up to 1000 times the threshold, to a tenth of a step up to a million."""
     photons = returns(500.0 + 0.0223 * np.arange(64), 1.0)
     photons = returns(500.0 + 0.0223 * np.arange(64), over * 1e11 / shape_pulse(STILL, photons).peak)
-    made = store_traces(STILL, photons, np.random.default_rng(1))
+    made = store_waveforms(STILL, photons, np.random.default_rng(1))
     validation(
         case=f"latch of a pulse of 8 ns at {over:g} times the threshold, after its nominal delay",
         source="Gaussian behind two poles in closed form",

@@ -9,7 +9,7 @@ from rso_lidar.detector.chain.measure import measure
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.records import Photons, Reading, Waveforms
+from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 
 def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
@@ -21,10 +21,12 @@ def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> W
     photons : light on every pixel.
     rng : random generator.
     """
-    return store_gate(gsfl, photons, rng) if gsfl.gate else store_traces(gsfl, photons, rng)
+    return _store(gsfl, photons, rng)[0]
 
 
-def run_chain(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> tuple[Reading, Waveforms]:
+def run_chain(
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+) -> tuple[Reading, Waveforms, Taps | None]:
     """Simulate what the sensor says of one flash, and the samples it says so from.
 
     Parameters
@@ -32,6 +34,14 @@ def run_chain(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> tuple[R
     gsfl : the detector.
     photons : light on every pixel.
     rng : random generator.
+    with_taps : also return the signals between the stages.
     """
-    waveforms = store_waveforms(gsfl, photons, rng)
-    return measure(gsfl, waveforms, shape_pulse(gsfl, photons), rng), waveforms
+    waveforms, taps = _store(gsfl, photons, rng, with_taps=with_taps)
+    return measure(gsfl, waveforms, shape_pulse(gsfl, photons), rng), waveforms, taps
+
+
+def _store(
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+) -> tuple[Waveforms, Taps | None]:
+    store = store_gate if gsfl.gate else store_traces
+    return store(gsfl, photons, rng, with_taps=with_taps)

@@ -6,14 +6,17 @@ import numpy as np
 
 from rso_lidar.detector.chain.analog import base_rate_per_s, quick, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.sampling import store_samples
 from rso_lidar.detector.stages.time_axis import place_gate_rows
-from rso_lidar.records import Photons, Waveforms
+from rso_lidar.records import Photons, Taps, Waveforms
 
 
-def store_gate(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+def store_gate(
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+) -> tuple[Waveforms, Taps | None]:
     """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers.
 
     Parameters
@@ -21,6 +24,7 @@ def store_gate(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wavefo
     gsfl : the detector, with a gate.
     photons : light on every pixel.
     rng : random generator.
+    with_taps : also return the signals between the stages.
     """
     assert gsfl.gate is not None
     rng = quick(rng)
@@ -32,15 +36,21 @@ def store_gate(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wavefo
     first = np.full(n_pixels, plan.before)
     total = np.zeros((n_pixels, n_samples), np.float32)
     clipped = np.zeros((n_pixels, n_samples), bool)
+    n_steps = n_samples * plan.steps_per_sample if with_taps else 0
+    primaries, analog = (np.zeros((n_pixels, n_steps), np.float32) for _ in range(2))
     for _ in range(gsfl.gate.pulses):
-        amplitude = simulate_analog(gsfl, photons, rows, plan, camera, rng).amplitude
+        made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
+        amplitude = made.amplitude
+        primaries += cut_steps(made.primaries, rows.pixel, first, n_steps)
+        analog += cut_steps(amplitude, rows.pixel, first, n_steps)
         counts = store_samples(
             gsfl.readout, amplitude, rows.pixel, first, plan.steps_per_sample, n_samples, camera.offset_counts
         )
         clipped |= counts >= gsfl.readout.full_scale_counts
         total += counts
     alive = np.flatnonzero(~camera.dead)
-    return Waveforms(
+    base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)[alive]
+    waveforms = Waveforms(
         shape=photons.shape,
         sample_s=gsfl.readout.sample_s,
         baseline_counts=gsfl.readout.baseline_counts,
@@ -49,5 +59,18 @@ def store_gate(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wavefo
         latch_s=np.full(len(alive), np.nan),
         samples_counts=total[alive] / np.float32(gsfl.gate.pulses),
         clipped=clipped[alive],
-        base_per_s=base_rate_per_s(gsfl.quantum_efficiency, camera, photons)[alive],
+        base_per_s=base,
     )
+    if not with_taps:
+        return waveforms, None
+    pulses = np.float32(gsfl.gate.pulses)
+    taps = tap_stages(
+        photons.shape,
+        plan.step_s,
+        pixel=alive,
+        start_s=waveforms.start_s,
+        threshold=np.full(len(alive), np.nan, np.float32),
+        primaries=primaries[alive] / pulses + (base[:, None] * plan.step_s).astype(np.float32),
+        amplitude=analog[alive] / pulses,
+    )
+    return waveforms, taps

@@ -9,6 +9,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector.chain.analog import Analog, base_rate_per_s, quick, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.noise import noise_rms
@@ -25,13 +26,15 @@ from rso_lidar.detector.stages.comparator import (
 from rso_lidar.detector.stages.false_triggers import Armed, draw_false_traces, draw_first_false
 from rso_lidar.detector.stages.sampling import convert, store_samples
 from rso_lidar.detector.stages.time_axis import Rows, place_rows
-from rso_lidar.records import Photons, Waveforms
+from rso_lidar.records import Photons, Taps, Waveforms
 
 _DARK = 1e-3  # of the threshold: so little light on a pixel changes nothing of when noise triggers it
 _SURE = 10.0  # times the threshold: so much light in the watched part of a row latches, however it is spread there
 
 
-def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+def store_traces(
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+) -> tuple[Waveforms, Taps | None]:
     """Simulate the stored samples of self-triggering pixels.
 
     The first crossing of a threshold, by signal or by noise, starts a trace.
@@ -41,6 +44,7 @@ def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wave
     gsfl : the detector, without a gate.
     photons : light on every pixel.
     rng : random generator.
+    with_taps : also return the signals between the stages.
     """
     rng = quick(rng)
     n_pixels = photons.shape[0] * photons.shape[1]
@@ -74,6 +78,12 @@ def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wave
     first = sample * per_sample - rows.start[row]
     counts = store_samples(gsfl.readout, made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
     latch_s = latch_step * plan.step_s
+    n_steps = gsfl.readout.samples * per_sample if with_taps else 0
+    tapped = [
+        threshold[row],
+        cut_steps(made.primaries, row, first, n_steps) + (base[pixel, None] * plan.step_s).astype(np.float32),
+        cut_steps(made.amplitude, row, first, n_steps),
+    ]
     if len(noisy):
         level = gsfl.trigger.threshold_electrons * camera.threshold[noisy]
         noise, noise_sample = draw_false_traces(
@@ -83,7 +93,12 @@ def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wave
         counts = np.insert(counts, at, convert(gsfl.readout, noise, offset[noisy, None]), axis=0)
         pixel, sample = np.insert(pixel, at, noisy), np.insert(sample, at, noise_sample)
         latch_s = np.insert(latch_s, at, false_s)
-    return Waveforms(
+        between = np.full((len(noisy), n_steps), np.nan, np.float32)
+        if with_taps:
+            between[:, ::per_sample] = noise
+        own = np.broadcast_to(base[noisy, None] * plan.step_s, between.shape)
+        tapped = [np.insert(one, at, other, axis=0) for one, other in zip(tapped, (level, own, between), strict=True)]
+    waveforms = Waveforms(
         shape=photons.shape,
         sample_s=gsfl.readout.sample_s,
         baseline_counts=gsfl.readout.baseline_counts,
@@ -92,6 +107,19 @@ def store_traces(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Wave
         latch_s=latch_s,
         samples_counts=counts,
     )
+    if not with_taps:
+        return waveforms, None
+    level, primaries, amplitude = tapped
+    taps = tap_stages(
+        photons.shape,
+        plan.step_s,
+        pixel=pixel,
+        start_s=waveforms.start_s,
+        threshold=level,
+        primaries=primaries,
+        amplitude=amplitude,
+    )
+    return waveforms, taps
 
 
 def arm_rows(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:

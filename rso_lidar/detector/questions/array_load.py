@@ -56,7 +56,7 @@ def simulate_array_load(gsfl: Gsfl, photons: Photons) -> ArrayLoad:
     if gsfl.crosstalk is not None and gsfl.gate is None and len(photons.pixel):
         light = np.bincount(photons.pixel, photons.photons, n_pixels)
         lit = np.flatnonzero(light > 0.0)
-        stored = store_traces(gsfl, photons, np.random.Generator(np.random.Philox(_SEED)))
+        stored, _ = store_traces(gsfl, photons, np.random.Generator(np.random.Philox(_SEED)))
         at_s = np.zeros(n_pixels)
         at_s[lit] = np.bincount(photons.pixel, photons.photons * photons.delay_s, n_pixels)[lit] / light[lit]
         latched = np.isin(stored.pixel, lit)

@@ -252,6 +252,7 @@ class Gsfl(Part):
             saturation_photons=self.saturation_photons,
             settings=gated,
             has_waveforms=True,
+            has_taps=True,
             is_gated=gate is not None,
             clock_s=self.readout.sample_s,
             pulses=gate.pulses if gate else 1,

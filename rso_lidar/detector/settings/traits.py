@@ -23,6 +23,7 @@ class DetectorTraits:
     saturation_photons : photons of a return from which the intensity no longer rises.
     settings : values in force that every frame records, by name, in SI, such as ``gate_delay_s``.
     has_waveforms : whether `detect` returns Waveforms.
+    has_taps : whether the signals between its stages can be kept.
     is_gated : whether it sees a short window that a plan or a controller moves. Such a detector has a method
         ``with_gate_delay(delay_ns)`` that returns a copy whose window opens that long after emission.
     pulses : laser pulses that one frame averages.
@@ -39,6 +40,7 @@ class DetectorTraits:
     saturation_photons: float = math.inf
     settings: Mapping[str, float] = field(default_factory=dict, hash=False)
     has_waveforms: bool = False
+    has_taps: bool = False
     is_gated: bool = False
     clock_s: float = 0.0
     pulses: int = 1

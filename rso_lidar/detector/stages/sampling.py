@@ -26,7 +26,7 @@ def store_samples(
     offset_counts : (trace) what a pixel adds of its own.
     """
     counts = np.empty((len(row), n), np.float32)
-    stored = store_traces(
+    stored = sample_rows(
         packed(amplitude, np.float32),
         packed(row, np.int64),
         packed(first, np.int64),
@@ -42,7 +42,7 @@ def store_samples(
 
 
 @kernel
-def store_traces(
+def sample_rows(
     amplitude: np.ndarray,
     row: np.ndarray,
     first: np.ndarray,

@@ -9,8 +9,9 @@ import pytest
 from rso_lidar.detector import Gsfl
 from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
+from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.chain.traces import arm_rows, noise_sigma, store_traces
+from rso_lidar.detector.chain.traces import arm_rows, noise_sigma
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import nothing, returns
 
@@ -88,7 +89,7 @@ def test_what_no_pulse_makes_is_dark_current_hot_pixels_and_sunlight():
 def test_a_trace_lies_about_its_latch():
     """Eight of twenty samples lie before the latch; the light is below the threshold there and above it after."""
     photons = returns(1000.0 + 0.137 * np.arange(500), 20_000.0)
-    waveforms = store_traces(PART, photons, np.random.default_rng(4))
+    waveforms = store_waveforms(PART, photons, np.random.default_rng(4))
     assert waveforms.samples_counts.shape == (500, 20) and np.array_equal(waveforms.pixel, np.arange(500))
     into = (waveforms.latch_s - waveforms.start_s) / 2.38e-9
     assert into.min() > 8.0 - 1e-6 and into.max() < 9.0 - 1e-6
@@ -112,10 +113,10 @@ def test_the_first_surface_that_crosses_latches():
         (1, 3),
     )
     part = PART.replace(armed_from_m=100.0)
-    latch_m = store_traces(part, photons, np.random.default_rng(5)).latch_s * C / 2.0
+    latch_m = store_waveforms(part, photons, np.random.default_rng(5)).latch_s * C / 2.0
     assert latch_m == pytest.approx([500.0, 900.0, 900.0], abs=2.0)
     nothing_armed = PART.replace(armed_from_m=950.0, armed_to_m=1000.0)
-    assert len(store_traces(nothing_armed, photons, np.random.default_rng(5)).pixel) == 0
+    assert len(store_waveforms(nothing_armed, photons, np.random.default_rng(5)).pixel) == 0
 
 
 def test_rows_are_watched_only_while_armed():
@@ -134,7 +135,7 @@ def test_light_that_stands_when_the_window_opens_does_not_trigger():
     """The window opens at the pulse's peak: it has passed the threshold before, and comes back for good below it."""
     photons = returns(np.full(200, 1000.0), 20_000.0)
     peak_s = photons.delay_s[0] + shape_pulse(PART, photons).peak_s
-    seen = store_traces(PART.replace(armed_from_m=peak_s * C / 2.0), photons, np.random.default_rng(6))
+    seen = store_waveforms(PART.replace(armed_from_m=peak_s * C / 2.0), photons, np.random.default_rng(6))
     assert len(seen.pixel) == 0
-    earlier = store_traces(PART.replace(armed_from_m=990.0), photons, np.random.default_rng(6))
+    earlier = store_waveforms(PART.replace(armed_from_m=990.0), photons, np.random.default_rng(6))
     assert len(earlier.pixel) == 200

@@ -5,8 +5,8 @@ import pytest
 from scipy.special import erfcx
 
 from rso_lidar.detector import Gsfl
+from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import shape_pulse
-from rso_lidar.detector.chain.traces import store_traces
 from rso_lidar.detector.stages.comparator import refine_crossings
 from tests.detector.returns_for_tests import returns
 from tests.reference.detector.whole_chain import PATHS, computing
@@ -60,7 +60,7 @@ def test_the_latch_is_the_crossing_from_just_above_the_threshold_to_a_million_ti
     peak = shape_pulse(part, returns(range_m, 1.0, pulse_fwhm_s=fwhm_ns * 1e-9)).peak
     photons = returns(range_m, over * 1e11 / peak, pulse_fwhm_s=fwhm_ns * 1e-9)
     with computing(path):
-        made = store_traces(part, photons, np.random.default_rng(2))
+        made = store_waveforms(part, photons, np.random.default_rng(2))
     assert np.array_equal(made.pixel, np.arange(240))
     late_s = made.latch_s - photons.delay_s - crossing_s(over, fwhm_ns * 1e-9, part.amplifier.pole_s)
     assert np.abs(late_s[over < 1e3]).max() < 0.02e-9
@@ -76,7 +76,7 @@ def test_neither_the_latch_nor_where_a_trace_begins_hangs_on_the_step(steps):
     """
     part = Gsfl(preset="offset_limited", steps_per_sample=steps, trigger={"threshold_spread_fraction": 0.0})
     photons = returns(1000.0 + 0.1370 * np.arange(2000), 3200.0)
-    made = store_traces(part, photons, np.random.default_rng(steps))
+    made = store_waveforms(part, photons, np.random.default_rng(steps))
     assert len(made.pixel) == 2000
     into = (made.latch_s - made.start_s) / part.readout.sample_s
     assert into.min() >= 8.0 and into.max() < 9.0

@@ -12,7 +12,7 @@ from rso_lidar.detector.chain.traces import arm_rows, latch_rows
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.readout import Readout
 from rso_lidar.detector.stages.comparator import NEAR, NEVER, find_first_crossings, find_latches
-from rso_lidar.detector.stages.sampling import store_samples, store_traces
+from rso_lidar.detector.stages.sampling import sample_rows, store_samples
 from rso_lidar.detector.stages.time_axis import place_rows
 from tests.detector.returns_for_tests import returns
 from tests.reference.detector import comparator as reference
@@ -88,4 +88,4 @@ def test_each_loop_compiles_once():
     for shape in (returns([1000.0, 1000.0], 800.0), returns([1000.0], 0.0)):
         for gsfl in (Gsfl(), Gsfl(gate={"delay_ns": 6600.0, "pulses": 2})):
             detect(shape, gsfl, np.random.default_rng(1))
-    assert len(find_first_crossings.dispatcher.signatures) == len(store_traces.dispatcher.signatures) == 1
+    assert len(find_first_crossings.dispatcher.signatures) == len(sample_rows.dispatcher.signatures) == 1
