@@ -20,15 +20,17 @@ _MOST_TAPS = 4096  # to each side of a measured pulse
 
 
 class Laser(Part):
-    """A laser that lights the scene with one pulse for each frame, along the lidar's boresight.
+    """Pulsed laser that lights the scene along the lidar's boresight, one pulse for each frame.
 
-    `divergence_deg` is the full angle, edge to edge of a square or circular footprint, 1/e² of a Gaussian one, the whole
-    image of a ``pattern`` measured in `pattern_file` (an image, or a table of numbers). The footprint ``as_printed`` is the
-    square of eq. 7 of Fuller et al. as printed, which returns four times the energy sent.
+    `divergence_deg` is a full angle: edge to edge of a square or circular footprint, the 1/e² width of a Gaussian one.
+    A ``pattern`` measured in `pattern_file` (an image or a table of numbers) fills the square of that angle. The
+    footprint ``as_printed`` is the square of Fuller et al., eq. 7, as printed, which returns four times the energy
+    sent.
 
-    The pulse of `pulse_fwhm_ns` is Gaussian, super-Gaussian exp(−|t/a|^2p) with p = `pulse_order`, or ``measured`` in
-    `pulse_file` (columns time_ns, power), which then sets its width. `offset_m` is where the laser stands from the lens, in
-    lidar axes. `energy_jitter_fraction` and `timing_jitter_ns` are 1 sigma from pulse to pulse, unknown to the receiver.
+    The pulse of `pulse_fwhm_ns` is Gaussian, or super-Gaussian exp(−|t/a|^2p) with p = `pulse_order`. A ``measured``
+    pulse comes from `pulse_file` (columns time_ns, power), which also sets its width. `offset_m` is the position of the
+    laser relative to the lens, in lidar axes. `energy_jitter_fraction` and `timing_jitter_ns` are 1 sigma from pulse to
+    pulse, unknown to the receiver.
     """
 
     wavelength_nm: Positive = Field(
@@ -110,17 +112,17 @@ class Laser(Part):
 
     @property
     def wavelength_m(self) -> float:
-        """Return the vacuum wavelength [m]."""
+        """Vacuum wavelength [m]."""
         return self.wavelength_nm * units.NM
 
     @cached_property
     def photons(self) -> float:
-        """Return how many photons one pulse holds (E_tx of Fuller et al., in photons)."""
+        """Number of photons in one pulse (E_tx of Fuller et al., in photons)."""
         return self.energy_mj * units.MJ / units.photon_energy_j(self.wavelength_m)
 
     @property
     def pulse_fwhm_s(self) -> float:
-        """Return the full width of the pulse at half maximum [s]; a measured one has its own."""
+        """Full width of the pulse at half maximum [s]; a measured pulse has its own."""
         if self.pulse_shape != "measured":
             return self.pulse_fwhm_ns * units.NS
         assert self.pulse_file is not None
@@ -128,7 +130,7 @@ class Laser(Part):
 
     @property
     def pulse(self) -> tuple[float, np.ndarray]:
-        """Return the pulse's power over its energy [1/s] as taps (tap), their middle at time zero, and their step [s]."""
+        """Step [s] and taps (tap) of the pulse: power over energy [1/s], the middle tap at time zero."""
         if self.pulse_shape == "measured":
             assert self.pulse_file is not None
             return _measured_taps(*file_stamp(self.pulse_file))
@@ -137,11 +139,20 @@ class Laser(Part):
 
     @property
     def offset(self) -> np.ndarray | None:
-        """Return where the laser stands in lidar axes (xyz) [m]; None at the lens."""
+        """Position of the laser in lidar axes (xyz) [m]; None at the lens."""
         return np.array(self.offset_m) if any(self.offset_m) else None
 
     def fire(self, rng: np.random.Generator) -> "tuple[Laser, float]":
-        """Return the laser of one pulse, with the energy it really had, and when it left [s after its nominal instant]."""
+        """Draw the energy and the timing of one pulse.
+
+        Parameters
+        ----------
+        rng : source of the random numbers; not used without jitter.
+
+        Returns
+        -------
+        The laser with the energy of this pulse, and how late the pulse left [s].
+        """
         if self.energy_jitter_fraction == 0.0 and self.timing_jitter_ns == 0.0:
             return self, 0.0
         energy, late = rng.standard_normal(2)
@@ -150,16 +161,16 @@ class Laser(Part):
 
     @property
     def divergence_rad(self) -> float:
-        """Return the full angle of the beam [rad]."""
+        """Full angle of the beam [rad]."""
         return self.divergence_deg * units.DEG
 
     @cached_property
     def half_width_tangent(self) -> float:
-        """Return tan(θ/2): half the footprint's width in the tangent plane at unit distance."""
+        """Half the footprint's width in the tangent plane at unit distance: tan(θ/2)."""
         return math.tan(0.5 * self.divergence_rad)
 
-    def lit(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return which points (x, y) of the tangent plane the footprint covers; a Gaussian covers all."""
+    def is_lit(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return whether the footprint covers points (x, y) of the tangent plane; a Gaussian covers all."""
         if self.footprint == "gaussian":
             return np.ones(np.broadcast(x, y).shape, dtype=bool)
         if self.footprint == "circle":
@@ -183,11 +194,11 @@ class Laser(Part):
         if self.footprint == "gaussian":
             bell: np.ndarray = self.density_on_axis * np.exp(-2.0 * (x * x + y * y) / self.half_width_tangent**2)
             return bell
-        return np.where(self.lit(x, y), self.density_on_axis, 0.0)
+        return np.where(self.is_lit(x, y), self.density_on_axis, 0.0)
 
     @cached_property
     def density_on_axis(self) -> float:
-        """Return photons per unit area of the tangent plane in the middle of the beam; for a ``pattern``, its mean."""
+        """Photons per unit area of the tangent plane in the middle of the beam; of a ``pattern``, the mean."""
         t2 = self.half_width_tangent**2
         area = {"square": 4.0 * t2, "circle": math.pi * t2, "gaussian": 0.5 * math.pi * t2, "as_printed": t2}
         return self.photons / area.get(self.footprint, 4.0 * t2)
@@ -199,7 +210,7 @@ class Laser(Part):
         row = np.clip(((np.asarray(y) / t + 1.0) * 0.5 * rows).astype(np.int64), 0, rows - 1)
         col = np.clip(((np.asarray(x) / t + 1.0) * 0.5 * cols).astype(np.int64), 0, cols - 1)
         cell = 4.0 * t * t / (rows * cols)
-        density: np.ndarray = np.where(self.lit(x, y), self._pattern[row, col] * (self.photons / cell), 0.0)
+        density: np.ndarray = np.where(self.is_lit(x, y), self._pattern[row, col] * (self.photons / cell), 0.0)
         return density
 
     @cached_property

@@ -5,10 +5,18 @@ from rso_lidar.optics.receiver import Receiver
 
 
 def filled_pixel_photons(laser: Laser, receiver: Receiver, brdf_per_sr: float, range_m: float) -> float:
-    """Return the photons of a pixel on the boresight that a facet facing the lidar fills at `range_m` [m].
+    """Return the photons of a pixel on the boresight that a facet facing the lidar fills.
 
-    eq. 7 of Fuller et al. with the factor 4 (or the area of another footprint), before the APD.
+    Fuller et al., eq. 7, with the factor 4 (or the area of another footprint), before the APD.
 
+    Parameters
+    ----------
+    laser, receiver : the instrument.
+    brdf_per_sr : BRDF of the facet.
+    range_m : range of the facet.
+
+    Examples
+    --------
     >>> from rso_lidar.optics import Laser, Receiver
     >>> from math import pi
     >>> round(filled_pixel_photons(Laser(), Receiver(fov_deg=2.5, f_number=2.8), 0.30 / pi, 3000.0))

@@ -1,4 +1,4 @@
-"""The scene on the grid of rays, before it is binned to pixels: Fuller et al., fig. 9 and 11."""
+"""The scene on the grid of rays, before it is summed to pixels: Fuller et al., figs. 9 and 11."""
 
 import numpy as np
 
@@ -9,9 +9,18 @@ from rso_lidar.records import Hits, Oversampled
 
 
 def oversample(hits: Hits, laser: Laser, receiver: Receiver) -> Oversampled:
-    """Return range and photon image (fine_row, fine_col), k x k cells to a pixel, before any PSF.
+    """Draw the range and the photon image of one flash on the grid of rays, k x k cells to a pixel, before any PSF.
 
     Where rays are finer than cells their photons add, and the nearest gives the range.
+
+    Parameters
+    ----------
+    hits : the hits of the flash.
+    laser, receiver : the instrument.
+
+    Returns
+    -------
+    Both images (fine_row, fine_col).
     """
     photons = collect(hits, laser, receiver.replace(psf=None))
     k = receiver.rays_per_side

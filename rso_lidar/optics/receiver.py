@@ -1,4 +1,4 @@
-"""The receiver: a lens and the focal plane behind it, as far as geometry and light-gathering go."""
+"""The receiver: a lens and the focal plane behind it, with their geometry and their light-gathering power."""
 
 import math
 from functools import cached_property
@@ -17,14 +17,15 @@ Transmission = Annotated[Positive, Field(le=1)]
 
 
 class Receiver(Part):
-    """A lens that images the scene onto a focal plane of square pixels (Fuller et al., sec. 3.1.4).
+    """Lens that images the scene onto a focal plane of square pixels (Fuller et al., sec. 3.1.4).
 
-    Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. Each pixel is
-    sampled by a k x k grid of rays, `rays_per_pixel` = k²; a target whose bounds would get fewer than
-    `min_rays_per_target` is sampled on a finer grid (0: off).
+    Give `fov_deg` (full angle across the columns) or `focal_length_mm`, and `f_number` or `aperture_mm`. A k x k grid
+    of rays samples each pixel, `rays_per_pixel` = k². A target whose bounds would get fewer than `min_rays_per_target`
+    rays is sampled on a finer grid (0: off).
 
-    `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect. `filter_width_nm`
-    is the width of the filter about the laser's line: with it, sunlight on the targets reaches the detector.
+    `psf` spreads light over pixels and `distortion` bends the image; without them the lens is perfect.
+    `filter_width_nm` is the width of the spectral filter about the laser's line. With a filter, sunlight on the targets
+    reaches the detector.
     """
 
     fov_deg: FieldOfView | None = Field(
@@ -98,22 +99,22 @@ class Receiver(Part):
 
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Return (n_rows, n_cols)."""
+        """Rows and columns of the focal plane."""
         return self.n_rows, self.n_cols
 
     @cached_property
     def rays_per_side(self) -> int:
-        """Return k of the k x k grid of rays in a pixel."""
+        """Side k of the k x k grid of rays in a pixel."""
         return math.isqrt(self.rays_per_pixel)
 
     @cached_property
     def pixel_pitch_m(self) -> float:
-        """Return the pixel pitch [m]."""
+        """Pixel pitch [m]."""
         return self.pixel_pitch_um * units.UM
 
     @cached_property
     def focal_length_m(self) -> float:
-        """Return the focal length [m]; from the field of view it is width / (2 tan(FoV/2))."""
+        """Focal length [m]; from the field of view it is width / (2 tan(FoV/2))."""
         if self.focal_length_mm is not None:
             return self.focal_length_mm * units.MM
         assert self.fov_deg is not None
@@ -121,7 +122,7 @@ class Receiver(Part):
 
     @cached_property
     def aperture_m(self) -> float:
-        """Return the diameter of the aperture [m]."""
+        """Diameter of the aperture [m]."""
         if self.aperture_mm is not None:
             return self.aperture_mm * units.MM
         assert self.f_number is not None
@@ -129,39 +130,39 @@ class Receiver(Part):
 
     @cached_property
     def aperture_area_m2(self) -> float:
-        """Return the area of the aperture [m²]."""
+        """Area of the aperture [m²]."""
         return 0.25 * math.pi * self.aperture_m**2
 
     @cached_property
     def fov_rad(self) -> float:
-        """Return the full field of view across the columns [rad]."""
+        """Full field of view across the columns [rad]."""
         return 2.0 * math.atan(0.5 * self.n_cols * self.pixel_tangent)
 
     @cached_property
     def pixel_tangent(self) -> float:
-        """Return pitch / focal length: the width of a pixel in the tangent plane at unit distance."""
+        """Width of a pixel in the tangent plane at unit distance: pitch / focal length."""
         return self.pixel_pitch_m / self.focal_length_m
 
     @cached_property
     def ifov_rad(self) -> float:
-        """Return the instantaneous field of view of a pixel on the boresight [rad]."""
+        """Instantaneous field of view of a pixel on the boresight [rad]."""
         return 2.0 * math.atan(0.5 * self.pixel_tangent)
 
     def image_of(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where light of the directions (x, y, 1) falls: column and row, 0 at the first pixels' outer edges."""
+        """Return the image of directions (x, y, 1): column and row, 0 at the outer edges of the first pixels."""
         if self.distortion is not None:
             x, y = self.distortion.distort(x, y)
         return x / self.pixel_tangent + 0.5 * self.n_cols, y / self.pixel_tangent + 0.5 * self.n_rows
 
     def tangents_at(self, col: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the x and y of the directions (x, y, 1) whose light falls on the focal plane at (col, row)."""
+        """Return x and y of the directions (x, y, 1) that the lens images to (col, row) on the focal plane."""
         x = (col - 0.5 * self.n_cols) * self.pixel_tangent
         y = (row - 0.5 * self.n_rows) * self.pixel_tangent
         return (x, y) if self.distortion is None else self.distortion.undistort(x, y)
 
     @cached_property
     def field_edge(self) -> np.ndarray:
-        """Return the greatest |x| and |y| (right_down) of directions (x, y, 1) whose light the focal plane catches."""
+        """Greatest |x| and |y| (right_down) of directions (x, y, 1) that the focal plane sees."""
         col = np.concatenate([np.linspace(0.0, self.n_cols, 65)] * 2 + [np.zeros(65), np.full(65, float(self.n_cols))])
         down = np.linspace(0.0, self.n_rows, 65)
         row = np.concatenate([np.zeros(65), np.full(65, float(self.n_rows)), down, down])
@@ -170,7 +171,7 @@ class Receiver(Part):
 
     @cached_property
     def line_of_sight(self) -> np.ndarray:
-        """Return the unit vectors (row, col, xyz) of the pixels' centres in lidar axes, as the lens bends them."""
+        """Unit vectors (row, col, xyz) of the pixels' centres in lidar axes, distortion included."""
         centres = np.broadcast_arrays((np.arange(self.n_cols) + 0.5)[None, :], (np.arange(self.n_rows) + 0.5)[:, None])
         ray = np.stack([*self.tangents_at(*centres), np.ones(self.shape)], axis=-1)
         ray /= np.linalg.norm(ray, axis=-1, keepdims=True)

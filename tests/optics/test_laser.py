@@ -41,7 +41,7 @@ def test_nothing_is_lit_beyond_the_edge(footprint):
     x = np.array([0.0, 0.999 * t, -0.999 * t, 1.001 * t, 0.0, 0.999 * t])
     y = np.array([0.0, 0.0, 0.0, 0.0, -1.001 * t, 0.999 * t])
     lit = [True, True, True, False, False, footprint != "circle"]
-    assert laser.lit(x, y).tolist() == lit
+    assert laser.is_lit(x, y).tolist() == lit
     assert (laser.density(x, y) > 0).tolist() == lit
 
 

@@ -1,7 +1,7 @@
-"""Distortion: where on the focal plane a direction lands, and which direction a place on it looks along.
+"""Distortion: the image of a direction on the focal plane, and the direction that a point of the focal plane sees.
 
-Undistorted (x, y) and distorted (xd, yd) places are both tangents in lidar axes: x to the right, y down, in units of the
-focal length. A pixel at (xd, yd) looks along `undistort(xd, yd)`.
+Undistorted (x, y) and distorted (xd, yd) points are both tangents in lidar axes: x to the right, y down, in units of
+the focal length. A pixel at (xd, yd) looks along `undistort(xd, yd)`.
 """
 
 import math
@@ -19,23 +19,26 @@ from rso_lidar.optics.tables.number_text import file_stamp
 from rso_lidar.part import Number, Part, Text
 
 WORST_FIT = 0.005  # rms residual of a fit over the field's radius beyond which five coefficients do not describe a lens
-_LEAST_SLOPE = 0.05  # a lens that shrinks an area more than this, or turns it over, is a mistake in a coefficient
+_LEAST_SLOPE = 0.05  # a lens that shrinks an area more than this, or flips it, has a wrong coefficient
 Coefficients = tuple[float, float, float, float, float]
 
 
 class DistortionPart(Part):
-    """What every distortion can do, from its five Brown-Conrady coefficients."""
+    """Base of all distortions: the mapping of five Brown-Conrady coefficients."""
 
     @property
     @abstractmethod
     def coefficients(self) -> Coefficients:
-        """Return k1, k2, k3, p1, p2 in powers of the tangent of the field angle."""
+        """Coefficients k1, k2, k3, p1, p2, in powers of the tangent of the field angle."""
 
     def distort(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places (xd, yd) where light from (x, y) lands.
+        """Return the image points (xd, yd) of directions (x, y) (Brown 1966, Conrady 1919).
 
-        x_d = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), y_d alike (Brown 1966, Conrady 1919; the order of
-        p1 and p2 is the one of camera calibration, p1 going with y).
+        x_d = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)
+
+        y_d = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p2 x y + p1 (r² + 2 y²)
+
+        The order of p1 and p2 is that of camera calibration: p1 goes with y.
         """
         k1, k2, k3, p1, p2 = self.coefficients
         r2 = x * x + y * y
@@ -46,28 +49,28 @@ class DistortionPart(Part):
         )
 
     def undistort(self, xd: np.ndarray, yd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the tangents (x, y) of the directions that land at (xd, yd), by Newton's method to below 1e-12."""
+        """Return the tangents (x, y) of the directions imaged to (xd, yd), by Newton's method to below 1e-12."""
         xd, yd = np.broadcast_arrays(np.asarray(xd, dtype=float), np.asarray(yd, dtype=float))
         return self._solve(xd, yd, xd, yd)
 
     def area(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
-        """Return d(x, y) / d(xd, yd): how much of the undistorted plane a unit of area at (xd, yd) looks at."""
+        """Return d(x, y) / d(xd, yd): the area of the undistorted plane that a unit of area at (xd, yd) sees."""
         return self.area_at_direction(*self.undistort(xd, yd))
 
     def area_at_direction(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the same as `area` at the place where light from (x, y) lands."""
+        """Return `area` at the image of the direction (x, y)."""
         xx, xy, yy = self._slopes(x, y)
         seen: np.ndarray = 1.0 / (xx * yy - xy * xy)
         return seen
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Refuse a mapping that folds within the focal plane |xd| <= half_x, |yd| <= half_y."""
+        """Raise `ScenarioError` if the mapping folds within the focal plane |xd| <= half_x, |yd| <= half_y."""
         edge = np.linspace(-1.0, 1.0, 33)
         one = np.ones_like(edge)
         to_x = half_x * np.concatenate([edge, edge, -one, one])
         to_y = half_y * np.concatenate([-one, one, edge, edge])
         x, y = np.zeros_like(to_x), np.zeros_like(to_y)
-        # Outwards from the axis, each solution starting the next, so that none jumps over a fold.
+        # Outwards from the axis: each solution is the first guess of the next, so that none jumps over a fold.
         for part in np.linspace(0.0, 1.0, 33)[1:]:
             x, y = self._solve(part * to_x, part * to_y, x, y)
             xx, xy, yy = self._slopes(x, y)
@@ -79,7 +82,7 @@ class DistortionPart(Part):
                 )
 
     def _slopes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return dxd/dx, dxd/dy (which is dyd/dx) and dyd/dy at (x, y)."""
+        """Return dxd/dx, dxd/dy (equal to dyd/dx) and dyd/dy at (x, y)."""
         k1, k2, k3, p1, p2 = self.coefficients
         r2 = x * x + y * y
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -91,11 +94,17 @@ class DistortionPart(Part):
         )
 
     def _solve(self, xd: np.ndarray, yd: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (x, y) with distort(x, y) = (xd, yd), from a first guess."""
+        """Solve distort(x, y) = (xd, yd) from a first guess.
+
+        Parameters
+        ----------
+        xd, yd : image points.
+        x, y : first guess.
+        """
         if not any(self.coefficients):
             return xd.copy(), yd.copy()
         within = 1e-13 * (1.0 + np.hypot(xd, yd))
-        with np.errstate(all="ignore"):  # a guess may run away, which is told below
+        with np.errstate(all="ignore"):  # a guess may diverge, which raises below
             for _ in range(25):
                 at_x, at_y = self.distort(x, y)
                 miss_x, miss_y = at_x - xd, at_y - yd
@@ -132,15 +141,15 @@ class BrownConrady(DistortionPart):
 
     @property
     def coefficients(self) -> Coefficients:
-        """Return k1, k2, k3, p1, p2."""
+        """Coefficients k1, k2, k3, p1, p2."""
         return self.k1, self.k2, self.k3, self.p1, self.p2
 
 
 class ZemaxDistortion(DistortionPart):
-    """The distortion of a Zemax Grid Distortion listing, as the Brown-Conrady coefficients that fit it best.
+    """Distortion of a Zemax Grid Distortion listing, as the Brown-Conrady coefficients that fit it best.
 
-    The listing's x runs to the right and its y up, as its window draws them; for a lens that is symmetric about its axis
-    that makes no difference.
+    The listing's x runs to the right and its y up, as its window draws them. For a lens that is symmetric about its
+    axis that makes no difference.
     """
 
     type: Literal["zemax_grid"] = "zemax_grid"
@@ -148,20 +157,20 @@ class ZemaxDistortion(DistortionPart):
 
     @property
     def coefficients(self) -> Coefficients:
-        """Return k1, k2, k3, p1, p2 of the fit."""
+        """Coefficients k1, k2, k3, p1, p2 of the fit."""
         return self.fit.coefficients
 
     @property
     def fit(self) -> "Fit":
-        """Return the fit, made once for each state of the file."""
+        """The fit, made once for each state of the file."""
         return _fit(*file_stamp(self.file))
 
     def residual_pixels(self, pixel_tangent: float) -> float:
-        """Return the rms distance between the listing and the fit, in pixels of pitch / focal length."""
+        """Return the rms distance between the listing and the fit [pixels], for a pixel of pitch / focal length."""
         return self.fit.rms_tangent / pixel_tangent
 
     def check(self, half_x: float, half_y: float) -> None:
-        """Refuse a listing that does not reach the focal plane's corner, or whose fit folds within it."""
+        """Raise `ScenarioError` if the listing ends inside the focal plane's corner, or its fit folds within it."""
         corner = math.hypot(half_x, half_y)
         if corner > 1.05 * self.fit.reach_tangent:
             raise ScenarioError(
@@ -176,10 +185,10 @@ Distortion = Annotated[BrownConrady | ZemaxDistortion, Field(discriminator="type
 
 @dataclass(frozen=True)
 class Fit:
-    """Brown-Conrady coefficients fitted to a listing, and how well they fit.
+    """Brown-Conrady coefficients fitted to a listing, and the quality of the fit.
 
-    `rms_tangent` is the rms distance of real from fitted image points, `reach_tangent` the farthest real point from the
-    axis, both over the paraxial focal length `focal_length_m`.
+    `rms_tangent` is the rms distance of real from fitted image points. `reach_tangent` is the distance of the farthest
+    real point from the axis. Both are over the paraxial focal length `focal_length_m`.
     """
 
     coefficients: Coefficients
@@ -211,7 +220,7 @@ def _fit(path: str, _modified_ns: int, _size: int) -> Fit:
     u, v = x / radius, y / radius
     w = u * u + v * v
     nil, one = np.zeros_like(u), np.ones_like(u)
-    # Beside the five, a shift of the whole image, which is pointing and not distortion.
+    # Beside the five coefficients a shift of the whole image, which is pointing and not distortion.
     in_x = np.stack([u * w, u * w**2, u * w**3, 2 * u * v, w + 2 * u * u, one, nil], axis=1)
     in_y = np.stack([v * w, v * w**2, v * w**3, w + 2 * v * v, 2 * u * v, nil, one], axis=1)
     terms, wanted = np.concatenate([in_x, in_y]), np.concatenate([xd - x, yd - y]) / radius

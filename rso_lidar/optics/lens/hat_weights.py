@@ -1,9 +1,9 @@
-"""Hat weights: a kernel of blur brought to a grid, ready to be summed over pixels.
+"""Hat weights: a blur kernel brought to a grid, ready to be summed over pixels.
 
 The hat weight of a grid point is the kernel's integral against a product of triangles of half-width h, the grid's step.
-With h = pitch / sub these numbers hold all there is to know: the light of a cell of side h, moved by a point of the
-kernel, overlaps a pixel by a function that is linear between multiples of h, so sums of hat weights over the steps from
-cell to pixel are exact.
+With h = pitch / sub no information is lost. A point of the kernel displaces the light of a sub-cell of side h. Its
+overlap with a pixel is linear between multiples of h. Sums of hat weights over the steps from sub-cell to pixel are
+therefore exact.
 """
 
 import math
@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-_POINTS = 2**19  # of a kernel, taken at a time
+_POINTS = 2**19  # points of a kernel processed at a time, to bound memory
 
 
 class HatGrid(NamedTuple):
-    """Where a kernel is wanted: on a grid of `step_m` out to `reach_steps` each way, turned by `turn_rad`."""
+    """Grid of a kernel: step `step_m`, out to `reach_steps` each way, turned by `turn_rad`."""
 
     step_m: float
     reach_steps: int
@@ -24,12 +24,12 @@ class HatGrid(NamedTuple):
 
 
 def gaussian_hats(sigma_m: float, at: HatGrid) -> np.ndarray:
-    """Return the hat weights (row, col) of a Gaussian: its second antiderivative, differenced twice; exact."""
+    """Return the hat weights (row, col) of a Gaussian, exactly: its second antiderivative, differenced twice."""
     from scipy.special import erf
 
     x = np.arange(-at.reach_steps - 1, at.reach_steps + 2) * at.step_m
     bell = sigma_m / math.sqrt(2.0 * math.pi) * np.exp(-0.5 * (x / sigma_m) ** 2)
-    twice = 0.5 * x * erf(x / (math.sqrt(2.0) * sigma_m)) + bell  # but for a straight line
+    twice = 0.5 * x * erf(x / (math.sqrt(2.0) * sigma_m)) + bell  # up to a linear function, which differences remove
     line = np.diff(twice, 2).clip(0.0) / at.step_m
     hats: np.ndarray = np.multiply.outer(line, line)
     return hats
@@ -49,9 +49,10 @@ def halo_hats(radius_m: float, at: HatGrid) -> np.ndarray:
 
 
 def encircled_energy(radius_m: np.ndarray, blur_m: float) -> np.ndarray:
-    """Return the share of an Airy pattern within a radius, `blur_m` being wavelength times f-number (Born & Wolf 8.5).
+    """Return the share of an Airy pattern's energy within a radius (Born & Wolf, 8.5).
 
-    E(r) = 1 - J0²(v) - J1²(v) with v = π r / (λ N): 83.8 % within the first dark ring.
+    E(r) = 1 - J0²(v) - J1²(v) with v = π r / (λ N): 83.8 % within the first dark ring. `blur_m` is λ N, wavelength
+    times f-number [m].
     """
     from scipy.special import j0, j1
 
@@ -61,7 +62,7 @@ def encircled_energy(radius_m: np.ndarray, blur_m: float) -> np.ndarray:
 
 
 def airy_hats(at: HatGrid) -> np.ndarray:
-    """Return the hat weights of an Airy pattern, from points on rings, each ring with the energy that it has."""
+    """Return the hat weights of an Airy pattern, from points on rings of known energy."""
     blur_m, step_m, reach_steps = at.blur_m, at.step_m, at.reach_steps
     edge = math.sqrt(2.0) * (reach_steps + 1) * step_m
     widest = step_m / 8.0
@@ -81,9 +82,17 @@ def airy_hats(at: HatGrid) -> np.ndarray:
 
 
 def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float, at: HatGrid) -> np.ndarray:
-    """Return the hat weights of a table of intensities, each the square about its point, turned by `at.turn_rad`."""
+    """Return the hat weights of a table of intensities, each point standing for the square about it.
+
+    Parameters
+    ----------
+    values : (row, col) intensities.
+    middle : row and column of the kernel's centre.
+    spacing_m : distance between points of the table.
+    at : the grid wanted, and by how much the table is turned.
+    """
     spacing = spacing_m / at.step_m
-    # Squares cut to an eighth of the step or less, and in four unless they are very small, so that points stand for them.
+    # Squares are cut to an eighth of the step or less, and into four unless they are very small; points stand for the pieces.
     cuts = min(max(min(4, math.ceil(50.0 * spacing)), math.ceil(8.0 * spacing)), 64)
     row, col = np.nonzero(values > 0.0)
     part = (np.arange(cuts) + 0.5) / cuts - 0.5
@@ -103,7 +112,14 @@ def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float,
 
 
 def _deposit(hats: np.ndarray, row: np.ndarray, col: np.ndarray, weight: np.ndarray) -> None:
-    """Add weighted points, in steps from the middle, to hat weights; what lies beyond the grid is left out."""
+    """Add weighted points to hat weights; points beyond the grid are left out.
+
+    Parameters
+    ----------
+    hats : (row, col) hat weights, added to.
+    row, col : (point) positions in steps from the middle.
+    weight : (point).
+    """
     reach, width = hats.shape[0] // 2, hats.shape[1]
     inside = np.flatnonzero((np.abs(row) < reach) & (np.abs(col) < reach))
     if len(inside) < len(row):

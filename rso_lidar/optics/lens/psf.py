@@ -1,7 +1,7 @@
-"""The point spread function: how the light of a point spreads over the pixels about the one it is aimed at.
+"""Point spread functions: how the light of a point spreads over the pixels about its image.
 
-A ray stands for a cell, one of sub x sub of a pixel. Its light lands on the focal plane as the cell's box smeared by the
-kernel, and `pixel_shares` says how much of that each pixel about it gets.
+A ray stands for a sub-cell of a pixel. On the focal plane its light is the sub-cell's box convolved with the kernel.
+`pixel_shares` gives the share of it that lands in each pixel nearby.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _LEAST_CAUGHT = 0.5  # a kernel that puts less than this within reach is a mista
 
 
 class PsfPart(Part):
-    """What every kernel may have: a share `halo_fraction` of the light in a wide halo of scattered light.
+    """Base of all kernels: a share `halo_fraction` of the light may lie in a wide halo of scattered light.
 
-    The halo falls as (1 + (r / `halo_radius_um`)²)^(-3/2), the shape of scatter from polished surfaces whose slope is 3
-    (ABC model; Harvey & Shack). 29 % of it lie within the radius, and the rest reaches far.
+    The halo falls as (1 + (r / `halo_radius_um`)²)^(-3/2), as scatter from polished surfaces of slope 3 does (ABC
+    model; Harvey & Shack). 29 % of its light lies within the radius.
     """
 
     halo_fraction: Fraction = Field(default=0.0, description="Share of the light in a wide halo.")
@@ -47,7 +47,7 @@ class PsfPart(Part):
         return self
 
     def read(self) -> None:
-        """Read the kernel's file, if it has one, so that what is wrong with it is told."""
+        """Read the kernel's file, if it has one, and raise what is wrong with it."""
 
     @abstractmethod
     def core(self, at: HatGrid) -> np.ndarray:
@@ -62,7 +62,7 @@ class PsfPart(Part):
 
 
 class GaussianPsf(PsfPart):
-    """A Gaussian blur of standard deviation `sigma_um` on the focal plane, in each axis."""
+    """Gaussian blur of standard deviation `sigma_um` on the focal plane, along each axis."""
 
     type: Literal["gaussian"] = "gaussian"
     sigma_um: Positive = Field(description="Standard deviation on the focal plane, along each axis [µm].")
@@ -73,19 +73,19 @@ class GaussianPsf(PsfPart):
 
 
 class AiryPsf(PsfPart):
-    """The diffraction of a round aperture at the laser's wavelength and the receiver's f-number."""
+    """Diffraction of a round aperture at the laser's wavelength and the receiver's f-number."""
 
     type: Literal["airy"] = "airy"
 
     def core(self, at: HatGrid) -> np.ndarray:
-        """Return the hat weights (row, col), from rings of exactly known energy."""
+        """Return the hat weights (row, col), from rings of known energy."""
         return airy_hats(at)
 
 
 class GridPsf(PsfPart):
-    """A measured kernel: a table of intensities (rows from the top down) about the middle of its points.
+    """Measured kernel: a table of intensities (rows from the top down) about the middle of its points.
 
-    `file` holds rows of numbers, set apart by commas, semicolons, tabs or spaces; `spacing_um` is the distance of its
+    Commas, semicolons, tabs or spaces separate the numbers in `file`; `spacing_um` is the distance of the table's
     points on the focal plane. Each point stands for the square about it.
     """
 
@@ -105,7 +105,7 @@ class GridPsf(PsfPart):
 
 
 class ZemaxPsf(PsfPart):
-    """The kernel of a Zemax Huygens PSF listing, about the listing's center point."""
+    """Kernel of a Zemax Huygens PSF listing, about the listing's center point."""
 
     type: Literal["zemax_huygens"] = "zemax_huygens"
     file: Text = Field(
@@ -126,7 +126,7 @@ SinglePsf = Annotated[GaussianPsf | AiryPsf | GridPsf | ZemaxPsf, Field(discrimi
 
 
 class FieldPsf(Part):
-    """A kernel at the angle `field_deg` from the axis, taken with its field point towards the top row (Zemax: +y)."""
+    """Kernel at the angle `field_deg` from the axis, with its field point towards the top row (Zemax: +y)."""
 
     field_deg: NotNegative = Field(description="Field angle from the optical axis [deg].")
     psf: SinglePsf = Field(
@@ -135,9 +135,9 @@ class FieldPsf(Part):
 
 
 class FieldDependentPsf(Part):
-    """Kernels at several field angles, mixed linearly between neighbours and kept beyond the first and the last.
+    """Kernels at several field angles, interpolated linearly between neighbours and constant beyond the first and the last.
 
-    Each is turned so that its top row points away from the axis, as a lens that is symmetric about its axis does.
+    Each is turned so that its top row points away from the axis, as for a lens that is symmetric about its axis.
     """
 
     type: Literal["field_dependent"] = "field_dependent"
@@ -168,12 +168,28 @@ def pixel_shares(
     azimuth_rad: float = 0.0,
     reach: int,
 ) -> np.ndarray:
-    """Return which share of the light of cell (i, j) of a pixel lands dr rows down and dc columns right of that pixel.
+    """Return the shares of a sub-cell's light that land in the pixels about it.
 
-    The array is (sub, sub, 2 reach + 1, 2 reach + 1), read-only, and sums to 1 over the last two axes: the light beyond
-    `reach` is shared out over all of it, so that no energy is lost (`find_reach` says how far to go). `field_rad` is the
-    angle from the axis and `azimuth_rad` = atan2(y, x) in lidar axes (x right, y down) the side; they matter to a
-    `FieldDependentPsf` alone.
+    Light beyond `reach` is shared among the pixels within, so that no energy is lost; `find_reach` says how far to go.
+
+    Parameters
+    ----------
+    psf : the point spread function.
+    pitch_m : pixel pitch.
+    sub : sub-cells along each side of a pixel.
+    wavelength_m : wavelength of the light.
+    f_number : focal length over aperture.
+    field_rad : angle from the axis; it matters to a `FieldDependentPsf` alone.
+    azimuth_rad : direction of the field point, atan2(y, x) in lidar axes (x right, y down).
+    reach : pixels to each side.
+
+    Returns
+    -------
+    (sub row, sub col, row offset, col offset), read-only, of sum 1 over the last two axes. Offsets run from -reach to reach.
+
+    Raises
+    ------
+    ScenarioError : if the kernel's file is wrong, or less than half of its light lands within reach.
     """
     return _shares(psf, _stamps(psf), pitch_m, sub, wavelength_m, f_number, float(field_rad), float(azimuth_rad), reach)
 
@@ -188,7 +204,17 @@ def find_reach(
     azimuth_rad: float = 0.0,
     missed: float = 1e-4,
 ) -> int:
-    """Return how many pixels to each side hold all but `missed` of the light of an evenly lit pixel; at most 16."""
+    """Find how many pixels to each side hold all but a share of the light of an evenly lit pixel; at most 16.
+
+    Parameters
+    ----------
+    psf : the point spread function.
+    pitch_m : pixel pitch.
+    wavelength_m : wavelength of the light.
+    f_number : focal length over aperture.
+    field_rad, azimuth_rad : field angle and direction, as in `pixel_shares`.
+    missed : share of the light that may land farther.
+    """
     within = _within(psf, _stamps(psf), pitch_m, wavelength_m, f_number, float(field_rad), float(azimuth_rad))
     enough = np.flatnonzero(within >= 1.0 - missed)
     return int(enough[0]) if len(enough) else MOST_REACH
@@ -220,11 +246,11 @@ def _shares(
     reach: int,
 ) -> np.ndarray:
     for kernel in _kernels(psf):
-        kernel.read()  # each, so that a bad file is told before light falls where it counts
+        kernel.read()  # every kernel, so that an error in a file is raised before its field angle is needed
     at = HatGrid(pitch_m / sub, (reach + 1) * sub, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
     offsets = 2 * reach + 1
-    # A cell at i moved by m steps lies in the pixel (i + m) // sub: sum the steps that lead to each pixel.
+    # A sub-cell at i moved by m steps is in the pixel (i + m) // sub: sum the steps that lead to each pixel.
     low = sub * np.arange(1, offsets + 1) - np.arange(sub)[:, None]  # (cell, offset), the first step's place in hats
     high = low + sub
     total = np.zeros((hats.shape[0] + 1, hats.shape[1] + 1))
@@ -254,7 +280,15 @@ def _within(
     field_rad: float,
     azimuth_rad: float,
 ) -> np.ndarray:
-    """Return the share of an evenly lit pixel's light (reach) that lands within 0, 1 ... 15 pixels to each side."""
+    """Return the share of an evenly lit pixel's light (reach) that lands within 0, 1 ... 15 pixels to each side.
+
+    Parameters
+    ----------
+    psf, _stamped : the point spread function, and the state of its files.
+    pitch_m : pixel pitch.
+    wavelength_m, f_number : of the light and the lens.
+    field_rad, azimuth_rad : field angle and direction.
+    """
     at = HatGrid(pitch_m, MOST_REACH, wavelength_m * f_number)
     hats = _hats(psf, at, field_rad, azimuth_rad)
     m = MOST_REACH
@@ -264,7 +298,14 @@ def _within(
 
 
 def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.ndarray:
-    """Return the hat weights (row, col) at a field angle and azimuth."""
+    """Return the hat weights (row, col) at a field angle and azimuth.
+
+    Parameters
+    ----------
+    psf : the point spread function.
+    at : the grid wanted.
+    field_rad, azimuth_rad : field angle and direction.
+    """
     if not isinstance(psf, FieldDependentPsf):
         return psf.hats(at)
     # Towards the top is azimuth -90°, y being down.
@@ -279,7 +320,12 @@ def _hats(psf: AnyPsf, at: HatGrid, field_rad: float, azimuth_rad: float) -> np.
 
 @lru_cache(maxsize=32)
 def _table(path: str, _modified_ns: int, _size: int) -> np.ndarray:
-    """Return the intensities (row, col) of a text file of numbers."""
+    """Return the intensities (row, col) of a text file of numbers.
+
+    Parameters
+    ----------
+    path, _modified_ns, _size : the file and its state, as `file_stamp` returns them.
+    """
     text = convert_decimal_commas(read_text(path))
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     lines = [(number, line.replace(",", " ").replace(";", " ")) for number, line in lines if line.strip()[0] != "#"]

@@ -1,1 +1,1 @@
-"""Light out: the rays of one flash, through the cells of the focal plane that a target covers."""
+"""Light out: the rays of one flash, through the cells of the focal plane that targets cover."""

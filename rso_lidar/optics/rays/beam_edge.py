@@ -11,11 +11,21 @@ from rso_lidar.optics.receiver import Receiver
 def clip_to_beam(
     direction: np.ndarray, pixel: np.ndarray, weight: np.ndarray, laser: Laser, receiver: Receiver
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays inside a footprint with an edge; where sunlight is asked for, those outside as well.
+    """Keep the rays inside a footprint with an edge, and for sunlight those outside as well.
 
-    A cell that the edge cuts keeps the share of its area that is lit, and its ray goes through the middle of that share,
-    so that a narrow beam loses no energy to the grid. For sunlight the rest gets a ray of its own, through the cell's
-    farthest corner.
+    A cell that the edge cuts keeps the share of its area that is lit, and its ray goes through the middle of that
+    share. A narrow beam therefore loses no energy to the grid. For sunlight the rest of the cell gets a ray of its own,
+    through the cell's farthest corner.
+
+    Parameters
+    ----------
+    direction, pixel, weight : rays, as in `Rays`.
+    laser : a laser at the lens, with a footprint that has an edge.
+    receiver : gives the size of the cells.
+
+    Returns
+    -------
+    Direction, pixel and weight of the rays that are left.
     """
     half_field = float(receiver.field_edge.max())
     circle, reach = laser.footprint == "circle", laser.half_width_tangent
@@ -42,7 +52,13 @@ def clip_to_beam(
 
 
 def _clip_to_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
-    """Return the lit share of square cells about (x, y), and the middle of that share: exact."""
+    """Return the lit share of square cells about (x, y), and the middle of that share; exact.
+
+    Parameters
+    ----------
+    x, y, half_cell : (cell) middle and half the side, in the tangent plane.
+    reach : half the side of the footprint.
+    """
     (left, right), (top, bottom) = (
         (np.maximum(v - half_cell, -reach), np.minimum(v + half_cell, reach)) for v in (x, y)
     )
@@ -51,7 +67,13 @@ def _clip_to_square(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
 
 
 def _clip_to_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
-    """Return the lit share of square cells about (x, y), and the middle of that share, from 32 x 32 points of each."""
+    """Return the lit share of square cells about (x, y), and the middle of that share, from 32 x 32 points of each.
+
+    Parameters
+    ----------
+    x, y, half_cell : (cell) middle and half the side, in the tangent plane.
+    reach : radius of the footprint.
+    """
     radius, half_diagonal = np.hypot(x, y), math.sqrt(2.0) * half_cell
     share = (radius < reach).astype(float)
     # 1024 points give a share to some 1e-3, and the errors of many cells cancel.
@@ -70,7 +92,8 @@ def _clip_to_circle(x: np.ndarray, y: np.ndarray, half_cell: np.ndarray, reach: 
 
 
 def _unit_vectors(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    direction = np.empty((x.size, 3), order="F")  # x, y and z each in one piece, as casting wants them
+    """Return the unit vectors (ray, xyz) of directions (x, y, 1)."""
+    direction = np.empty((x.size, 3), order="F")  # x, y and z each contiguous, as casting needs them
     direction[:, 2] = 1.0 / np.sqrt(1.0 + x * x + y * y)
     direction[:, 0] = x * direction[:, 2]
     direction[:, 1] = y * direction[:, 2]
@@ -78,7 +101,7 @@ def _unit_vectors(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _select(direction: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return some of the directions, still with x, y and z each in one piece."""
+    """Return some of the directions, with x, y and z each contiguous."""
     taken = np.empty((len(chosen), 3), order="F")
     for axis in range(3):
         np.take(direction[:, axis], chosen, out=taken[:, axis], mode="clip")

@@ -1,4 +1,4 @@
-"""Cells of the focal plane, k x k to a pixel: where targets lie on them, and which directions go through them."""
+"""Cells of the focal plane, k x k to a pixel: the targets' outlines on them, and the directions through them."""
 
 from functools import lru_cache
 from itertools import accumulate, pairwise
@@ -10,15 +10,15 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.optics.receiver import Receiver
 from rso_lidar.records import Extent
 
-_BEND = 16  # points along an edge that a lens bends
-_BLOCK = 8  # rows of pixels of a lens that bends whose directions are found at once
+_BEND = 16  # points along an edge, for a lens with distortion
+_BLOCK = 8  # rows of pixels whose directions are computed together, for a lens with distortion
 
 
 class Outlines(NamedTuple):
-    """Outlines of all targets: corners (corner, row_col), those of outline p from `starts[p]` to `starts[p + 1]`.
+    """Outlines of all targets in cells: `corners` (corner, row_col), those of outline p from `starts[p]` to `starts[p + 1]`.
 
-    `off` (outline) [cells] is how far an outline may be from its corners' chords. `of` (target, 2) are the first outline of
-    each target and the one past its last; -1 where only bounds are known.
+    `off` (outline) [cells] is the greatest distance of an outline from its corners' chords. `of` (target, 2) is the
+    first outline of each target and the one past its last, -1 where only bounds are known.
     """
 
     corners: np.ndarray
@@ -28,10 +28,15 @@ class Outlines(NamedTuple):
 
 
 def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarray:
-    """Return each target's bounds (target, low_high, row_col) in cells, whole at cell edges.
+    """Return each target's bounds (target, low_high, row_col) in cells; whole numbers are cell edges.
 
-    Nothing beyond `reach` of the boresight in the tangent plane counts. A box reaches beyond the focal plane where the
-    target does; it is empty where low > high.
+    A box reaches beyond the focal plane where the target does. It is empty where low > high.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane.
+    extent : bounds of the targets in the tangent plane.
+    reach : what lies farther from the boresight, in the tangent plane, does not count.
     """
     if receiver.distortion is None:
         k, (n_rows, n_cols) = receiver.rays_per_side, receiver.shape
@@ -57,7 +62,7 @@ def boxes_in_cells(receiver: Receiver, extent: Extent, reach: float) -> np.ndarr
 def straight_boxes(
     low: np.ndarray, high: np.ndarray, reach: float, scale: float, half_rows: float, half_cols: float
 ) -> np.ndarray:
-    """Return bounds (target, low_high, row_col) in cells behind a lens that bends nothing.
+    """Return bounds (target, low_high, row_col) in cells, for a lens without distortion.
 
     Parameters
     ----------
@@ -95,9 +100,9 @@ def outlines_in_cells(receiver: Receiver, extent: Extent) -> Outlines:
 
 
 def tangents_of_cells(receiver: Receiver, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y (row, col) of the directions (x, y, 1) through the middles of cells; of rows first to last at least.
+    """Return x and y (row, col) of the directions (x, y, 1) through the middles of cells, at least in the given rows.
 
-    Without distortion x has one row and y one column, for all.
+    Without distortion x has one row and y one column, valid for all.
     """
     return _straight_cells(receiver) if receiver.distortion is None else _bent_cells(receiver).of(rows)
 
@@ -110,15 +115,22 @@ def _straight_cells(receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _middles(receiver: Receiver, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the columns (1, col) and rows (row, 1) on the focal plane of the cells in rows of pixels first to last."""
+    """Return the columns (1, col) and rows (row, 1) on the focal plane of the middles of cells.
+
+    Parameters
+    ----------
+    receiver : gives the grid.
+    first, last : first row of pixels and one past the last.
+    """
     k = receiver.rays_per_side
     return ((np.arange(receiver.n_cols * k) + 0.5) / k)[None, :], ((np.arange(first * k, last * k) + 0.5) / k)[:, None]
 
 
 class _BentCells:
-    """The directions through the cells of a lens that bends, found block by block of rows when they are first asked for.
+    """Directions through the cells of a lens with distortion, computed in blocks of rows when they are first needed.
 
-    A block is always found as a whole, so that its bits do not depend on what was asked; threads may both find one.
+    A block is always computed as a whole, so that its bits do not depend on the rows asked for. Two threads may both
+    compute one.
     """
 
     def __init__(self, receiver: Receiver) -> None:
@@ -129,7 +141,7 @@ class _BentCells:
         self.found = [False] * -(-receiver.n_rows // _BLOCK)
 
     def of(self, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and y of all cells, those in rows first to last of cells filled in."""
+        """Return x and y of all cells, with those in rows first to last filled in."""
         for block in range(rows[0] // self.side, -(-rows[1] // self.side)):
             if not self.found[block]:
                 first = block * _BLOCK
@@ -153,9 +165,9 @@ def _bent_cells(receiver: Receiver) -> _BentCells:
 
 
 def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
-    """Return points of the tangent plane (…, right_down) as cells (…, row_col), whole numbers at cell edges.
+    """Return points of the tangent plane (…, right_down) as cells (…, row_col); whole numbers are cell edges.
 
-    Outside the field a distortion means nothing: there the cells go on as even ones.
+    A distortion is undefined outside the field. There the cells continue evenly.
     """
     k = receiver.rays_per_side
     if receiver.distortion is None:
@@ -171,7 +183,18 @@ def _in_cells(points: np.ndarray, receiver: Receiver) -> np.ndarray:
 
 
 def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) -> tuple[np.ndarray, np.ndarray]:
-    """Return outlines (corner, right_down) in cells (point, row_col), `_BEND` a corner, and how far off each may be."""
+    """Image outlines through a lens with distortion, at `_BEND` points for each corner.
+
+    Parameters
+    ----------
+    corners : (corner, right_down) of all outlines.
+    starts : first corner of each outline, and the number of corners last.
+    receiver : a receiver with distortion.
+
+    Returns
+    -------
+    The points (point, row_col) in cells, and how far each outline may be from the chords between them [cells].
+    """
     following = np.arange(1, len(corners) + 1)
     sizes = np.diff(starts)
     following[starts[1:][sizes > 0] - 1] = starts[:-1][sizes > 0]
@@ -180,9 +203,9 @@ def _bend_outlines(corners: np.ndarray, starts: np.ndarray, receiver: Receiver) 
     cells = _in_cells(along, receiver)
     even, odd = cells[:, ::2], cells[:, 1::2]
     chords = 0.5 * (even + np.concatenate([even[:, 1:], even[following, :1]], axis=1))
-    # A chord of half the length leaves a quarter of the arrow, of any curve that is smooth over it; twice that is sure.
-    arrow = 0.5 * np.abs(odd - chords).max(axis=(1, 2), initial=0.0) + 1e-6
-    off = np.array([arrow[a:b].max(initial=0.0) for a, b in pairwise(starts)])
+    # Over half the length, the sagitta of a smooth curve is a quarter; twice that is a safe bound.
+    sagitta = 0.5 * np.abs(odd - chords).max(axis=(1, 2), initial=0.0) + 1e-6
+    off = np.array([sagitta[a:b].max(initial=0.0) for a, b in pairwise(starts)])
     return np.ascontiguousarray(cells.reshape(-1, 2)), off
 
 
@@ -196,7 +219,13 @@ def _clip_outline(outline: np.ndarray, edge: np.ndarray) -> np.ndarray:
 
 
 def _clip_edge(outline: np.ndarray, axis: int, side: float, edge: float) -> np.ndarray:
-    """Return the part of a convex outline (corner, right_down) with side * coordinate <= edge (Sutherland & Hodgman)."""
+    """Return the part of a convex outline (corner, right_down) on one side of a line (Sutherland & Hodgman).
+
+    Parameters
+    ----------
+    outline : (corner, right_down).
+    axis, side, edge : the part with side * coordinate[axis] <= edge is kept.
+    """
     if not len(outline):
         return outline
     over = side * outline[:, axis] - edge

@@ -1,4 +1,4 @@
-"""Which cells of the focal plane get rays, and how fine ones: the cells that outlines of targets cover."""
+"""Kernels that find the cells of the focal plane that targets cover, and how finely each is sampled."""
 
 import math
 
@@ -9,9 +9,9 @@ from rso_lidar.kernels import kernel
 # A cell of the k x k grid is refined at most this much along each side; finer than that a target is below 1e-5 pixel.
 FINEST = 2**14
 STEP = 16  # the grid, in parts of a cell, on which others are sampled beside a small target
-BEYOND = 2.0**20  # cells: a bound farther off is as good as none
-SLACK = 1e-3  # parts of a cell: the caster's float32 must not lose a ray that meets the rim
-NOBODY = -1  # the owner of a cell without rays; 0 is any target of one ray a cell
+BEYOND = 2.0**20  # cells: a bound farther off is treated as none
+SLACK = 1e-3  # parts of a cell: margin for the caster's float32, so that no ray at the rim is lost
+NO_OWNER = -1  # the owner of a cell without rays; 0 is any target of one ray a cell
 
 
 @kernel
@@ -36,7 +36,7 @@ def find_fineness(boxes: np.ndarray, wanted: int) -> np.ndarray:
         enough = math.sqrt(wanted / max(height * width, 1e-12))
         if enough <= 1.0:
             continue
-        # Two rays across a sliver, so that none is missed; but an edge-on sheet is not sampled without end.
+        # Two rays across a sliver, so that none is missed; the length bounds the rays of an edge-on sheet.
         m = math.ceil(min(max(enough, 2.0 / shortest), 4.0 * wanted / longest))
         m = min(max(m, 1), FINEST)
         fineness[t] = m if m <= STEP else STEP * -(-m // STEP)
@@ -137,7 +137,7 @@ def find_owners(
     n_rows: int,
     n_cols: int,
 ) -> tuple[np.ndarray, int, int, int]:
-    """Find who owns the cells of a window of whole pixels: of several targets the one with the finest rays.
+    """Find the owner of each cell in a window of whole pixels: of several targets the one with the finest rays.
 
     Parameters
     ----------
@@ -149,8 +149,8 @@ def find_owners(
 
     Returns
     -------
-    (row, col) i2: -1 nobody, 0 any target of one ray a cell, t + 1 target t of finer rays; row and column of the window's
-    first cell; and how many cells have the owner 0.
+    (row, col) i2: -1 without rays, 0 any target of one ray a cell, t + 1 target t of finer rays. Then row and column of the
+    window's first cell, and the number of cells whose owner is 0.
     """
     spans = find_spans(boxes, n_rows * k, n_cols * k)
     top, bottom, left, right = n_rows * k, 0, n_cols * k, 0
@@ -161,7 +161,7 @@ def find_owners(
     top, left, bottom, right = top // k * k, left // k * k, -(-bottom // k) * k, -(-right // k) * k
     if bottom <= top or right <= left:
         return np.empty((0, 0), np.int16), 0, 0, 0
-    owner = np.full((bottom - top, right - left), np.int16(NOBODY))
+    owner = np.full((bottom - top, right - left), np.int16(NO_OWNER))
     level = 0
     while True:  # from coarse targets to fine ones
         finer = FINEST + 1
@@ -189,7 +189,14 @@ def find_owners(
 
 @kernel
 def clip_to_parts(low: float, high: float, first: float, last: float, grid: int) -> tuple[int, int]:
-    """Return the first part and one past the last whose middles lie between two bounds and two edges, all in cells."""
+    """Return the first part and one past the last whose middles lie between two bounds and two edges.
+
+    Parameters
+    ----------
+    low, high : bounds [cells].
+    first, last : edges [cells].
+    grid : parts along each side of a cell.
+    """
     begin = min(max(low, first, -BEYOND), BEYOND)
     end = min(max(min(high, last), -BEYOND), BEYOND)
     return math.ceil(begin * grid - 0.5), math.ceil(end * grid - 0.5)
@@ -214,10 +221,11 @@ def mark_parts(
     n_rows: int,
     n_cols: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mark the parts of cells, under targets that are refined, through which rays go.
+    """Mark the parts of cells, under refined targets, through which rays go.
 
-    Another target may show in the same cells. About the bounds of the refined one its rays are on the same fine grid, and
-    farther off on a grid `STEP` times finer than the cells, so that a speck before a wall costs no million rays.
+    Another target may show in the same cells. About the bounds of the refined target its rays are on the same fine
+    grid. Farther off they are on a grid `STEP` times finer than the cells, so that a speck before a wall costs no
+    million rays.
 
     Parameters
     ----------
@@ -230,8 +238,8 @@ def mark_parts(
 
     Returns
     -------
-    A table (block, column) i8 of blocks of parts, and all their marks (part) i2, block after block and row by row: 1 where
-    a ray goes.
+    A table (block, column) i8 of blocks of parts, and all their marks (part) i2: 1 where a ray goes. Marks run block after
+    block and row by row.
     """
     n = len(boxes)
     spans = find_spans(boxes, n_rows * k, n_cols * k)
@@ -275,7 +283,7 @@ def mark_parts(
                     r0, r1 = max(cell_row * grid, top), min(cell_row * grid + grid, bottom)
                     c0, c1 = max(cell_col * grid, left), min(cell_col * grid + grid, right)
                     block[r0 - top : r1 - top, c0 - left : c1 - left] = 0
-        if grid < fineness[t]:  # about the bounds of t its finer grid has the rays
+        if grid < fineness[t]:  # the finer grid of t has the rays about its bounds
             r0, r1 = math.floor(boxes[t, 0, 0] * step) - top, math.ceil(boxes[t, 1, 0] * step) - top
             c0, c1 = math.floor(boxes[t, 0, 1] * step) - left, math.ceil(boxes[t, 1, 1] * step) - left
             block[max(r0, 0) : max(r1, 0), max(c0, 0) : max(c1, 0)] = 0

@@ -17,12 +17,22 @@ _NO_BLOCKS = packed(np.empty((0, 7), np.int64)), packed(np.empty(0, np.int16))
 
 
 def pixel_rays(receiver: Receiver, laser: Laser, extent: Extent) -> Rays:
-    """Return the rays of one flash: through the cells of each pixel's k x k grid that a target's bounds touch.
+    """Make the rays of one flash, through the cells of each pixel's k x k grid that a target's bounds touch.
 
-    Cells under a target that would get fewer than `min_rays_per_target` rays are refined m x m, and of these only the
-    rays inside the bounds are made. A ray's weight is its share of the pixel's area (1/k², or 1/(k m)²), whatever
-    becomes of its neighbours. Cells are even in the image, so a lens that distorts bends the rays. What the laser does not
-    light is left out, unless it stands beside the lens or sunlight is asked for.
+    A target that would get fewer than `min_rays_per_target` rays has its cells refined m x m; only the rays inside its
+    bounds are made. A ray's weight is its share of the pixel's area, 1/k² or 1/(k m)², whatever becomes of its
+    neighbours. Cells are even in the image, so a lens with distortion bends the rays. What the laser does not light is
+    left out, unless the laser is beside the lens or sunlight is wanted.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane.
+    laser : gives the footprint.
+    extent : where targets can be.
+
+    Returns
+    -------
+    Rays ordered by pixel.
     """
     k, shape = receiver.rays_per_side, receiver.shape
     boxes = boxes_in_cells(receiver, extent, np.inf)
@@ -54,7 +64,18 @@ def _rays(
     blocks: np.ndarray,
     marks: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return direction (ray, xyz), pixel and weight of the rays of a window of cells and of parts of cells, by pixel."""
+    """Make the rays of a window of cells and of parts of cells.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane.
+    owner, first_row, first_col, single : as `coverage.find_owners` returns them.
+    blocks, marks : as `coverage.mark_parts` returns them.
+
+    Returns
+    -------
+    Direction (ray, xyz), pixel and weight, by pixel.
+    """
     k, shape, is_bent = receiver.rays_per_side, receiver.shape, receiver.distortion is not None
     x, y = tangents_of_cells(receiver, (first_row, first_row + owner.shape[0]))
     cells = owner, first_row, first_col, single, packed(blocks), packed(marks)

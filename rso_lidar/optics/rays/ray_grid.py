@@ -1,11 +1,11 @@
-"""The rays of owned cells and of marked parts of cells, laid out pixel by pixel."""
+"""Kernels that make the rays of owned cells and of marked parts of cells, pixel by pixel."""
 
 import math
 
 import numpy as np
 
 from rso_lidar.kernels import kernel
-from rso_lidar.optics.rays.coverage import BEGIN, GRID, HEIGHT, LEFT, NOBODY, TOP, WIDTH
+from rso_lidar.optics.rays.coverage import BEGIN, GRID, HEIGHT, LEFT, NO_OWNER, TOP, WIDTH
 
 
 @kernel
@@ -38,8 +38,8 @@ def make_rays(
 
     Returns
     -------
-    Directions (xyz, ray), pixels (ray), weights (ray), and the indices of the rays through parts of cells. Of a lens that
-    distorts the directions are x and y of the tangent plane instead, and column and row on the focal plane for parts.
+    Unit vectors (xyz, ray), pixels (ray), weights (ray), and the indices of the rays through parts of cells. For a lens that
+    distorts x and y are those of the tangent plane, or column and row on the focal plane for parts; z is not set.
     """
     n_fine = 0
     for part in range(len(marks)):
@@ -54,12 +54,12 @@ def make_rays(
     many_x, many_y = int(x_of.shape[0] > 1), int(y_of.shape[1] > 1)
     height, width = owner.shape
     for row in range(height // k):
-        left, right = width, 0  # the cells of this row of pixels that anybody owns lie between
+        left, right = width, 0  # between them are all owned cells of this row of pixels
         for cell_row in range(row * k, row * k + k):
             begin, end = 0, width
-            while begin < width and owner[cell_row, begin] == NOBODY:
+            while begin < width and owner[cell_row, begin] == NO_OWNER:
                 begin += 1
-            while end > begin and owner[cell_row, end - 1] == NOBODY:
+            while end > begin and owner[cell_row, end - 1] == NO_OWNER:
                 end -= 1
             left, right = min(left, begin), max(right, end)
         for col in range(left // k, -(-right // k)):

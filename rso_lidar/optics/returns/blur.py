@@ -1,7 +1,7 @@
 """The point spread function at work: light of one direction spread over pixels.
 
-It acts on the light of single rays, before that is summed to pixels, and in narrow bins of delay, so that two depths which
-meet in a pixel stay two returns. No light is lost but what falls beside the focal plane.
+It acts on the light of single rays, before that is summed to pixels. It acts in narrow bins of delay, so that two
+depths that meet in a pixel stay two returns. No light is lost but what falls beside the focal plane.
 """
 
 from functools import lru_cache
@@ -49,7 +49,7 @@ def blur_light(hits: Hits, light: Light, receiver: Receiver, wavelength_m: float
     zones, zone_of_pixel = _zones(receiver)
     used = np.unique(zone_of_pixel[light.pixel]) if zones > 1 else np.zeros(1, np.int64)
     cores, fars = _cores_and_fars(receiver, wavelength_m, side, tuple(used.tolist()))
-    place = np.zeros(zones * zones, np.int64)  # of each zone among those that are used
+    place = np.zeros(zones * zones, np.int64)  # index of each zone among those used
     place[used] = np.arange(len(used))
     at, brightest, width_s, away, near = spread_groups(
         packed(light.pixel),
@@ -90,7 +90,14 @@ def count_subcells(hits: Hits) -> int:
 
 
 def _subcells(hits: Hits, receiver: Receiver, side: int) -> np.ndarray:
-    """Return the sub-cell of its pixel (hit) that each ray goes through, row * side + col."""
+    """Return the sub-cell of its pixel (hit) that each ray goes through, row * side + col.
+
+    Parameters
+    ----------
+    hits : the hits.
+    receiver : the lens and the focal plane.
+    side : sub-cells along each side of a pixel.
+    """
     if receiver.distortion is None:
         direction = packed(hits.rays.direction.T)
         return find_subcells(packed(hits.ray), direction, receiver.pixel_tangent, *receiver.shape, side)

@@ -10,7 +10,22 @@ from rso_lidar.optics.returns.sorting import sort_by
 def find_clusters(
     pixel: np.ndarray, delay_s: np.ndarray, depth_spread_s: np.ndarray, gap_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cluster of each return and the pixel of each cluster: only pixels wider than the gap are sorted."""
+    """Find the clusters of returns in each pixel, numbered by pixel and then from near to far.
+
+    Neighbours in delay are in different clusters if the gap between them is too wide: wider than `gap_s` plus the depth
+    spread of the less steep of their surfaces. A tilted surface is one cluster, however far apart its rays land. A rim
+    before a wall is not.
+
+    Parameters
+    ----------
+    pixel : (return), never falling.
+    delay_s, depth_spread_s : (return).
+    gap_s : the gap that separates clusters.
+
+    Returns
+    -------
+    The cluster of each return, and the pixel of each cluster.
+    """
     n = len(pixel)
     cluster, cluster_pixel = np.empty(n, np.int32), np.empty(n, np.int32)
     order, sorted_s = np.empty(n, np.int64), np.empty(n)

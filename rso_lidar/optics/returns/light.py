@@ -1,4 +1,4 @@
-"""Light on the focal plane, as the steps of `collect` hand it on."""
+"""Light on the focal plane, as the steps of `collect` pass it on."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Light on the focal plane, ordered by pixel (return): what `Photons` holds of it."""
+    """Light on the focal plane, ordered by pixel (return): the fields that `Photons` takes over."""
 
     pixel: np.ndarray
     delay_s: np.ndarray
@@ -17,5 +17,5 @@ class Light:
     hit: np.ndarray
 
     def only(self, some: np.ndarray) -> "Light":
-        """Return some of the returns."""
+        """Return a selection of the returns."""
         return Light(*(getattr(self, name)[some] for name in Light.__dataclass_fields__))

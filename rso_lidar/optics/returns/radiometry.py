@@ -22,10 +22,10 @@ _LEAST_COSINE = 1e-3  # nearer to edge-on the depth spread only has to stay fini
 def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -> Photons:
     """Collect the photons that each lit hit sends back to its pixel.
 
-    N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R²: b photons per unit area of the tangent plane, w the ray's share
-    of its pixel, p/f the pixel's side in the tangent plane, ρ the BRDF, α the incidence, A the aperture's area, θ the
-    angle from the boresight (the aperture is foreshortened), η the transmission, R the slant range. On the axis this is
-    Fuller et al., eq. 7, with the factor 4 of a square footprint.
+    N = b · w · (p/f)² · ρ · cos α · A · cos θ · η / R². Here b is photons per unit area of the tangent plane. w is the
+    ray's share of its pixel, p/f the pixel's side in the tangent plane. ρ is the BRDF, α the incidence, A the
+    aperture's area and θ the angle from the boresight, at which the aperture is foreshortened. η is the transmission
+    and R the slant range. On the axis this is Fuller et al., eq. 7, with the factor 4 of a square footprint.
 
     A laser beside the lens lights a facet from its own position. With R′ and θ′ from there, R becomes R′, cos θ becomes
     cos⁴ θ / cos³ θ′, and the light's path is R + R′. A lens that distorts changes the solid angles of its pixels.
@@ -74,7 +74,13 @@ def collect(hits: Hits, laser: Laser, receiver: Receiver, late_s: float = 0.0) -
 
 
 def _light_of_beam(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit, for a laser at the lens whose beam has a formula."""
+    """Return the light of each hit, and which hits are lit, for a laser at the lens whose beam has a formula.
+
+    Parameters
+    ----------
+    hits : the hits.
+    laser, receiver : the instrument.
+    """
     area = hits.weight
     if receiver.distortion is not None:
         toward = hits.rays.direction[hits.ray]
@@ -157,7 +163,13 @@ def return_light(
 
 
 def _light_of_any_laser(hits: Hits, laser: Laser, receiver: Receiver) -> tuple[Light, np.ndarray]:
-    """Return the light of each hit, and which hits are lit, for a measured pattern or a laser beside the lens."""
+    """Return the light of each hit, and which hits are lit, for a measured pattern or a laser beside the lens.
+
+    Parameters
+    ----------
+    hits : the hits.
+    laser, receiver : the instrument.
+    """
     x, y, cos_axis = (component[hits.ray] for component in hits.rays.direction.T)
     area = hits.weight
     if receiver.distortion is not None:

@@ -4,12 +4,22 @@ import numpy as np
 
 from rso_lidar.kernels import kernel
 
-RUN = 16  # so many are sorted by insertion
+RUN = 16  # length of the runs that are sorted by insertion
 
 
 @kernel
 def sort_by(value: np.ndarray, order: np.ndarray, spare: tuple[np.ndarray, np.ndarray], start: int, stop: int) -> None:
-    """Sort value[start:stop] and order[start:stop] with it; equal ones keep their order: runs by insertion, then merged."""
+    """Sort value[start:stop], and order[start:stop] with it, in place; equal values keep their order.
+
+    Runs are sorted by insertion and then merged.
+
+    Parameters
+    ----------
+    value : the keys.
+    order : what is sorted with them.
+    spare : room for as many of each.
+    start, stop : the part to sort.
+    """
     for low in range(start, stop, RUN):
         for k in range(low + 1, min(low + RUN, stop)):
             this, number, at = value[k], order[k], k

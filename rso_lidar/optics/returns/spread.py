@@ -1,4 +1,4 @@
-"""Light spread over pixels: where each group of returns sends its light, and what each pixel gets."""
+"""Kernels of the blur: light of groups of returns spread over pixels, and gathered pixel by pixel."""
 
 import math
 
@@ -38,7 +38,18 @@ def find_subcells(
 
 @kernel
 def group_by_delay(pixel: np.ndarray, delay_s: np.ndarray, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return returns in order of pixel and bin of delay, and where groups of one pixel and bin begin; their number last."""
+    """Group the returns of each pixel by bins of delay.
+
+    Parameters
+    ----------
+    pixel : (return), never falling.
+    delay_s : (return).
+    bin_s : width of a bin.
+
+    Returns
+    -------
+    The returns in order of pixel and bin, and where each group begins in that order, with the number of returns last.
+    """
     n = len(pixel)
     order, number, starts = np.empty(n, np.int64), np.empty(n), np.empty(n + 1, np.int64)
     spare = np.empty(n, np.int64), np.empty(n)
@@ -80,11 +91,25 @@ def spread_groups(
     n_cols: int,
     least: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return of each group the pixel, brightest hit, depth spread and light that goes far; and where the rest goes.
+    """Spread the light of groups of returns over the pixels near their own.
 
-    `shares` (zone, sub-cell, offset) tells where the light of a ray lands, `zone` which of its zones holds at a place of
-    the field cut `zones` x `zones`. Where it goes (group, offset): photons, mean delay, cells of coherence. A return of
-    fewer photons than `least` is not made: its light stays in the group's own pixel, the middle offset.
+    A return of fewer photons than `least` is not made: its light stays in the group's own pixel, the middle offset.
+
+    Parameters
+    ----------
+    pixel, delay_s, photons, spread_s, coherence_cells, hit : (return) light before the lens.
+    order, starts : groups, as `group_by_delay` returns them.
+    place : (hit) sub-cell of its pixel that each hit's ray goes through.
+    zone : (zone) index in `shares` of each zone of the field.
+    zones : zones along each side of the focal plane.
+    shares : (index, sub-cell, offset) of a ray's light, by where it lands.
+    n_rows, n_cols : pixels of the focal plane.
+    least : fewest photons of a return.
+
+    Returns
+    -------
+    Pixel, brightest hit, depth spread and far light of each group. Then photons, mean delay and cells of coherence of the
+    light that lands near (group, offset).
     """
     n_groups, n_offsets = len(starts) - 1, shares.shape[2]
     side = int(math.sqrt(n_offsets) + 0.5)
@@ -97,7 +122,7 @@ def spread_groups(
         row, col = pixel[first] // n_cols, pixel[first] % n_cols
         share = shares[zone[row * zones // n_rows * zones + col * zones // n_cols]]
         sent, sent_s, sent_cells = near[0][g], near[1][g], near[2][g]
-        # Moments of delay about the first: by light for the width, by rays where all are dark for the mean.
+        # Moments of delay about the first return, weighted by light; for the mean of a dark group by rays.
         light, light_s, total, early, square, dark_s, gone, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(starts[g], starts[g + 1]):
             r = order[k]
@@ -140,7 +165,7 @@ def spread_groups(
 
 @kernel
 def order_by_pixel(pixel: np.ndarray, n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return entries in order of their pixel, those of one in their own order, and where each pixel's begin."""
+    """Return entries in order of their pixel, equal ones in their own order, and where each pixel's entries begin."""
     begins, order = np.zeros(n_pixels + 1, np.int64), np.empty(len(pixel), np.int64)
     for k in range(len(pixel)):
         begins[pixel[k] + 1] += 1
@@ -179,8 +204,8 @@ def gather_returns(
     n_groups, n_offsets = sent.shape
     side = int(math.sqrt(n_offsets) + 0.5)
     reach, middle = side // 2, n_offsets // 2
-    # Where the light of a return comes from is one number: a group and one of its offsets, or what comes from far and a slot
-    # behind those.
+    # The source of a return is packed into one number: a group and one of its offsets, or an entry of `far` and the slot
+    # behind the offsets.
     slots_log2, from_far = 0, n_offsets
     while 1 << slots_log2 <= from_far:
         slots_log2 += 1

@@ -1,4 +1,4 @@
-"""Measured laser patterns and pulses: files read into arrays, or one line that says what is wrong with them."""
+"""Measured beam patterns and pulses of lasers, read from files and checked."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 
 
 def read_pattern(file: str) -> np.ndarray:
-    """Return a laser's pattern (row, col), sum 1, from a grey image or a table of numbers (.csv, .txt).
+    """Read a laser's pattern (row, col), of sum 1, from a grey image or a table of numbers (.csv, .txt).
 
     It fills the square of the beam's full angle, row 0 at the top, as the lidar sees it.
     """
@@ -47,12 +47,12 @@ def _image(path: Path) -> np.ndarray:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what Pillow could mend
+            warnings.simplefilter("ignore")  # of what Pillow could repair
             check_regular(path, MOST_BYTES, ScenarioError, "picture")
             with Image.open(path) as image:
                 grey = image if image.mode in ("L", "F") or image.mode.startswith("I") else image.convert("L")
                 return np.asarray(grey, dtype=float)
-    # Beside its own, Pillow lets through what its decoders raise.
+    # Pillow raises the errors of its decoders as well as its own.
     except (
         OSError,
         ValueError,
@@ -67,7 +67,7 @@ def _image(path: Path) -> np.ndarray:
 
 
 def _table(path: Path) -> np.ndarray:
-    """Return the numbers of a text file, separated by commas, semicolons or blanks; lines that begin with # are remarks."""
+    """Return the numbers of a text file, separated by commas, semicolons or blanks; lines that begin with # are comments."""
     content = read_bytes(path, MOST_BYTES, ScenarioError, "table")
     try:
         text = content.decode("utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
@@ -97,9 +97,9 @@ def _is_number(word: str) -> bool:
 
 
 def read_pulse(file: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return times [s], zero at the pulse's centroid, and powers [1/s], of area 1, of a measured pulse.
+    """Read a measured pulse: times [s], zero at its centroid, and powers [1/s], of area 1.
 
-    The file has two columns, time in ns and power in any unit; the power is straight between rows and 0 outside.
+    The file has two columns, time in ns and power in any unit. The power is linear between rows and 0 outside.
     """
     return _pulse(*file_stamp(file))
 
@@ -126,20 +126,20 @@ def _pulse(file: str, _modified_ns: int, _size: int) -> tuple[np.ndarray, np.nda
 
 
 def _straight(time_s: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return integral and first moment of each piece of a curve that is straight between its points; exact."""
+    """Return integral and first moment of each piece of a piecewise linear curve; exact."""
     width, (a, b) = np.diff(time_s), (power[:-1], power[1:])
     area = 0.5 * width * (a + b)
     return area, area * time_s[:-1] + width**2 * (a + 2.0 * b) / 6.0
 
 
 def find_full_width_s(time_s: np.ndarray, power: np.ndarray) -> float:
-    """Return the time [s] from the first to the last place where a curve passes half its greatest value."""
+    """Find the full width at half maximum [s] of a curve: from its first to its last crossing of half the maximum."""
     above = np.flatnonzero(power >= 0.5 * power.max())
     ends = []
     for inner, outer in ((int(above[0]), int(above[0]) - 1), (int(above[-1]), int(above[-1]) + 1)):
         if 0 <= outer < len(power):
             share = (power[inner] - 0.5 * power.max()) / (power[inner] - power[outer])
             ends.append(time_s[inner] + share * (time_s[outer] - time_s[inner]))
-        else:  # the curve begins or ends there, upright
+        else:  # the curve begins or ends there with a step
             ends.append(time_s[inner])
     return float(ends[1] - ends[0])

@@ -15,7 +15,7 @@ _NOT_A_NUMBER = re.compile(r"[-+]?\d*[.,]?\d*#(?:IND|INF|QNAN|SNAN)\w*", re.IGNO
 
 
 def file_stamp(path: str | Path) -> tuple[str, int, int]:
-    """Return path, time of change [ns] and size [bytes] of a file: what a cache of its content goes by."""
+    """Return path, modification time [ns] and size [bytes] of a file: the key of a cache of its content."""
     status = check_regular(Path(path), MOST_BYTES, ScenarioError, "text file")
     return str(path), status.st_mtime_ns, status.st_size
 
@@ -25,7 +25,7 @@ def read_text(path: str) -> str:
     content = read_bytes(Path(path), MOST_BYTES, ScenarioError, "text file")
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
-    elif content[:64].count(b"\0") > len(content[:64]) // 4:  # Latin letters, and every other byte of them zero
+    elif content[:64].count(b"\0") > len(content[:64]) // 4:  # Latin letters in UTF-16: every other byte is zero
         encoding = "utf-16-le" if content[1:2] == b"\0" else "utf-16-be"
     else:
         encoding = "utf-8-sig"
@@ -43,10 +43,9 @@ def read_text(path: str) -> str:
 
 
 def convert_decimal_commas(text: str) -> str:
-    """Return a text with decimal commas made points, if that is what its commas are.
+    """Replace decimal commas of a text by points, if its commas are decimal commas.
 
-    They are where a comma stands between digits only, numbers are set apart by something else, and no number has a
-    point already.
+    They are if each stands between digits, something else separates the numbers, and no number has a point.
     """
     rows = "\n".join(line for line in text.splitlines() if not re.search(r"[A-DF-Za-df-z]{2}", line))
     apart = re.search(r"\d[ \t;]+[-+]?\d", rows)
@@ -56,7 +55,7 @@ def convert_decimal_commas(text: str) -> str:
 
 
 def parse_matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
-    """Return the numbers of (line number, text) as an array (row, col): all finite, none negative, not all zero."""
+    """Parse (line number, text) pairs into an array (row, col): all finite, none negative, not all zero."""
     if not lines:
         raise ScenarioError(f"{path}: holds no rows of numbers: name a listing with its data, not the header alone")
     rows: list[list[float]] = []
@@ -87,7 +86,7 @@ def parse_matrix(path: str, lines: list[tuple[int, str]]) -> np.ndarray:
 
 
 def parse_numbers(line: str) -> list[float] | None:
-    """Return the numbers of a line, or None if anything else stands in it."""
+    """Parse the numbers of a line; None if the line holds anything else."""
     if "#" in line:
         line = _NOT_A_NUMBER.sub("nan", line)
     try:

@@ -1,8 +1,8 @@
 """Readers of two listings that Zemax OpticStudio saves as text: a Huygens PSF and a grid distortion.
 
-Nothing here knows what a lens model is; `psf` and `distortion` do. Both listings come as UTF-16 with a byte-order mark,
-UTF-8 or Latin-1, with decimal points or decimal commas, and with header lines that differ between versions. What is
-not understood in a header is passed over; what is wrong in the numbers is a `ScenarioError` of one line.
+Nothing here knows what a lens model is; `psf` and `distortion` do. Both listings come in UTF-16 with a byte-order mark,
+UTF-8 or Latin-1, with decimal points or commas. Their header lines differ between versions, and unknown header lines
+are skipped. An error in the numbers is a `ScenarioError` of one line.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _METRES = {
 
 @dataclass(frozen=True)
 class HuygensPsf:
-    """A point spread function on a grid: `values` (row, col) sum to 1, rows from the top of the image (+y) down.
+    """Point spread function on a grid: `values` (row, col) sum to 1, rows from the top of the image (+y) down.
 
     `center` is the point (row, col), counted from 0, where the listing's reference ray lands.
     """
@@ -53,7 +53,7 @@ class HuygensPsf:
 
 @dataclass(frozen=True)
 class GridDistortion:
-    """Where a lens images a grid of directions: tangents of the field, paraxial and real image points (point, xy)."""
+    """Image of a grid of directions: tangents of the field, paraxial and real image points (point, xy)."""
 
     field_tangent: np.ndarray
     predicted_m: np.ndarray
@@ -62,17 +62,17 @@ class GridDistortion:
 
 
 def read_huygens_psf(path: str | Path) -> HuygensPsf:
-    """Return the point spread function of a Huygens PSF listing, normalised to a sum of 1.
+    """Read the point spread function of a Huygens PSF listing, normalised to a sum of 1.
 
-    Rows are taken as listed from the top of the image down, as the text window shows them. (The grid that the ZOS-API
-    hands out starts at the bottom left instead; a listing made from it has to be turned over first.) Without a `Center
-    point` line the middle is point n/2 + 1 of each axis, where the program puts it.
+    Rows are taken from the top of the image down, as the text window lists them. The grid of the ZOS-API starts at the
+    bottom left instead, so a listing made from it must be flipped first. Without a `Center point` line the centre is
+    point n/2 + 1 of each axis, where the program puts it.
     """
     return _huygens(*file_stamp(path))
 
 
 def read_grid_distortion(path: str | Path) -> GridDistortion:
-    """Return the points of a Grid Distortion listing, less those whose chief ray failed."""
+    """Read the points of a Grid Distortion listing; those whose chief ray failed are left out."""
     return _grid(*file_stamp(path))
 
 
@@ -112,7 +112,14 @@ def _huygens(path: str, _modified_ns: int, _size: int) -> HuygensPsf:
 
 
 def _spacing_m(path: str, header: str, n_cols: int) -> float:
-    """Return the distance between points [m], from its own line or from the area and the number of points."""
+    """Return the distance between points [m], from its own line or from the area and the number of points.
+
+    Parameters
+    ----------
+    path : the listing, for messages.
+    header : its header.
+    n_cols : points of a row.
+    """
     spacing = re.search(rf"Data spacing(?:\s+is)?\s*:?\s*({_NUMBER})\s*{_UNIT}", header, re.IGNORECASE)
     area = re.search(
         rf"Data area(?:\s+is)?\s*:?\s*({_NUMBER})(?:\s*(?:by|x)\s*{_NUMBER})?\s*{_UNIT}", header, re.IGNORECASE
@@ -187,7 +194,7 @@ def _grid(path: str, _modified_ns: int, _size: int) -> GridDistortion:
 
 
 def _check_grid(path: str, indices: list[tuple[int, int]]) -> None:
-    """Check that the listing has all points of its grid, whose indices run from -n to n."""
+    """Raise `ScenarioError` unless the listing has all points of its grid, whose indices run from -n to n."""
     if not indices:
         raise ScenarioError(f"{path}: holds no points: name a listing with its data, not the header alone")
     side = {i for pair in indices for i in pair}
@@ -205,7 +212,7 @@ def _float(number: str) -> float:
 
 
 def _metres(unit: str) -> float:
-    """Return a unit's length [m]; a unit that no encoding preserved is a micrometre."""
+    """Return the length of a unit [m]. A unit that no encoding preserved is a micrometre."""
     if unit.lower() in _METRES:
         return _METRES[unit.lower()]
     if re.fullmatch(r"[uµμ�?]+m?|micro\w*|micron\w*", unit.lower()):
