@@ -1,59 +1,92 @@
-"""The application: all commands in the order in which one meets them."""
+"""The application: all commands in the order in which a user meets them, each loaded when it is called."""
 
+from __future__ import annotations
+
+import importlib
 import importlib.metadata
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-
-from rso_lidar.cli import (
-    animate,
-    budget,
-    catalog,
-    check,
-    encounters,
-    export,
-    info,
-    models,
-    new,
-    plot,
-    run,
-    schema,
-    timeline,
-    track,
-    trade,
-    truth,
-    view,
-)
+from typer.core import TyperGroup
 
 # What typer raises for a word it cannot read; it carries its own copy of click, and names this class nowhere else.
 usage_error: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
+# The first sentence of each command's help. A command is the function of its name in the module of its name; a group is the
+# `app` there. The list of commands is printed without loading any of them.
+COMMANDS = {
+    "new": "Write a scenario file to start from.",
+    "check": "Check a scenario and print a summary.",
+    "budget": "Compute photons, detection and precision against range.",
+    "truth": "Write or draw the true motion without rendering frames.",
+    "timeline": "Draw or tabulate one encounter, frame by frame.",
+    "trade": "Run a trade study of scenario fields against figures of merit.",
+    "catalog": "List the objects of a catalogue, or write a selection of them.",
+    "encounters": "List the close approaches of one object to a catalogue.",
+    "run": "Simulate a scenario and record its frames with truth and labels.",
+    "export": "Write a recording in another format.",
+    "info": "Print what a recording holds.",
+    "plot": "Draw frames of a recording, their trajectory or curves.",
+    "track": "Track the target of a recording and compare with the truth.",
+    "animate": "Animate a recording as GIF or MP4.",
+    "view": "Show a recording in a viewer, frame by frame.",
+    "schema": "Print the JSON Schema of the scenario file.",
+    "models": "List the models that can be targets, show one, or add your own.",
+}
+GROUPS = ("models",)
+
+
+class _Commands(TyperGroup):
+    """The commands, of which only the one that is called is loaded."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands: Any = dict.fromkeys(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by name, None where there is none of that name."""
+        if cmd_name not in self.commands:
+            return None
+        return self.commands[cmd_name] or self._load(cmd_name)
+
+    def _load(self, name: str) -> Any:
+        self.commands[name] = _command(name)
+        return self.commands[name]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Print the list of commands."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+def load(name: str) -> Callable[..., None] | typer.Typer:
+    """Return the function of a command, or the application of a group of commands."""
+    module = importlib.import_module(f"rso_lidar.cli.{name}")
+    found: Callable[..., None] | typer.Typer = module.app if name in GROUPS else getattr(module, name)
+    return found
+
+
+def _command(name: str) -> Any:
+    """Return a command as typer's own copy of click takes it."""
+    found = load(name)
+    if not isinstance(found, typer.Typer):
+        found, function = typer.Typer(rich_markup_mode=None, add_completion=False), found
+        found.command(name)(function)
+    made = typer.main.get_command(found)
+    made.name = name
+    return made
+
+
 app = typer.Typer(
     name="rso-lidar",
+    cls=_Commands,
     help="Fly a flash LiDAR past a satellite before you build one.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"max_content_width": 110},
 )
-
-app.command("new")(new.new)
-app.command("check")(check.check)
-app.command("budget")(budget.budget)
-app.command("truth")(truth.truth)
-app.command("timeline")(timeline.timeline)
-app.command("trade")(trade.trade)
-app.command("catalog")(catalog.catalog)
-app.command("encounters")(encounters.encounters)
-app.command("run")(run.run)
-app.command("export")(export.export)
-app.command("info")(info.info)
-app.command("plot")(plot.plot)
-app.command("track")(track.track)
-app.command("animate")(animate.animate)
-app.command("view")(view.view)
-app.command("schema")(schema.schema)
-app.add_typer(models.app, name="models")
 
 
 def _version(wanted: bool) -> None:

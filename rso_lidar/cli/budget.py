@@ -53,7 +53,10 @@ def budget(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Picture (.png) or table (.csv).")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Work out photons, detection and precision of a filled pixel against range, in closed form."""
+    """Compute photons, detection and precision against range.
+
+    The values are in closed form, for a pixel filled by the target.
+    """
     if output is not None:
         output = free(output, SUFFIXES, overwrite=overwrite)
     made = worked_out(

@@ -53,7 +53,7 @@ def catalog(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """List the objects of a catalogue and its bad records, and write a part of it."""
+    """List the objects of a catalogue, or write a selection of them. Bad records are listed too."""
     if (near is None) != (max_age_days is None):
         raise ScenarioError("--near and --max-age-days go together: give the time, and how far from it")
     if max_age_days is not None and not 0.0 <= max_age_days < math.inf:

@@ -7,7 +7,7 @@ from rso_lidar.scenario import Scenario
 
 
 def check(file: ScenarioFile, settings: Settings = None) -> None:
-    """Validate a scenario and print orbit, geometry, optics, link budget and warnings."""
+    """Check a scenario and print a summary. The summary covers orbit, geometry, optics, link budget and warnings."""
     scenario = Scenario.load(file, tuple(settings or ()))
     with announce_compiling():
         described = scenario.describe()

@@ -10,9 +10,10 @@ import typer
 
 from rso_lidar import picture, units
 from rso_lidar.cli.completion import camera_names
+from rso_lidar.cli.console import literal_console
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import instant, length_m
-from rso_lidar.cli.terminal import echo, literal_console
+from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, free, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
@@ -83,7 +84,7 @@ def encounters(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """List all close approaches of one object to all others of a catalogue."""
+    """List the close approaches of one object to a catalogue."""
     if scenario is None and output is not None:  # the suffix says what is meant
         suffix = output.suffix.lower()
         if suffix == ".csv" and csv is None:

@@ -51,7 +51,7 @@ def export(
     ] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a recording in another format, and say what that loses."""
+    """Write a recording in another format. What the format cannot hold is printed."""
     wanted = format_for(form or to)
     if target is not None and wanted.name not in _OF_A_TARGET + _OF_A_BODY:
         raise RecordingError(f"--target {target}: is for tum, kitti, oem and aem; leave it out of a {wanted.name}")

@@ -27,7 +27,7 @@ def info(
         float | None, typer.Option("--timeout", metavar="S", help="Seconds after which --follow leaves.")
     ] = None,
 ) -> None:
-    """Print what a recording holds: scenario, frames, returns, ranges, targets, versions."""
+    """Print what a recording holds. It lists scenario, frames, returns, ranges, targets and versions."""
     if following:
         follow(recording, _EVERY_S if every_s is None else every_s, timeout_s)
         return

@@ -7,8 +7,8 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from rso_lidar.cli import models_add, models_check, models_materials, models_show
+from rso_lidar.cli.console import literal_console
 from rso_lidar.cli.models_show import WIDE
-from rso_lidar.cli.terminal import literal_console
 from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene.library.catalogue import models as catalogue
 from rso_lidar.scene.library.catalogue import own_folder, own_models
@@ -33,7 +33,7 @@ app = typer.Typer(cls=_NameOrCommand, rich_markup_mode=None, pretty_exceptions_e
 
 @app.callback(invoke_without_command=True)
 def models(context: typer.Context) -> None:
-    """List the models that can be flown past, show one, or keep a library of your own."""
+    """List the models that can be targets, show one, or add your own."""
     if context.invoked_subcommand is None:
         listed()
 

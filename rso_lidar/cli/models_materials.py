@@ -2,8 +2,8 @@
 
 from rich.table import Table
 
+from rso_lidar.cli.console import literal_console
 from rso_lidar.cli.models_show import WIDE
-from rso_lidar.cli.terminal import literal_console
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 
 

@@ -7,8 +7,9 @@ import typer
 from rich.table import Table
 
 from rso_lidar.cli.completion import model_names
+from rso_lidar.cli.console import literal_console
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.terminal import echo, literal_console
+from rso_lidar.cli.terminal import echo
 from rso_lidar.files import free
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library.catalogue import models, own_models

@@ -29,7 +29,7 @@ def new(
     ] = _DEFAULT,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write a scenario file to start from, with comments, and the files that it needs beside it."""
+    """Write a scenario file to start from. It has comments, and the files that it needs are written beside it."""
     known = examples()
     if example not in known:
         guess = did_you_mean(example, known) or ";"

@@ -34,7 +34,7 @@ def plot(
     ] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Draw a contact sheet of a recording; or one frame, its trajectory, or its curves."""
+    """Draw frames of a recording, their trajectory or curves. Without --frame, it draws a contact sheet."""
     if (frame is not None) + path + curves > 1:
         raise RecordingError("--frame, --path and --curves are three pictures; ask for one at a time")
     kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"

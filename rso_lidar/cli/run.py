@@ -50,7 +50,7 @@ def run(
     overwrite: Overwrite = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was cut off.")] = False,
 ) -> None:
-    """Fly a scenario and record its frames with truth and labels."""
+    """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
     numbers = frame_numbers(scenario, choice(frames))

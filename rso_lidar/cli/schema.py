@@ -7,5 +7,5 @@ from rso_lidar.scenario import Scenario
 
 
 def schema() -> None:
-    """Print the JSON Schema of the scenario file; editors complete and check TOML from it."""
+    """Print the JSON Schema of the scenario file. Editors use it to complete and check TOML."""
     echo(json.dumps(Scenario.model_json_schema(), indent=2))

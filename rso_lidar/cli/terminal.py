@@ -1,14 +1,8 @@
 """Output of commands: literal text without markup, emoji or control characters, since names come from users and files."""
 
 import re
-from collections.abc import Iterable
-from typing import Any
 
 import typer
-from rich.console import Console, ConsoleOptions
-from rich.segment import Segment
-
-_NO_END = 1000  # columns into a file or a pipe
 
 # Characters that move the cursor, change colours or the window's title, or reverse the order of letters: C0 but for tab and
 # newline, C1, Unicode's bidirectional marks and line separators, and surrogates, which represent bytes that are no UTF-8.
@@ -32,25 +26,3 @@ def one_line(text: str) -> str:
 def echo(text: object = "", *, err: bool = False) -> None:
     """Print a text whose control characters are written as escapes."""
     typer.echo(printable(str(text)), err=err)  # noqa: TID251 - the one place
-
-
-class _Literal(Console):
-    """A console that escapes control characters in all texts, those in tables too, and keeps its own colours."""
-
-    def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        for segment in super().render(renderable, options):
-            text = segment.text if segment.control else printable(segment.text)
-            yield segment if text is segment.text else Segment(text, segment.style, segment.control)
-
-
-def literal_console(least_width: int = 0) -> Console:
-    """Return a console that prints text literally.
-
-    Parameters
-    ----------
-    least_width : columns that tables need; narrower terminals wrap lines. A file or a pipe gets all columns.
-    """
-    plain = {"markup": False, "emoji": False, "highlight": False}
-    console = _Literal(**plain)  # type: ignore[arg-type]
-    width = max(console.width, least_width) if console.is_terminal else _NO_END
-    return _Literal(width=width, **plain) if least_width else console  # type: ignore[arg-type]

@@ -34,7 +34,10 @@ def timeline(
     settings: Settings = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Draw or tabulate one encounter: range, rates, Sun, PTU, field, pixels, photons and detection, frame by frame."""
+    """Draw or tabulate one encounter, frame by frame.
+
+    Columns: range, rates, Sun, PTU, field, pixels, photons and detection.
+    """
     output = free(output or Path(f"{file.stem}_timeline.png"), SUFFIXES, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()))
     made = timeline_of(scenario, target, every_s=every_s)

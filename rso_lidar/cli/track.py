@@ -44,7 +44,7 @@ def track(
     icp: Annotated[bool, typer.Option("--icp/--no-icp", help="Whether ICP runs, some 50 ms a frame.")] = True,
     overwrite: Overwrite = False,
 ) -> None:
-    """Track a recording's target by centroid, Kalman filters and ICP, and compare with truth."""
+    """Track the target of a recording and compare with the truth. Trackers: centroid, Kalman filters and ICP."""
     if output is not None:
         output = free(output, SUFFIXES, overwrite=overwrite)
     if range_noise_m is not None and not 0.0 < range_noise_m < np.inf:

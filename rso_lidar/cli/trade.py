@@ -48,7 +48,10 @@ def trade(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Work through a trade study: fields of a scenario against figures of merit, as a table (.csv) and a report (.html)."""
+    """Run a trade study of scenario fields against figures of merit.
+
+    The results are a table (.csv) and a report (.html).
+    """
     study = Study.load(file)
     if min_detection_fraction is not None:
         if not 0.0 <= min_detection_fraction <= 1.0:

@@ -68,7 +68,10 @@ def truth(
     settings: Settings = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Write or draw where everything is and where the PTU points, without rendering a frame."""
+    """Write or draw the true motion without rendering frames.
+
+    It holds the poses of all bodies and where the PTU points.
+    """
     output = free(output, SUFFIXES, overwrite=overwrite)
     suffix = output.suffix.lower()
     kind = _kind(figure, suffix)

@@ -51,7 +51,7 @@ def view(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Look at a recording: cloud, range, intensity and true mesh, frame by frame."""
+    """Show a recording in a viewer, frame by frame. It shows the point cloud, range, intensity and true mesh."""
     if colour not in COLOURS:
         raise RecordingError(f"--colour {colour}: is not {' or '.join(COLOURS)}")
     with export.open(recording) as read:

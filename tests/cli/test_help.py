@@ -13,26 +13,37 @@ from pathlib import Path
 import pytest
 import typer
 
-from rso_lidar.cli.app import app
+from rso_lidar.cli.app import COMMANDS, app, load
 from rso_lidar.export.registry import SUFFIXES
 from tests.house.test_start import LATER
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def names(application, before=()):
+def names():
     """Return the words that call each command, with its function."""
-    found = [((*before, one.name), one.callback) for one in application.registered_commands]
-    for group in application.registered_groups:
-        found += names(group.typer_instance, (*before, group.name))
+    found = []
+    for name, made in ((name, load(name)) for name in COMMANDS):
+        if isinstance(made, typer.Typer):
+            found += [((name, one.name), one.callback) for one in made.registered_commands]
+        else:
+            found.append(((name,), made))
     return found
 
 
-COMMANDS = names(app)
+CALLS = names()
+
+
+def test_the_list_of_commands_is_made_of_their_first_sentences():
+    for name, sentence in COMMANDS.items():
+        made = load(name)
+        told = made.registered_callback.callback if isinstance(made, typer.Typer) else made
+        assert inspect.getdoc(told).replace("\n", " ").startswith(sentence)
+        assert len(sentence) <= 66  # one line of 80 columns
 
 
 @pytest.mark.parametrize(
-    ("words", "function"), COMMANDS, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
+    ("words", "function"), CALLS, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
 )
 def test_help_says_every_word_as_it_is_written(rso_lidar, monkeypatch, words, function):
     """No part of a help text is markup ([m] is a unit) or an emoji (A:B:C is a span)."""

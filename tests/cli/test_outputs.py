@@ -8,7 +8,7 @@ import pytest
 import typer
 
 import rso_lidar as rl
-from rso_lidar.cli.app import app
+from rso_lidar.cli.app import COMMANDS, load
 from rso_lidar.shipped import shipped
 
 FLYBY = ["encounters", shipped("tle/flyby.tle"), "--follower", 99003, "--within", "20km"]
@@ -16,14 +16,16 @@ FLYBY += ["--start", "2024-09-17T11:00:00Z", "--days", 0.125]
 WRITES = ("output", "to", "csv", "plot")  # parameters that name a file to write
 
 
-def commands(application):
-    """Return the functions of all commands of an application, those of its groups among them."""
-    found = [command.callback for command in application.registered_commands]
-    return found + [function for group in application.registered_groups for function in commands(group.typer_instance)]
+def commands():
+    """Return the functions of all commands, those of groups among them."""
+    made = [load(name) for name in COMMANDS]
+    groups = [one for one in made if isinstance(one, typer.Typer)]
+    inner = [command.callback for group in groups for command in group.registered_commands]
+    return [one for one in made if one not in groups] + inner
 
 
 def test_every_command_that_writes_has_overwrite():
-    writing = [function for function in commands(app) if set(inspect.signature(function).parameters) & set(WRITES)]
+    writing = [function for function in commands() if set(inspect.signature(function).parameters) & set(WRITES)]
     assert len(writing) >= 12
     assert [
         function.__name__ for function in writing if "overwrite" not in inspect.signature(function).parameters
@@ -34,7 +36,7 @@ def test_no_parameter_that_names_an_output_is_overlooked():
     """A path that is an option is an output; what is read is an argument."""
     options = [
         (function.__name__, name)
-        for function in commands(app)
+        for function in commands()
         for name, hint in typing.get_type_hints(function, include_extras=True).items()
         if any(isinstance(more, typer.models.OptionInfo) for more in typing.get_args(hint)[1:])
         and Path in (typing.get_args(hint)[0], *typing.get_args(typing.get_args(hint)[0]))

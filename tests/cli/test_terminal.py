@@ -5,7 +5,8 @@ import re
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli.terminal import literal_console, one_line, printable
+from rso_lidar.cli.console import literal_console
+from rso_lidar.cli.terminal import one_line, printable
 
 # Colours, a new title of the window, the end of the line, a C1 control sequence, a text turned about, a byte of no text.
 STRANGE = "\x1b[31mred\x1b]0;title\x07\x08\x9b2J\u202eback\u2066[bold]x[/bold]:smile:"

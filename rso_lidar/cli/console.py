@@ -1,0 +1,33 @@
+"""Tables on a terminal, their texts printed literally: names come from users and files."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from rich.console import Console, ConsoleOptions
+from rich.segment import Segment
+
+from rso_lidar.cli.terminal import printable
+
+_NO_END = 1000  # columns into a file or a pipe
+
+
+class _Literal(Console):
+    """A console that escapes control characters in all texts, those in tables too, and keeps its own colours."""
+
+    def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            text = segment.text if segment.control else printable(segment.text)
+            yield segment if text is segment.text else Segment(text, segment.style, segment.control)
+
+
+def literal_console(least_width: int = 0) -> Console:
+    """Return a console that prints text literally.
+
+    Parameters
+    ----------
+    least_width : columns that tables need; narrower terminals wrap lines. A file or a pipe gets all columns.
+    """
+    plain = {"markup": False, "emoji": False, "highlight": False}
+    console = _Literal(**plain)  # type: ignore[arg-type]
+    width = max(console.width, least_width) if console.is_terminal else _NO_END
+    return _Literal(width=width, **plain) if least_width else console  # type: ignore[arg-type]
