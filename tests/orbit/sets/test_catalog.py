@@ -240,5 +240,5 @@ def test_what_is_no_file_and_no_text():
         with pytest.raises(CatalogError, match="is not a path"):
             Catalog.from_text("\n".join(BOTH)).write(path)
     for text in (None, b"1 27386U"):
-        with pytest.raises(CatalogError, match="no text"):
+        with pytest.raises(CatalogError, match="not text"):
             Catalog.from_text(text)

@@ -155,7 +155,7 @@ BROKEN_TABLES = {
         ),
         "line 3: this record is not JSON",
     ),
-    "json, no object": (lambda _: json.dumps([RECORD, 5, RECORD | {"NORAD_CAT_ID": 6}]), "record 2: is no object"),
+    "json, no object": (lambda _: json.dumps([RECORD, 5, RECORD | {"NORAD_CAT_ID": 6}]), "record 2: is not an object"),
     "json, a key twice": (
         lambda _: json.dumps([RECORD, RECORD | {"NORAD_CAT_ID": 6}])[:-1] + ', {"BSTAR": 1, "bstar": 2}]',
         "record 3: key 'BSTAR' is given twice",
@@ -248,7 +248,7 @@ def test_what_is_written_is_read_again(suffix, tmp_path):
     again = Catalog.from_file(path)
     assert again.problems == ()
     assert [entry.omm() for entry in again] == [entry.omm() for entry in catalog]
-    with pytest.raises(CatalogError, match="no format of catalogues"):
+    with pytest.raises(CatalogError, match="not a format of catalogues"):
         catalog.write(tmp_path / "out.xls")
     with pytest.raises(CatalogError, match="no TLE can name it"):
         Catalog.from_text(kvn(RECORD)).write(tmp_path / "out.tle")

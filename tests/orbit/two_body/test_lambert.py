@@ -184,8 +184,8 @@ def test_what_is_no_number_or_has_no_end_is_refused_in_one_line(options, says):
     [
         ({"way": "sideways"}, "way: 'sideways' is not known"),
         ({"branch": "middle"}, "branch: 'middle' is not known"),
-        ({"revolutions": -1}, "revolutions: -1 is no number"),
-        ({"revolutions": 1.5}, "revolutions: 1.5 is no number"),
+        ({"revolutions": -1}, "revolutions: -1 is not a number"),
+        ({"revolutions": 1.5}, "revolutions: 1.5 is not a number"),
         ({"revolutions": 10**400}, "leave no time for"),
         ({"way": "prograde", "normal": (1.0, 2.0)}, "normal: lambert needs"),
     ],
