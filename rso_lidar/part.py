@@ -218,6 +218,11 @@ def python_table(value: object) -> dict[str, Any]:
     return {"type": _PYTHON, "object": name_object(value)}
 
 
+def kind_of(value: object) -> str:
+    """Return the `type` of a part, or a text for another object as `name_object` gives it."""
+    return value.type if isinstance(value, Part) and hasattr(value, "type") else name_object(value)
+
+
 def name_object(value: object) -> str:
     """Return a text for an object without its address in memory, such as ``velvet.Velvet(sheen=0.2)``."""
     cls = type(value)

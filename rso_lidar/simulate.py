@@ -16,8 +16,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.processes import Processes
 from rso_lidar.records import Command, Frame, Labels, Observation, Reading, Record, Truth
 from rso_lidar.scenario import Lidar, Scenario, require_scenario
-
-Controller = Callable[[Observation], Command | None]
+from rso_lidar.track.controller import Controller
 
 DETECTION, POINTING = 0, 1  # the stages that draw noise, each from a generator of its own
 KEPT = ("rays", "hits", "photons", "taps", "waveforms", "oversampled")

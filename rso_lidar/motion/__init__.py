@@ -4,23 +4,28 @@ from rso_lidar.motion.aim import Aim, asked, demand, driven, lidar_from_ptu, wit
 from rso_lidar.motion.attitudes.aem import AttitudeTable, write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
+from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
+from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
 from rso_lidar.motion.bodies.order import working_order
-from rso_lidar.motion.bodies.prescribed import Fixed, Table
 from rso_lidar.motion.course import Course
-from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
+from rso_lidar.motion.motions.motion import Motion, advise, chief_of, summarize
+from rso_lidar.motion.motions.prescribed import Fixed, Table
+from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.mount import Mount
+from rso_lidar.motion.proximity import plan_of
 from rso_lidar.motion.truth import Chief, truth
 
 __all__ = [
     "Aim",
+    "Attitude",
     "AttitudeTable",
     "Axes",
     "Body",
@@ -36,14 +41,17 @@ __all__ = [
     "Ideal",
     "LookAt",
     "LvlhCcsds",
+    "Motion",
     "Mount",
     "Nadir",
+    "Orientation",
     "PlannedAngle",
     "PointingErrors",
     "Ptu",
     "Rtn",
     "ScanPoint",
     "SecondOrder",
+    "Situation",
     "Slew",
     "Spin",
     "StateSpace",
@@ -53,13 +61,17 @@ __all__ = [
     "Table",
     "TrackPoint",
     "Tumble",
+    "advise",
     "asked",
+    "chief_of",
     "demand",
     "driven",
     "lidar_from_ptu",
+    "plan_of",
     "sense",
     "start",
     "step",
+    "summarize",
     "truth",
     "with_lidar",
     "working_order",

@@ -11,7 +11,6 @@ from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import seen_by
 from rso_lidar.motion.dynamics.flight import Flight
-from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.records import Command, Truth
@@ -62,14 +61,7 @@ class Course:
 
 
 def _flights(bodies: Sequence[Body]) -> dict[str, Flight]:
-    flights = {}
-    for body in bodies:
-        if isinstance(body.motion, StateSpace):
-            flights[body.name] = Flight(body.motion)
-        if isinstance(body.attitude, StateSpaceAttitude):
-            name = f"{body.name}.attitude" if body.name in flights else body.name
-            flights[name] = Flight(body.attitude)
-    return flights
+    return {name: Flight(model) for body in bodies for name, model in body.models.items()}
 
 
 def _plannable(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:

@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from rso_lidar import units
 from rso_lidar.errors import RsoLidarError, placed, told, unwarned, warn
 from rso_lidar.motion.attitudes.constant import FixedAttitude
-from rso_lidar.motion.attitudes.situation import Situation, Turn, given_direction
+from rso_lidar.motion.attitudes.situation import Orientation, Situation, orient
 from rso_lidar.motion.attitudes.sun_pointing import sun_line
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.hinge import sun_in_body
 from rso_lidar.motion.bodies.order import seen_by, working_order
-from rso_lidar.motion.bodies.prescribed import Fixed, Table
-from rso_lidar.motion.dynamics.flight import Flight, open_loop
-from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
-from rso_lidar.orbit import J2, Ephemeris
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, open_loop
+from rso_lidar.motion.motions.motion import chief_of, states_of
+from rso_lidar.motion.motions.placed import Place, PlacedMotion
+from rso_lidar.motion.sun_vectors import SunVectors
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.orbit.sky.eclipse import sunlit_fraction
-from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.orbit.trajectory import differentiate, state_rates, two_body_rates
 from rso_lidar.pose import ROOT, Link, PoseTree, cross, rotate_vectors
 from rso_lidar.records import BodyState, Truth
@@ -51,7 +49,7 @@ def truth(
     are those of commanded state-space models, by the names that `Command.inputs` has. Without `rates` only poses and
     states are true: then what only the rates of orbit-fixed axes need is not worked out.
     """
-    sky = _Sky(tuple(bodies), epochs, local, given_direction(sun_direction, local=local), flights or {}, rates)
+    here = _Evaluation(tuple(bodies), epochs, local, SunVectors(epochs, local, sun_direction), flights or {}, rates)
     tree = PoseTree({}, {})
     states: dict[str, BodyState] = {}
     by_origin = {body.origin: body for body in bodies}
@@ -59,29 +57,29 @@ def truth(
         if name in by_origin:
             body = by_origin[name]
             with placed(f"{body.name}.motion"):
-                tree = _with_origin(tree, body, sky)
-            states[body.name] = sky.states.get(body.name) or _state(tree, name, len(epochs))
+                tree = _with_origin(tree, body, here)
+            states[body.name] = here.states.get(body.name) or _state(tree, name, len(epochs))
         else:
-            body = sky.by_name[name]
+            body = here.by_name[name]
             with placed(f"{name}.attitude"):
-                tree = _with_body(tree, body, sky)
+                tree = _with_body(tree, body, here)
             with placed(f"{name}.joint"):
-                tree = _with_joints(tree, body, sky)
+                tree = _with_joints(tree, body, here)
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
-    if sky.sun_m is not None:
-        lit = {name: sky.sunlit(state) for name, state in states.items()}
-    return Truth(epochs.time_s, tree, states, sky.to_sun, None, lit)
+    if here.sun.position_m is not None:
+        lit = {name: here.sun.visible_fraction(state) for name, state in states.items()}
+    return Truth(epochs.time_s, tree, states, here.sun.direction, None, lit)
 
 
 @dataclass(frozen=True, eq=False)
-class _Sky:
+class _Evaluation:
     """What all bodies share: one another, the instants, and the Sun."""
 
     bodies: tuple[Body, ...]
     epochs: Epochs
     local: bool
-    sun_direction: np.ndarray | None
+    sun: SunVectors
     flights: Flights
     rates: bool = True
     by_name: dict[str, Body] = field(default_factory=dict)
@@ -92,25 +90,6 @@ class _Sky:
 
     def __post_init__(self) -> None:
         self.by_name.update({body.name: body for body in self.bodies})
-
-    @cached_property
-    def sun_m(self) -> np.ndarray | None:
-        """Return vectors (time, 3) from the root's origin to the Sun [m]; None without a Sun."""
-        if not self.local:
-            return sun_position_m(self.epochs)
-        if self.sun_direction is None:
-            return None
-        return np.broadcast_to(self.sun_direction * units.ASTRONOMICAL_UNIT_M, (len(self.epochs), 3))
-
-    @property
-    def to_sun(self) -> np.ndarray:
-        """Return unit vectors (time, 3) from the root's origin to the Sun; NaN without one."""
-        if self.sun_m is None:
-            return np.full((len(self.epochs), 3), np.nan)
-        if self.sun_direction is not None:
-            return np.broadcast_to(self.sun_direction, self.sun_m.shape)
-        direction: np.ndarray = self.sun_m / np.linalg.norm(self.sun_m, axis=1, keepdims=True)
-        return direction
 
     @cached_property
     def relative_turning(self) -> dict[str, np.ndarray]:
@@ -128,10 +107,8 @@ class _Sky:
         for motion in (body.motion for body in some):
             if isinstance(motion, RelativeMotion):
                 breaks.append(motion.breaks_s(self.epochs, Chief(some, motion.relative_to)))
-            elif isinstance(motion, StateSpace):
-                breaks.append(np.zeros(1))  # a user's dynamics need not be known before the start
             elif (own := getattr(motion, "breaks_s", None)) is not None:
-                breaks.append(own(self.epochs))
+                breaks.append(np.asarray(own(self.epochs), dtype=float))
 
         def rows(time_s: np.ndarray) -> np.ndarray:
             poses = truth(some, Epochs(self.epochs.start_utc, time_s), flights=self.flights, rates=False).poses
@@ -155,7 +132,7 @@ class _Sky:
         """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under commands."""
         if not isinstance(body.motion, RelativeMotion):
             return False
-        while (relative_to := getattr(body.motion, "relative_to", None)) is not None:
+        while (relative_to := chief_of(body.motion)) is not None:
             body = self.by_name[relative_to]
             if body.name in self.flights:
                 return False
@@ -163,13 +140,12 @@ class _Sky:
 
     def turns(self, body: Body) -> bool:
         """Return whether the turn of a body's orbital plane is needed: for the rates, or for a body relative to it."""
-        return self.rates or any(getattr(other.motion, "relative_to", None) == body.name for other in self.bodies)
+        return self.rates or any(chief_of(other.motion) == body.name for other in self.bodies)
 
-    def sunlit(self, state: BodyState) -> np.ndarray:
-        """Return the share (time) of the Sun that a body sees; in a local world nothing hides it."""
-        if self.local or self.sun_m is None:
-            return np.ones(len(self.epochs))
-        return sunlit_fraction(state.position_m, self.sun_m)
+    def flight_of(self, body: Body, model: StateSpaceModel) -> Flight:
+        """Return the flight of a state-space model of a body: the commanded one, or the one that nobody commands."""
+        name = next(name for name, one in body.models.items() if one is model)
+        return self.flights.get(name) or open_loop(body.models[name])
 
     def chief(self, tree: PoseTree, name: str) -> Chief:
         """Return the trajectory of a body that stands in the tree already."""
@@ -214,7 +190,7 @@ class Chief:
     def _bare(self) -> list[Body]:
         """Return the body and those that it moves about in turn, without their turns."""
         chain = [self._by_name[self._name]]
-        while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
+        while (relative_to := chief_of(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
         return [body.replace(attitude=None, axes=()) for body in chain]
 
@@ -228,44 +204,46 @@ def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
 # ---------------------------------------------------------------------------------------------------------- places
 
 
-def _with_origin(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
+def _with_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with the axes at a body's origin."""
-    motion, time_s = body.motion, sky.epochs.time_s
-    if isinstance(motion, Fixed | Table):
-        place = motion.positions(time_s)
-        return tree.with_node(
-            body.origin, motion.relative_to or ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3))
-        )
-    if isinstance(motion, StateSpace):
-        flight = _flight(body.name, motion, sky.flights)
-        place = motion.place(flight, time_s)
-        if sky.local:
-            return tree.with_node(body.origin, ROOT, Link((place[0], np.eye(3)), place[1], np.zeros(3)))
-        moving = motion.place_rates(flight, time_s)
-        if motion.relative_to is not None:
-            sky.chief(tree, motion.relative_to)
-            return _about(tree, body, motion.relative_to, place, moving, sky)
-        return _in_orbit(tree, body, BodyState(*place), moving, sky)
+    place, relative_to = _place(tree, body, here), chief_of(body.motion)
+    if not body.orbits:
+        link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
+        return tree.with_node(body.origin, relative_to or ROOT, link)
+    if relative_to is not None:
+        return _about(tree, body, relative_to, place, here)
+    state = BodyState(place.position_m, place.velocity_m_s)
+    rates = place.rates
+    if rates is None:
+        rates = state_rates(body.motion, here.epochs, state) if here.turns(body) else two_body_rates(state)
+    return _in_orbit(tree, body, state, rates, here)
+
+
+def _place(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
+    """Return where a body's origin is, in the axes that its motion is given in; what its model doubts is a warning."""
+    motion = body.motion
+    if isinstance(motion, PlacedMotion):
+        flight = here.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
+        return motion.place(here.epochs, flight)
+    known: tuple[Any, ...] = (here.epochs,)
     if isinstance(motion, RelativeMotion):
-        chief = sky.chief(tree, motion.relative_to)
-        place = motion.relative(sky.epochs, chief)
-        for line in motion.validity(sky.epochs, chief) if told() else ():
+        known = here.epochs, here.chief(tree, motion.relative_to)
+        place = Place(*motion.relative(*known))
+    else:
+        state = states_of(motion, here.epochs)
+        place = Place(state.position_m, state.velocity_m_s)
+    if told() and (validity := getattr(motion, "validity", None)) is not None:
+        for line in validity(*known):
             warn(f"{body.name}.motion: {line}")
-        return _about(tree, body, motion.relative_to, place, (place[1], None), sky)
-    state = motion.states(sky.epochs)
-    if isinstance(motion, J2 | Ephemeris) and told():
-        for line in motion.validity(sky.epochs):
-            warn(f"{body.name}.motion: {line}")
-    rates = state_rates(motion, sky.epochs, state) if sky.turns(body) else two_body_rates(state)
-    return _in_orbit(tree, body, state, rates, sky)
+    return place
 
 
 def _in_orbit(
-    tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], sky: _Sky
+    tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], here: _Evaluation
 ) -> PoseTree:
     """Return the tree with the rtn axes of an orbit under the root; `rates` are the derivatives of its state."""
     matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
-    sky.states[body.name], sky.turning[body.name] = state, turning
+    here.states[body.name], here.turning[body.name] = state, turning
     return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
 
 
@@ -273,52 +251,47 @@ def _about(
     tree: PoseTree,
     body: Body,
     chief: str,
-    place: tuple[np.ndarray, np.ndarray],
-    moving: tuple[np.ndarray, np.ndarray | None],
-    sky: _Sky,
+    place: Place,
+    here: _Evaluation,
 ) -> PoseTree:
     """Return the tree with the rtn axes of an orbit under those of its chief.
 
-    `place` is position [m] and velocity [m/s] (time, 3) in the chief's axes, and `moving` their derivatives, the second
-    where it is known. The velocity of the body's state is the chief's and rho' + omega x rho, omega with the turn of the
-    chief's plane.
+    `place` is in the chief's axes. The velocity of the body's state is the chief's and rho' + omega x rho, omega with the
+    turn of the chief's plane.
     """
-    there, turning, (rho, rho_rate) = tree.link(ROOT, sky.by_name[chief].origin), sky.turning[chief], place
+    there, turning, (rho, rho_rate, rates) = tree.link(ROOT, here.by_name[chief].origin), here.turning[chief], place
+    moved_m_s = rho_rate if rates is None else rates[0]
     position = there.translation_m + rotate_vectors(there.matrix, rho)
-    velocity = sky.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
+    velocity = here.states[chief].velocity_m_s + rotate_vectors(there.matrix, rho_rate + cross(turning, rho))
     own, own_turning = rtn_matrix(position, velocity)
     chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
     carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
     # For a body relative to this one, it is enough that this orbital plane turns as the chief's does: in free flight the two
     # differ by some 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
     own_turning[..., 0] = carried[..., 0]
-    sky.states[body.name], sky.turning[body.name] = BodyState(position, velocity), own_turning
-    if moving[1] is not None:
+    here.states[body.name], here.turning[body.name] = BodyState(position, velocity), own_turning
+    if rates is not None:
         around = there.angular_velocity_rad_s
-        moved = rho, moving[0], moving[1]
-        acceleration = inertial_acceleration(sky.states[chief], there.matrix, around, moved)
-        rates = there.velocity_m_s + rotate_vectors(there.matrix, moving[0] + cross(around, rho)), acceleration
-        sky.turning[body.name] = own_turning = rtn_matrix(position, velocity, rates)[1]
+        moved = rho, *rates
+        acceleration = inertial_acceleration(here.states[chief], there.matrix, around, moved)
+        changes = there.velocity_m_s + rotate_vectors(there.matrix, moved_m_s + cross(around, rho)), acceleration
+        here.turning[body.name] = own_turning = rtn_matrix(position, velocity, changes)[1]
         carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
     relative = own_turning - carried
-    found = sky.relative_turning.get(body.name, relative)
+    found = here.relative_turning.get(body.name, relative)
     # A difference quotient that is unknown, or that differs only by the rounding of matrices over its step, is not used.
-    link = Link((rho, chief_from_own), moving[0], np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
-    return tree.with_node(body.origin, sky.by_name[chief].origin, link)
-
-
-def _flight(name: str, model: StateSpace | StateSpaceAttitude, flights: Flights) -> Flight:
-    return flights.get(name) or open_loop(model)
+    link = Link((rho, chief_from_own), moved_m_s, np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
+    return tree.with_node(body.origin, here.by_name[chief].origin, link)
 
 
 # ----------------------------------------------------------------------------------------------------------- turns
 
 
-def _with_body(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
+def _with_body(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with a body's axes under its origin's, and under those what is fixed or hinged to it."""
-    turn = _turn(tree, body, sky)
-    matrix, rate = turn.rotation.as_matrix(), turn.rate_rad_s
-    if not turn.in_origin:  # from the root's axes into those of the origin
+    orientation = _orientation(tree, body, here)
+    matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
+    if not orientation.in_origin:  # from the root's axes into those of the origin
         base = tree.link(ROOT, body.origin)
         matrix = np.matmul(np.swapaxes(base.matrix, -1, -2), matrix)
         rate = rate - rotate_vectors(np.swapaxes(matrix, -1, -2), base.angular_velocity_rad_s)
@@ -328,69 +301,63 @@ def _with_body(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
     return tree
 
 
-def _with_joints(tree: PoseTree, body: Body, sky: _Sky) -> PoseTree:
+def _with_joints(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with the axes of a body's hinges under its own."""
     if not body.joints:
         return tree
     seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
-    if sky.sun_m is not None:
+    if here.sun.position_m is not None:
         whole = tree.link(ROOT, body.name)
-        line = sun_line(_situation(tree, body, sky), "joint")
+        line = sun_line(_situation(tree, body, here), "joint")
         seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
     for joint in body.joints:
-        tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(sky.epochs.time_s, *seen))
+        tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(here.epochs.time_s, *seen))
     return tree
 
 
-def _turn(tree: PoseTree, body: Body, sky: _Sky) -> Turn:
-    """Return how a body is turned."""
-    attitude, motion, time_s = body.attitude, body.motion, sky.epochs.time_s
-    if isinstance(attitude, StateSpaceAttitude):
-        name = body.name if not isinstance(motion, StateSpace) else f"{body.name}.attitude"
-        return Turn(*attitude.orientation(_flight(name, attitude, sky.flights), time_s))
-    if isinstance(motion, StateSpace) and motion.turns:
-        rigid = motion.orientation(_flight(body.name, motion, sky.flights), time_s)
-        if motion.relative_to is None:
-            return Turn(*rigid)
-        chief = tree.link(ROOT, sky.by_name[motion.relative_to].origin)
-        rotation = chief.rotation * rigid[0]
-        return Turn(rotation, rigid[1] + rotate_vectors(rigid[0].inv(), chief.angular_velocity_rad_s))
-    if attitude is None and isinstance(motion, Table):
-        turning = motion.orientations(time_s)
-        if turning is not None:
-            return Turn(*turning, in_origin=True)
-    return (attitude or FixedAttitude()).turn(_situation(tree, body, sky))
+def _orientation(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
+    """Return how a body is rotate_vectors: by its attitude, else by its motion, else not at all."""
+    situation, attitude = _situation(tree, body, here), body.attitude
+    if attitude is None and isinstance(body.motion, PlacedMotion):
+        turned_by_motion = body.motion.orient(situation)
+        if turned_by_motion is not None:
+            return turned_by_motion
+    return orient(attitude or FixedAttitude(), situation)
 
 
-def _situation(tree: PoseTree, body: Body, sky: _Sky) -> Situation:
+def _situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
     """Return what the attitude law of a body may look at."""
     base = tree.link(ROOT, body.origin)
     to_root = base.rotation
-    shape = (len(sky.epochs), 3)
+    shape = (len(here.epochs), 3)
 
     def line(name: str) -> tuple[np.ndarray, np.ndarray]:
-        link = tree.link(body.origin, sky.by_name[name].origin if name in sky.by_name else name)
+        link = tree.link(body.origin, here.by_name[name].origin if name in here.by_name else name)
         relative_m = link.translation_m
         rate = link.velocity_m_s + cross(base.angular_velocity_rad_s, relative_m)
         toward, moving = rotate_vectors(to_root, relative_m), rotate_vectors(to_root, rate)
         return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
 
     def at(epochs: Epochs) -> Situation:
-        some = seen_by(body, sky.bodies)
-        there = _Sky(tuple(some), epochs, sky.local, sky.sun_direction, sky.flights)
+        some = seen_by(body, here.bodies)
+        there = _Evaluation(
+            tuple(some), epochs, here.local, SunVectors(epochs, here.local, here.sun.given), here.flights
+        )
         with unwarned():
-            poses = truth(some, epochs, local=sky.local, sun_direction=sky.sun_direction, flights=sky.flights).poses
+            poses = truth(some, epochs, local=here.local, sun_direction=here.sun.given, flights=here.flights).poses
         return _situation(poses, body, there)
 
     return Situation(
-        sky.epochs,
+        here.epochs,
         np.broadcast_to(base.translation_m, shape),
         np.broadcast_to(base.velocity_m_s, shape),
         body.orbits,
         to_root,
         np.broadcast_to(base.angular_velocity_rad_s, shape),
-        sky.sun_m,
-        sky.local,
+        here.sun.position_m,
+        here.local,
         line,
         at,
+        lambda name: tree.link(ROOT, here.by_name[name].origin),
+        lambda model: here.flight_of(body, model),
     )

@@ -1,6 +1,7 @@
 """Reference controllers and trackers: an Observation in, a Command out; points in, an estimate out."""
 
 from rso_lidar.track.centroid import Fix, centroid
+from rso_lidar.track.controller import Controller
 from rso_lidar.track.follow import PoseFollower
 from rso_lidar.track.icp import Alignment, Model, acquire, align, sampled, seen_middle
 from rso_lidar.track.kalman import Track, kalman, nis_bounds
@@ -8,6 +9,7 @@ from rso_lidar.track.pointing import Pointing
 
 __all__ = [
     "Alignment",
+    "Controller",
     "Fix",
     "Model",
     "Pointing",

@@ -19,7 +19,7 @@ from pydantic import Field
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
 from rso_lidar.files import write_text
 from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, elapsed_from_ps, elapsed_s, read_csv_table
 from rso_lidar.orbit.ccsds.ephemeris import EDGE_S
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000, parse_frame
@@ -80,7 +80,7 @@ class AttitudeTable(Part):
         ),
     )
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned; epochs outside the table raise `PropagationError`."""
         from scipy.spatial.transform import Rotation
 
@@ -108,7 +108,7 @@ class AttitudeTable(Part):
             time_s = np.clip(elapsed_s(epochs, arc.start_utc)[rows], arc.begin_s, arc.end_s)
             rotation, rate[rows] = arc.at(time_s, self.interpolation)
             quaternion[rows] = rotation.as_quat()
-        return Turn(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)
+        return Orientation(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)
 
     def _arcs(self) -> tuple[TurnArc, ...]:
         path = find_table(self.file)

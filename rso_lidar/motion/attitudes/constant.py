@@ -7,12 +7,12 @@ At one epoch the answer has the same bits whichever other epochs are asked for.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.part import Part, Quaternion, Vector
 from rso_lidar.pose import euler_zyx
 
@@ -65,14 +65,15 @@ class FixedAttitude(Part):
         """Return axes_from_body, single, and the body rates (…, 3) [rad/s], zero, at `time_s` (…) [s]."""
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned: in the root's axes where it orbits, in its host's elsewhere."""
-        return Turn(*self.orientation(here.epochs.time_s), in_origin=not here.orbits)
+        return Orientation(*self.orientation(here.epochs.time_s), in_origin=not here.orbits)
 
 
 class Rtn(Part):
     """Turned with the body's own rtn axes (x radially out, z along r x v, y = z x x), then by `euler_zyx_deg`."""
 
+    needs_orbit: ClassVar[bool] = True
     type: Literal["rtn"] = "rtn"
     euler_zyx_deg: Vector = Field(
         default=(0.0, 0.0, 0.0),
@@ -89,14 +90,15 @@ class Rtn(Part):
         """
         return euler_zyx(self.euler_zyx_deg)
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned: it stands still in the axes of its orbit."""
-        return Turn(self.rtn_from_body(), np.zeros(3), in_origin=True)
+        return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)
 
 
 class LvlhCcsds(Part):
     """Turned with CCSDS's local-vertical axes (z to nadir, y along -(r x v), x = y x z), then by `euler_zyx_deg`."""
 
+    needs_orbit: ClassVar[bool] = True
     type: Literal["lvlh_ccsds"] = "lvlh_ccsds"
     euler_zyx_deg: Vector = Field(
         default=(0.0, 0.0, 0.0), description="Intrinsic rotations from the CCSDS axes about z, new y, new x [deg]."
@@ -110,6 +112,6 @@ class LvlhCcsds(Part):
         """
         return rtn_from_lvlh_ccsds() * euler_zyx(self.euler_zyx_deg)
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned: it stands still in the axes of its orbit."""
-        return Turn(self.rtn_from_body(), np.zeros(3), in_origin=True)
+        return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)

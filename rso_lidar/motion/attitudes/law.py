@@ -9,8 +9,10 @@ from pydantic import BeforeValidator, Field
 from rso_lidar.motion.attitudes.aem import AttitudeTable
 from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
+from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
+from rso_lidar.part import Seam
 
 
 def no_bare_lvlh(table: Any) -> Any:
@@ -25,4 +27,5 @@ def no_bare_lvlh(table: Any) -> Any:
 
 
 Law = FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble | SunPointing | Nadir | AttitudeTable
-OneLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(no_bare_lvlh)]
+DescribedLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(no_bare_lvlh)]
+AnyLaw = Annotated[DescribedLaw | Attitude, Seam(DescribedLaw, Attitude)]

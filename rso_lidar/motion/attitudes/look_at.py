@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.part import Direction, Part, Text
 
 if TYPE_CHECKING:
@@ -34,12 +34,17 @@ class LookAt(Part):
         ),
     )
 
-    def turn(self, here: Situation) -> Turn:
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        """Name that the body looks at."""
+        return (self.at,)
+
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned toward what it looks at."""
         line, rate = here.line(self.at)
         if self.up is None:
-            return Turn(*look_at(line, rate, here.upward, here.upward_rate))
-        return Turn(*look_at(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
+            return Orientation(*look_at(line, rate, here.upward, here.upward_rate))
+        return Orientation(*look_at(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
 
 
 def look_at(

@@ -1,28 +1,33 @@
-"""What an attitude law may look at: where its body is among the others, in root axes, at some epochs."""
+"""What an attitude is given, where its body is among the others, and what it answers."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.pose import rotate_vectors
+from rso_lidar.part import kind_of
+from rso_lidar.pose import Link, rotate_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
-    """How a body is turned: `rotation` is axes_from_body (single or (time)), `rate_rad_s` (…, 3) its rate in body axes.
+class Orientation:
+    """How a body is rotate_vectors at some epochs, and how fast.
 
-    The rate is relative to those axes. `in_origin` says that they are the axes at the body's origin (its rtn axes where
-    it orbits, its host's where it is fixed to something) and not the root's.
+    Parameters
+    ----------
+    rotation : axes_from_body, single or (time).
+    rate_rad_s : (…, 3) angular velocity relative to those axes, in body axes [rad/s].
+    in_origin : whether those axes are the ones at the body's origin (its rtn axes where it orbits, its host's axes where it
+        is attached to something), and not the root's.
     """
 
     rotation: Rotation
@@ -30,13 +35,38 @@ class Turn:
     in_origin: bool = False
 
 
+@runtime_checkable
+class Attitude(Protocol):
+    """What a Python object needs to stand where a scenario takes an attitude.
+
+    One method is enough. `orient` may be called with any epochs, so its answer at one epoch must not depend on the others,
+    and the object must not change. An object that asks for `situation.line(name)` needs `looks_at`, a tuple of those names,
+    so that the bodies are computed in the right order. One with ``needs_orbit = True`` is refused where a body has no orbit.
+    `examples/seams/own_attitude.py` flies one.
+    """
+
+    def orient(self, situation: Situation) -> Orientation:
+        """Return how the body is rotate_vectors at `situation.epochs`."""
+
+
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """One body among the others; vectors (time, 3) in root axes.
+    """One body among the others, at some epochs; vectors (time, 3) are in root axes.
 
-    `orbits` says whether it has an orbit; `root_from_origin` and `origin_rate_rad_s` how the axes at its origin stand in the
-    root and turn (in their own axes); `sun_m` is the vector from the root's origin to the Sun [m], None without one.
-    In a `local` world, which has no Earth, that is a direction of length 1 AU, the same for every body.
+    Parameters
+    ----------
+    epochs : instants; ``epochs.time_s`` (time) counts seconds since `start_utc`.
+    position_m, velocity_m_s : of the body's origin [m], [m/s].
+    orbits : whether the body has an orbit, and so rtn axes.
+    root_from_origin : rotation of the axes at its origin (rtn axes where it orbits), single or (time).
+    origin_rate_rad_s : their angular velocity, in those axes [rad/s].
+    sun_m : vector from the root's origin to the Sun [m]; None without one. In a local world, which has no Earth, it is a
+        direction of length 1 AU, the same for every body.
+    local : whether the world is local.
+    line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s].
+    at : called with other epochs, gives the same body's situation then.
+    origin_of : called with the name of another body, gives the link from the root to the axes at its origin.
+    flight_of : called with a state-space model of this body, gives its flight under the inputs so far.
     """
 
     epochs: Epochs
@@ -47,21 +77,21 @@ class Situation:
     origin_rate_rad_s: np.ndarray
     sun_m: np.ndarray | None
     local: bool
-    line: Callable[
-        [str], tuple[np.ndarray, np.ndarray]
-    ]  # to a name: vector [m] and its rate [m/s], (time, 3), root axes
-    at: Callable[[Epochs], Situation]  # the same body at other instants
+    line: Callable[[str], tuple[np.ndarray, np.ndarray]]
+    at: Callable[[Epochs], Situation]
+    origin_of: Callable[[str], Link]
+    flight_of: Callable[[StateSpaceModel], Flight]
 
     @property
     def upward(self) -> np.ndarray:
-        """Return what is up where nothing else is said (time, 3): the orbit normal, or the root's +z without an orbit."""
+        """Default direction of up (time, 3): the orbit normal, or the root's +z without an orbit."""
         z = np.array([0.0, 0.0, 1.0])
         up = rotate_vectors(self.root_from_origin, z) if self.orbits else z
         return np.broadcast_to(up, (len(self.epochs), 3))
 
     @property
     def upward_rate(self) -> np.ndarray:
-        """Return the rate of `upward` (time, 3) [1/s]: a perturbed orbit's plane turns."""
+        """Rate of `upward` (time, 3) [1/s]: the plane of a perturbed orbit turns."""
         rate = np.zeros((len(self.epochs), 3))
         if not self.orbits:
             return rate
@@ -70,15 +100,27 @@ class Situation:
         return rotate_vectors(self.root_from_origin, rate)
 
 
-def given_direction(given: Sequence[float] | np.ndarray | None, *, local: bool) -> np.ndarray | None:
-    """Return the direction to the Sun (3) that is given in a local world, of length 1; None where none is given."""
-    if given is None:
-        return None
-    if not local:
-        raise ScenarioError("sun_direction: with an Earth the Sun is where the date says; leave it out")
-    direction = np.asarray(given, dtype=float)
-    length = np.linalg.norm(direction)
-    if direction.shape != (3,) or not 0.0 < length < math.inf:
-        raise ScenarioError("sun_direction: needs a vector of three finite numbers that are not all zero")
-    unit: np.ndarray = direction / length
-    return unit
+def laws_of(attitude: Any) -> tuple[Any, ...]:
+    """Return an attitude, or those that a slew leads between."""
+    laws: tuple[Any, ...] = getattr(attitude, "laws", (attitude,))
+    return laws
+
+
+def looks_at(attitude: Any) -> tuple[str, ...]:
+    """Return the names of bodies and axes that an attitude looks at."""
+    return tuple(getattr(attitude, "looks_at", ()))
+
+
+def needs_orbit(attitude: Any) -> bool:
+    """Return whether an attitude is one of bodies that orbit only."""
+    return bool(getattr(attitude, "needs_orbit", False))
+
+
+def orient(attitude: Any, situation: Situation) -> Orientation:
+    """Return how a body is rotate_vectors; `ScenarioError` where an object of the user's own answers something else."""
+    orientation = attitude.orient(situation)
+    if not isinstance(orientation, Orientation):
+        raise ScenarioError(
+            f"{kind_of(attitude)}: orient() returned a {type(orientation).__name__}; return an Orientation"
+        )
+    return orientation

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.law import Law, OneLaw
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.law import AnyLaw
+from rso_lidar.motion.attitudes.situation import Orientation, Situation, laws_of, orient
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.part import Number, Part, Positive
 from rso_lidar.pose import rotate_vectors
@@ -42,8 +42,8 @@ class Slew(Part):
     """
 
     type: Literal["slew"] = "slew"
-    first: OneLaw = Field(description="Attitude until `at_s`.")
-    then: OneLaw = Field(description="Attitude after the slew; it may move.")
+    first: AnyLaw = Field(description="Attitude until `at_s`.")
+    then: AnyLaw = Field(description="Attitude after the slew; it may move.")
     at_s: Annotated[Number, Field(ge=-1e8, le=1e8)] = Field(
         description="Start of the slew, in seconds since `start_utc` [s]."
     )
@@ -52,7 +52,18 @@ class Slew(Part):
     )
     max_acceleration_deg_s2: Positive = Field(description="Greatest total angular acceleration in root axes [deg/s²].")
 
-    def turn(self, here: Situation) -> Turn:
+    @property
+    def laws(self) -> tuple[Any, ...]:
+        """The attitudes that the slew leads between."""
+        return (*laws_of(self.first), *laws_of(self.then))
+
+    def advise(self, end_s: float) -> list[str]:
+        """Return a line where the slew begins after the last frame, at `end_s` [s]."""
+        if self.at_s <= end_s:
+            return []
+        return [f"its slew begins at {self.at_s:g} s, after the last frame at {end_s:g} s; shift at_s"]
+
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned, in root axes: as `first` or `then` before and after the slew, to rounding."""
         from scipy.spatial.transform import Rotation
 
@@ -71,9 +82,9 @@ class Slew(Part):
         for law, which in ((self.first, ~begun), (self.then, over)):  # a law is asked only about its own time
             if which.any():
                 there = part_of(here, which)
-                laid = _Laid.of(law.turn(there), there)
+                laid = _Laid.of(orient(law, there), there)
                 quaternion[which], rate[which] = laid.rotation.as_quat(), laid.rate_rad_s
-        return Turn(Rotation.from_quat(quaternion), rate)
+        return Orientation(Rotation.from_quat(quaternion), rate)
 
     def end_s(self, here: Situation) -> float:
         """Return when the slew is over [s]."""
@@ -113,9 +124,7 @@ class Slew(Part):
         return here.at(Epochs(here.epochs.start_utc, grid_s))
 
     def _laid(self, here: Situation) -> tuple[_Laid, _Laid]:
-        first: Law = self.first
-        then: Law = self.then
-        return _Laid.of(first.turn(here), here), _Laid.of(then.turn(here), here)
+        return _Laid.of(orient(self.first, here), here), _Laid.of(orient(self.then, here), here)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +135,7 @@ class _Laid:
     rate_rad_s: np.ndarray
 
     @staticmethod
-    def of(turn: Turn, here: Situation) -> _Laid:
+    def of(turn: Orientation, here: Situation) -> _Laid:
         """Return a turn laid out over the epochs, in root axes."""
         from scipy.spatial.transform import Rotation
 

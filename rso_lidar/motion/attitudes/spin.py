@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.motion.attitudes.free_rotation import free_rotation
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Vector
 
 if TYPE_CHECKING:
@@ -61,9 +61,9 @@ class Spin(Part):
         out = np.matmul(start, np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
         return along, start - along, out, self.body_rate_rad_s
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned."""
-        return Turn(*self.orientation(here.epochs.time_s))
+        return Orientation(*self.orientation(here.epochs.time_s))
 
 
 def _three_or_nine(inertia: Any) -> Any:
@@ -130,6 +130,6 @@ class Tumble(Part):
         rotation = Rotation.from_quat(self.quaternion_xyzw) * turned
         return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
 
-    def turn(self, here: Situation) -> Turn:
+    def orient(self, here: Situation) -> Orientation:
         """Return how the body is turned."""
-        return Turn(*self.orientation(here.epochs.time_s))
+        return Orientation(*self.orientation(here.epochs.time_s))

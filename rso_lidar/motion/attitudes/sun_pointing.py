@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
 from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, look_at
-from rso_lidar.motion.attitudes.situation import Situation, Turn
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.part import Direction, Flag, Part, Vector
@@ -31,7 +31,7 @@ class SunPointing(Part):
     type: Literal["sun_pointing"] = "sun_pointing"
     axis: Direction = Field(default=(1.0, 0.0, 0.0), description="Body axis that points to the Sun, of any length.")
     up_axis: Direction = Field(
-        default=(0.0, 0.0, 1.0), description="Body axis that is turned as close to `up` as possible."
+        default=(0.0, 0.0, 1.0), description="Body axis that is rotate_vectors as close to `up` as possible."
     )
     up: Direction | None = Field(
         default=None,
@@ -53,8 +53,8 @@ class SunPointing(Part):
         """Return how the axes x along `axis`, z nearest `up_axis` stand in the body's."""
         return look_at(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
 
-    def turn(self, here: Situation) -> Turn:
-        """Return how the body is turned, in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
+    def orient(self, here: Situation) -> Orientation:
+        """Return how the body is rotate_vectors, in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
         line, line_rate = sun_line(here, "sun_pointing")
         up = here.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
         _refuse(
@@ -65,7 +65,7 @@ class SunPointing(Part):
         )
         rotation, rate = look_at(line, line_rate, up, here.upward_rate if self.up is None else None)
         body_from_triad = self._body_from_triad
-        return Turn(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
+        return Orientation(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
 
 
 class Nadir(Part):
@@ -78,6 +78,7 @@ class Nadir(Part):
     this is the nominal law.
     """
 
+    needs_orbit: ClassVar[bool] = True
     type: Literal["nadir"] = "nadir"
     yaw_steering: Flag = Field(
         default=False,
@@ -90,15 +91,15 @@ class Nadir(Part):
         default=(0.0, 0.0, 0.0), description="Further intrinsic rotations about z, new y, new x [deg]."
     )
 
-    def turn(self, here: Situation) -> Turn:
-        """Return how the body is turned, in rtn axes."""
+    def orient(self, here: Situation) -> Orientation:
+        """Return how the body is rotate_vectors, in rtn axes."""
         from scipy.spatial.transform import Rotation
 
         if not here.orbits:
             raise ScenarioError("nadir: needs a body that orbits: use 'fixed', 'spin' or 'look_at'")
         after, rtn_from_lvlh = euler_zyx(self.euler_zyx_deg), rtn_from_lvlh_ccsds()
         if not self.yaw_steering:
-            return Turn(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
+            return Orientation(rtn_from_lvlh * after, np.zeros(3), in_origin=True)
         line, line_rate = sun_line(here, "nadir")
         lvlh_from_root = (here.root_from_origin * rtn_from_lvlh).inv()
         spin = rotate_vectors(rtn_from_lvlh.inv(), here.origin_rate_rad_s)
@@ -116,7 +117,9 @@ class Nadir(Part):
         rate[:, 2] = (s[:, 0] * s_rate[:, 1] - s[:, 1] * s_rate[:, 0]) / across
         half = np.zeros((len(yaw), 4))
         half[:, 2], half[:, 3] = np.sin(yaw / 2.0), np.cos(yaw / 2.0)
-        return Turn(rtn_from_lvlh * Rotation.from_quat(half) * after, rotate_vectors(after.inv(), rate), in_origin=True)
+        return Orientation(
+            rtn_from_lvlh * Rotation.from_quat(half) * after, rotate_vectors(after.inv(), rate), in_origin=True
+        )
 
 
 def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:

@@ -1,61 +1,17 @@
-"""Bodies: a name, a motion, an attitude and extra axes; and in which order they must be worked out."""
+"""Bodies: a name, a motion, an attitude and extra axes."""
 
-from typing import Annotated
+from typing import Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from rso_lidar.motion.attitudes.law import Law, no_bare_lvlh
-from rso_lidar.motion.attitudes.slew import Slew
+from rso_lidar.motion.attitudes.attitude import AnyAttitude
 from rso_lidar.motion.bodies.hinge import HingeAxes
-from rso_lidar.motion.bodies.prescribed import Fixed, Table
-from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
+from rso_lidar.motion.dynamics.flight import StateSpaceModel
+from rso_lidar.motion.motions.motion import AnyMotion, orbits
 from rso_lidar.motion.mount import Mount
-from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
 from rso_lidar.part import Name, Part
-from rso_lidar.rpo import (
-    Circumnavigation,
-    CoElliptic,
-    ForcedCircumnavigation,
-    Hill,
-    Hop,
-    Lambert,
-    Nonlinear,
-    RBarApproach,
-    RelativeElements,
-    RelativeMotion,
-    Rendezvous,
-    SafetyEllipse,
-    StationKeeping,
-    Teardrop,
-    VBarApproach,
-    Waypoints,
-    YamanakaAnkersen,
-)
 
 RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
-
-
-Orbit = Tle | Omm | Kepler | State | J2 | Numerical | Ephemeris
-Relative = Hill | YamanakaAnkersen | RelativeElements | Nonlinear
-Operation = (
-    StationKeeping
-    | VBarApproach
-    | RBarApproach
-    | Hop
-    | CoElliptic
-    | Circumnavigation
-    | SafetyEllipse
-    | Teardrop
-    | ForcedCircumnavigation
-    | Waypoints
-    | Rendezvous
-    | Lambert
-)
-Motion = Annotated[Orbit | Relative | Operation | StateSpace | Fixed | Table, Field(discriminator="type")]
-Attitude = Annotated[
-    Annotated[Law | Slew | StateSpaceAttitude, Field(discriminator="type")],
-    BeforeValidator(no_bare_lvlh),
-]
 
 
 class Axes(Mount):
@@ -76,8 +32,8 @@ class Body(Part):
             "Name of the body, by which others refer to it. `inertial`, `follower`, `ptu` and `lidar` are reserved."
         )
     )
-    motion: Motion = Field(description="Motion of the centre of mass.")
-    attitude: Attitude | None = Field(
+    motion: AnyMotion = Field(description="Motion of the centre of mass.")
+    attitude: AnyAttitude | None = Field(
         default=None,
         description=(
             "Attitude of the body. If omitted, its axes are those in which its motion is given, or the quaternions of "
@@ -90,10 +46,17 @@ class Body(Part):
 
     @property
     def orbits(self) -> bool:
-        """Return whether the body has an orbit, and so rtn axes of its own."""
-        if isinstance(self.motion, StateSpace):
-            return self.motion.axes != "local"
-        return isinstance(self.motion, Orbit | RelativeMotion)
+        """Whether the body has an orbit, and so rtn axes of its own."""
+        return orbits(self.motion)
+
+    @property
+    def models(self) -> dict[str, StateSpaceModel]:
+        """State-space models of the body, by the names under which a `Command` gives them inputs."""
+        moves, turns = isinstance(self.motion, StateSpaceModel), isinstance(self.attitude, StateSpaceModel)
+        named: dict[str, Any] = {self.name: self.motion} if moves else {}
+        if turns:
+            named[f"{self.name}.attitude" if moves else self.name] = self.attitude
+        return named
 
     @property
     def joints(self) -> tuple[HingeAxes, ...]:

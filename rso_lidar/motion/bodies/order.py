@@ -2,16 +2,12 @@
 
 from collections.abc import Sequence
 from graphlib import CycleError, TopologicalSorter
-from typing import Any
 
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.motion.attitudes.constant import LvlhCcsds, Rtn
-from rso_lidar.motion.attitudes.look_at import LookAt
-from rso_lidar.motion.attitudes.slew import Slew
-from rso_lidar.motion.attitudes.sun_pointing import Nadir
+from rso_lidar.motion.attitudes.situation import laws_of, looks_at, needs_orbit
 from rso_lidar.motion.bodies.body import RESERVED, Body
-from rso_lidar.motion.bodies.prescribed import Fixed, Table
-from rso_lidar.motion.dynamics.state_space import StateSpace
+from rso_lidar.motion.motions.motion import chief_of, is_attached
+from rso_lidar.part import kind_of
 
 
 def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
@@ -50,13 +46,12 @@ def seen_by(body: Body, bodies: Sequence[Body]) -> list[Body]:
             return
         tilted[name] = turned
         one = by_name[name]
-        relative_to = getattr(one.motion, "relative_to", None)
+        relative_to = chief_of(one.motion)
         if relative_to is not None:
-            need(relative_to, isinstance(one.motion, Fixed | Table))
+            need(relative_to, is_attached(one.motion))
         if turned or one is body:
-            for law in _laws(one.attitude):
-                if isinstance(law, LookAt):
-                    need(law.at if law.at in by_name else hosts[law.at].name, law.at in hosts)
+            for at in (at for law in laws_of(one.attitude) for at in looks_at(law)):
+                need(at if at in by_name else hosts[at].name, at in hosts)
 
     need(body.name, False)
     return [by_name[name] if turned else by_name[name].replace(attitude=None) for name, turned in tilted.items()]
@@ -78,14 +73,14 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
     motion = body.motion
     if local and body.orbits:
         raise ScenarioError(
-            f"{body.name}.motion: '{motion.type}' needs an Earth, and [world] axes = \"local\" has none; "
+            f"{body.name}.motion: '{kind_of(motion)}' needs an Earth, and [world] axes = \"local\" has none; "
             "use 'fixed', 'table' or 'state_space', or leave out [world]"
         )
-    if not local and isinstance(motion, StateSpace) and motion.axes == "local":
+    if not local and getattr(motion, "axes", None) == "local":
         raise ScenarioError(
             f'{body.name}.motion.axes: "local" is for a root without an Earth; write "inertial", or [world] axes = "local"'
         )
-    relative_to = getattr(motion, "relative_to", None)
+    relative_to = chief_of(motion)
     if relative_to is None:
         return []
     if relative_to not in by_name:
@@ -94,7 +89,7 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
             f"{body.name}.motion.relative_to: no body '{relative_to}'{guess} (bodies: {', '.join(by_name)})"
         )
     chief = by_name[relative_to]
-    if isinstance(motion, Fixed | Table):
+    if is_attached(motion):
         return [chief.name]
     if not chief.orbits:
         raise ScenarioError(
@@ -106,23 +101,15 @@ def _origin_needs(body: Body, by_name: dict[str, Body], local: bool) -> list[str
 
 def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body], local: bool) -> list[str]:
     needs = []
-    for law in _laws(body.attitude):
-        if isinstance(law, Rtn | LvlhCcsds | Nadir) and (local or not body.orbits):
+    for law in laws_of(body.attitude):
+        if needs_orbit(law) and (local or not body.orbits):
             raise ScenarioError(
-                f"{body.name}.attitude: '{law.type}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
+                f"{body.name}.attitude: '{kind_of(law)}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
             )
-        if isinstance(law, LookAt):
-            needs.append(_seen(law.at, body, by_name, hosts))
-    if isinstance(body.motion, StateSpace) and body.motion.turns and body.attitude is not None:
+        needs += [_seen(at, body, by_name, hosts) for at in looks_at(law)]
+    if getattr(body.motion, "turns", False) and body.attitude is not None:
         raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
     return needs
-
-
-def _laws(attitude: Any) -> list[Any]:
-    """Return an attitude law, or those that it goes between."""
-    if isinstance(attitude, Slew):
-        return [*_laws(attitude.first), *_laws(attitude.then)]
-    return [attitude]
 
 
 def _seen(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:

@@ -60,6 +60,32 @@ class Numerical(Part):
         at = [(one.at_s,) if isinstance(one, Impulse) else (one.from_s, one.until_s) for one in self.maneuvers]
         return np.array([time_s for pair in at for time_s in pair])
 
+    def summarize(self, start_utc: datetime.datetime) -> str:
+        """Return the motion in a few words: what it begins from, forces and maneuvers."""
+        forces, count = self.forces, len(self.maneuvers)
+        zonals = (
+            f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
+        )
+        others = [name for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)]
+        words = [zonals, *(name.replace("_", " ") for name in others)]
+        if count:
+            words.append(f"{count} maneuver{'s' * (count > 1)} of {self.delta_v_m_s:.4g} m/s")
+        return f"{self.type} from {self.initial.type}; {', '.join(words)}"
+
+    def advise(self, end_s: float) -> list[str]:
+        """Return a line where maneuvers come after the last frame, at `end_s` [s]."""
+        late = [one for one in self.maneuvers if getattr(one, "at_s", getattr(one, "from_s", 0.0)) > end_s]
+        if not late:
+            return []
+        return [
+            f"{len(late)} of its {len(self.maneuvers)} maneuvers come after the last frame at {end_s:g} s; shift them"
+        ]
+
+    @property
+    def impulses_s(self) -> tuple[float, ...]:
+        """Instants of the impulses among the maneuvers [s]."""
+        return tuple(one.at_s for one in self.maneuvers if isinstance(one, Impulse))
+
     @property
     def delta_v_m_s(self) -> float:
         """Total delta-v of all maneuvers [m/s]."""

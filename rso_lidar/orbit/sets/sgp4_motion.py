@@ -99,6 +99,10 @@ class Omm(Part):
             **{key: getattr(self, key) for key in _SHARED},
         )
 
+    def summarize(self, start_utc: datetime.datetime) -> str:
+        """Return the motion in a few words: object, and age of the elements at `start_utc`."""
+        return _summarize(self.type, self.elements(), self.epoch_age_days(Epochs(start_utc, np.zeros(1))))
+
     def epoch_age_days(self, epochs: Epochs) -> float:
         """Return the greatest time between the epoch of the elements and some epochs [day]."""
         return age_days(self.elements(), epochs)
@@ -232,6 +236,15 @@ class Tle(Part):
             sets=self.sets,
         )
 
+    def summarize(self, start_utc: datetime.datetime) -> str:
+        """Return the motion in a few words: object, and age of the elements at `start_utc`."""
+        age_days = self.epoch_age_days(Epochs(start_utc, np.zeros(1)))
+        return _summarize(self.type, self.elements(start_utc), age_days)
+
+    def check(self, start_utc: datetime.datetime) -> None:
+        """Raise `CatalogError` where there is no element set to fly."""
+        self.elements(start_utc)
+
     def jumps(self, epochs: Epochs) -> tuple[SetJump, ...]:
         """Return the switches between sets within the span of the epochs."""
         return self.trajectory(epochs.start_utc).jumps(epochs)
@@ -257,6 +270,10 @@ class Tle(Part):
         if self.sets == "all":
             return self.trajectory(epochs.start_utc).states(epochs)
         return propagate_sgp4(self.elements(epochs.start_utc), epochs)
+
+
+def _summarize(kind: str, elements: ElementSet, age_days: float) -> str:
+    return f"{kind} {elements.norad_id} {elements.name}, {age_days:.1f} days from epoch"
 
 
 @functools.lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from rso_lidar.errors import ScenarioError, did_you_mean, placed
 from rso_lidar.files import path_of
 from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
-from rso_lidar.orbit import Epochs, Tle
+from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.instrument import check_instrument
 from rso_lidar.scenario.mission.named_files import find_named_files, list_dynamics
@@ -156,8 +156,8 @@ class Mission(Part):
             with self.placed(f"{body.name}.{place}"):
                 self._check_code(part)
                 found = find_named_files(part, self.file)
-                if isinstance(found, Tle):
-                    found.elements(self.time.start_utc)  # so that a bad element set is reported here, with its place
+                if (check := getattr(found, "check", None)) is not None:
+                    check(self.time.start_utc)  # a bad element set is an error now, with its place
             if found is not part:
                 changes[place] = found
         return body.replace(**changes) if changes else body
@@ -170,7 +170,7 @@ class Mission(Part):
             found: Ptu | None = find_named_files(self.ptu, self.file) if self.ptu else None
         return found
 
-    def _check_code(self, part: Part | None) -> None:
+    def _check_code(self, part: Any) -> None:
         """Raise `ScenarioError` for a part that names Python code, unless the scenario's text is trusted."""
         if not self._trust_code and part is not None and (named := list_dynamics(part)):
             raise ScenarioError(

@@ -7,13 +7,15 @@ from rso_lidar.motion.dynamics.function import file_of
 from rso_lidar.part import Part
 
 
-def find_named_files(part: Part, file: Callable[[str], Any]) -> Any:
+def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:
     """Replace the files that a part and all parts in it name by their paths.
 
     Fields that name files are `file`, `…_file`, and `dynamics` of the form ``file.py:name``. `file` returns the path of a
     name.
     """
     changes: dict[str, Any] = {}
+    if not isinstance(part, Part):  # an object of the user's own finds its files itself
+        return part
     for name in type(part).model_fields:
         value = getattr(part, name)
         if isinstance(value, str) and (name == "file" or name.endswith("_file")):
@@ -31,9 +33,11 @@ def find_named_files(part: Part, file: Callable[[str], Any]) -> Any:
     return part.replace(**changes) if changes else part
 
 
-def list_dynamics(part: Part) -> list[str]:
+def list_dynamics(part: Any) -> list[str]:
     """List the Python functions that a part and all parts in it name as `dynamics`."""
     found: list[str] = []
+    if not isinstance(part, Part):
+        return found
     for name in type(part).model_fields:
         value = getattr(part, name)
         if name == "dynamics" and isinstance(value, str):
@@ -44,7 +48,7 @@ def list_dynamics(part: Part) -> list[str]:
     return found
 
 
-def list_named_files(part: Part) -> list[str]:
+def list_named_files(part: Any) -> list[str]:
     """List the files that a part and all parts in it name, in the order of their fields."""
     found: list[str] = []
     find_named_files(part, lambda name: found.append(name) or name)  # type: ignore[func-returns-value]

@@ -13,7 +13,7 @@ from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
 from rso_lidar.motion.dynamics.function import in_words
-from rso_lidar.orbit import Tle, format_utc
+from rso_lidar.orbit import format_utc
 from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
 from rso_lidar.scenario.mission.mission import Mission
@@ -76,11 +76,11 @@ def resolve_toml(mission: Mission) -> str:
         if written is not body.motion:
             table["motion"] = written.model_dump(exclude_none=True)
     sums = [f"# mesh of {target.name}: SHA-256 {surface.mesh.sha256}" for target, surface in meshes]
-    parts: list[tuple[str, Part]] = [
+    parts: list[tuple[str, Any]] = [
         (body.name, part) for body in mission.bodies for part in (body.motion, body.attitude) if part is not None
     ]
     parts += [("the ptu", mission.pan_tilt)] if mission.pan_tilt else []
-    listed = [(name, file) for name, part in parts if not isinstance(part, Tle) for file in list_named_files(part)]
+    listed = [(name, file) for name, part in parts if not hasattr(part, "inline") for file in list_named_files(part)]
     sums += [f"# file {Path(file).name} of {name}: SHA-256 {_hash_file(file)}" for name, file in listed]
     sums += [
         f"# file {Path(labels.file).name} of {target.name}: SHA-256 {_hash_file(str(mission.file(labels.file)))}"
@@ -96,8 +96,10 @@ def resolve_toml(mission: Mission) -> str:
 
 def _inline_element_sets(part: Any, start_utc: datetime.datetime) -> Any:
     """Return a motion with all element sets that it or a part in it names written out."""
-    if isinstance(part, Tle):
-        return part.inline(start_utc)
+    if not isinstance(part, Part):
+        return part
+    if (inline := getattr(part, "inline", None)) is not None:
+        return inline(start_utc)
     changes = {}
     for name in type(part).model_fields:
         value = getattr(part, name)

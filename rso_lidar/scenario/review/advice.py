@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import detector, motion, units
-from rso_lidar.motion import Slew
 from rso_lidar.optics import FieldDependentPsf, ZemaxDistortion, ZemaxPsf
 from rso_lidar.optics.sunlight import sun_photons_per_s_m2
 from rso_lidar.optics.tables import zemax
-from rso_lidar.orbit import Numerical
 from rso_lidar.part import name_object, python_objects
-from rso_lidar.rpo import ProximityOperation
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, boresight_light_fraction, preview_mission
 from rso_lidar.scenario.preview.returns import cast_attitudes
@@ -87,26 +84,15 @@ def _advise_on_plans(mission: Mission) -> list[str]:
     lines = []
     end_s = mission.span[1]
     for body in mission.bodies:
-        flown, law = body.motion, body.attitude
-        if isinstance(flown, ProximityOperation) and flown.keep_out_m > 0.0:
-            chief = motion.Chief(mission.bodies, flown.relative_to, local=mission.local)
-            safe_m = flown.plan(mission.time.start_utc, chief).passive_safety_m()
-            if safe_m < flown.keep_out_m:
-                lines.append(
-                    f"{body.name}.motion: if thrust stops at the worst instant it drifts to {safe_m:.3g} m, inside its "
-                    f"keep-out sphere of {flown.keep_out_m:g} m; choose another path, or fly it slower"
-                )
-        if isinstance(law, Slew) and law.at_s > end_s:
+        plan = motion.plan_of(body, mission.bodies, mission.time.start_utc)
+        keep_out_m = getattr(body.motion, "keep_out_m", 0.0)
+        if plan is not None and keep_out_m > 0.0 and (safe_m := plan.passive_safety_m()) < keep_out_m:
             lines.append(
-                f"{body.name}.attitude: its slew begins at {law.at_s:g} s, after the last frame at {end_s:g} s; shift at_s"
+                f"{body.name}.motion: if thrust stops at the worst instant it drifts to {safe_m:.3g} m, inside its "
+                f"keep-out sphere of {keep_out_m:g} m; choose another path, or fly it slower"
             )
-        if isinstance(flown, Numerical):
-            late = [one for one in flown.maneuvers if getattr(one, "at_s", getattr(one, "from_s", 0.0)) > end_s]
-            if late:
-                lines.append(
-                    f"{body.name}.motion: {len(late)} of its {len(flown.maneuvers)} maneuvers come after the last frame at "
-                    f"{end_s:g} s; shift them"
-                )
+        for place in ("attitude", "motion"):
+            lines += [f"{body.name}.{place}: {line}" for line in motion.advise(getattr(body, place), end_s)]
     return lines
 
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from rso_lidar import detector, motion, units
 from rso_lidar.detector.bench.trial import Trial
-from rso_lidar.orbit import Numerical, Tle, format_utc
-from rso_lidar.orbit.sets.sgp4_motion import Omm
+from rso_lidar.orbit import format_utc
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
-from rso_lidar.rpo.plans.operation import ProximityOperation
+from rso_lidar.part import kind_of
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview, TargetGeometry, preview_mission
 from rso_lidar.scenario.preview.returns import TargetReturns, cast_attitudes
@@ -75,17 +74,8 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
 
 def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     body = mission.bodies[number]
-    flown = body.motion
-    text: str = flown.type
-    if isinstance(flown, Tle | Omm):
-        sets = flown.elements(mission.time.start_utc) if isinstance(flown, Tle) else flown.elements()
-        age_days = flown.epoch_age_days(mission.epochs(np.array([0])))
-        text += f" {sets.norad_id} {sets.name}, {age_days:.1f} days from epoch"
-    if getattr(flown, "relative_to", None):
-        text += f" relative to {flown.relative_to}"  # type: ignore[union-attr]
-    if isinstance(flown, Numerical):
-        text += f" from {flown.initial.type}; {_describe_forces(flown)}"
-    attitude = body.attitude.type if body.attitude else "as its motion"
+    text = motion.summarize(body.motion, mission.time.start_utc)
+    attitude = kind_of(body.attitude) if body.attitude else "as its motion"
     if body.orbits:
         state = preview.states[body.name]
         orbit = elements_from_state(state.position_m[0], state.velocity_m_s[0])
@@ -96,28 +86,12 @@ def _describe_motion(mission: Mission, number: int, preview: Preview) -> str:
     return f"{text}; attitude {attitude}"
 
 
-def _describe_forces(flown: Numerical) -> str:
-    """Describe the forces and maneuvers of a numerically integrated motion."""
-    forces = flown.forces
-    zonals = f"J2 to J{forces.zonal_degree}" if forces.zonal_degree > 2 else "J2" if forces.zonal_degree else "a point"
-    words = [
-        zonals,
-        *(name.replace("_", " ") for name in ("drag", "radiation_pressure", "sun", "moon") if getattr(forces, name)),
-    ]
-    if flown.maneuvers:
-        words.append(
-            f"{len(flown.maneuvers)} maneuver{'s' * (len(flown.maneuvers) > 1)} of {flown.delta_v_m_s:.4g} m/s"
-        )
-    return ", ".join(words)
-
-
 def _describe_plans(mission: Mission) -> list[str]:
     """Describe the cost and the passive safety of the mission's proximity operations."""
     lines = []
     for body in mission.bodies:
-        if isinstance(body.motion, ProximityOperation):
-            chief = motion.Chief(mission.bodies, body.motion.relative_to, local=mission.local)
-            plan = body.motion.plan(mission.time.start_utc, chief)
+        plan = motion.plan_of(body, mission.bodies, mission.time.start_utc)
+        if plan is not None:
             lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
     return lines
 

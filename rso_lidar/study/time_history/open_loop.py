@@ -64,11 +64,11 @@ def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
 
 def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     """Return the plan that the follower flies about `target`; None for a motion without one."""
-    flown = scenario.bodies[-1].motion
-    if not isinstance(flown, rpo.ProximityOperation) or flown.relative_to != target:
+    follower = scenario.bodies[-1]
+    if motion.chief_of(follower.motion) != target:
         return None
     with scenario.placed("follower.motion"):
-        return flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
+        return motion.plan_of(follower, scenario.bodies, scenario.time.start_utc)
 
 
 _BESIDE_S = 1e-3  # before an impulse: what is left out of an ephemeris there
@@ -94,16 +94,13 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
     """Return the instants [s] at which the velocity of a body jumps: its impulses, and those of what it moves about."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
-    while (relative_to := getattr(chain[-1].motion, "relative_to", None)) is not None:
+    while (relative_to := motion.chief_of(chain[-1].motion)) is not None:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        flown = body.motion
-        if isinstance(flown, rpo.ProximityOperation):
-            chief = motion.Chief(scenario.bodies, flown.relative_to)
-            breaks |= {float(one.time_s) for one in flown.plan(scenario.time.start_utc, chief).impulses}
-        if isinstance(flown, orbit.Numerical):
-            breaks |= {one.at_s for one in flown.maneuvers if isinstance(one, orbit.Impulse)}
+        plan = motion.plan_of(body, scenario.bodies, scenario.time.start_utc)
+        breaks |= {float(one.time_s) for one in plan.impulses} if plan else set()
+        breaks |= set(getattr(body.motion, "impulses_s", ()))
     return breaks
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar import motion, rpo
+from rso_lidar import motion
 from rso_lidar.rpo.plans.plan import Impulse, Plan
 from rso_lidar.scenario import Scenario
 
@@ -18,10 +18,9 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impul
     Thrust that holds to a path is one impulse half way between two instants, by the acceleration there. A follower that
     flies no plan has none: what a table, a state-space model or a controller makes of it is not known.
     """
-    flown = scenario.follower.motion
-    if scenario.local or not isinstance(flown, rpo.ProximityOperation) or time_s.size < 2:
+    plan = motion.plan_of(scenario.follower, scenario.bodies, scenario.time.start_utc)
+    if plan is None or time_s.size < 2:
         return []
-    plan = flown.plan(scenario.time.start_utc, motion.Chief(scenario.bodies, flown.relative_to))
     burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
     burns = sorted([*burns, *_sample_control(plan, time_s)], key=lambda burn: burn.time_s)
     places = np.minimum(np.searchsorted(time_s, [burn.time_s for burn in burns]), time_s.size - 1)

@@ -11,7 +11,7 @@ from rso_lidar.motion.attitudes.aem import AttitudeTable, write_aem, write_attit
 from rso_lidar.motion.attitudes.constant import LvlhCcsds
 from rso_lidar.motion.attitudes.spin import Tumble
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.bodies.prescribed import Fixed
+from rso_lidar.motion.motions.prescribed import Fixed
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.ccsds.frames import gcrs_from_eme2000
 from rso_lidar.orbit.epochs import Epochs

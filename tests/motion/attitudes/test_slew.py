@@ -13,7 +13,7 @@ from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.attitudes.spin import Spin
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.bodies.prescribed import Fixed
+from rso_lidar.motion.motions.prescribed import Fixed
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler

@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 import rso_lidar as rl
 from rso_lidar import motion, orbit, units
 from rso_lidar.errors import PropagationError, ScenarioError
+from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
 from rso_lidar.motion.dynamics.flight import Flight
-from rso_lidar.motion.dynamics.state_space import StateSpace, StateSpaceAttitude
 from rso_lidar.motion.gimbal.drive import SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import Ptu, start, step
+from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire, mean_motion_rad_s
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.files import MOST_BYTES, read_text
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
+from rso_lidar.motion.dynamics.flight import Flight
+from rso_lidar.motion.motions.placed import Place, PlacedMotion
 from rso_lidar.orbit.ccsds.csv_table import check_unit_quaternions, read_csv_table
-from rso_lidar.part import Name, Part, Text, Vector
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.part import Name, Text, Vector
 from rso_lidar.shipped import find
 
 if TYPE_CHECKING:
@@ -23,14 +27,19 @@ PLACE = ("x_m", "y_m", "z_m")
 TURN = ("qx", "qy", "qz", "qw")
 
 
-class Fixed(Part):
+class Fixed(PlacedMotion):
     """A place that does not move, in the body axes of `relative_to`, or in the root's."""
 
+    is_attached: ClassVar[bool] = True
     type: Literal["fixed"] = "fixed"
     position_m: Vector = Field(description="Position in the body axes of `relative_to`, or in root axes [m].")
     relative_to: Name | None = Field(
         default=None, description="Body to whose axes the position refers. If omitted, the root axes."
     )
+
+    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+        """Return where the body's origin is, in the parent's axes."""
+        return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the parent's axes: the same at all times, and zero."""
@@ -38,7 +47,7 @@ class Fixed(Part):
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
 
 
-class Table(Part):
+class Table(PlacedMotion):
     """Places, and maybe turns, read from a CSV file, in the body axes of `relative_to`, or in the root's.
 
     The header names the columns time_s, x_m, y_m, z_m and, for a turn, qx, qy, qz, qw (parent_from_body), in any order.
@@ -47,6 +56,7 @@ class Table(Part):
     give uniform motion. Outside the rows' span there is no motion.
     """
 
+    is_attached: ClassVar[bool] = True
     type: Literal["table"] = "table"
     file: Text = Field(
         description="Path of a CSV file with the columns time_s, x_m, y_m, z_m and, optionally, qx, qy, qz, qw."
@@ -54,6 +64,10 @@ class Table(Part):
     relative_to: Name | None = Field(
         default=None, description="Body to whose axes the positions refer. If omitted, the root axes."
     )
+
+    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+        """Return where the body's origin is, in the parent's axes."""
+        return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the parent's axes."""
@@ -63,6 +77,11 @@ class Table(Part):
         times = self._inside(time_s, rows)
         spline = CubicSpline(rows.time_s, rows.position_m)
         return spline(times), spline(times, 1)
+
+    def orient(self, here: Situation) -> Orientation | None:
+        """Return how the table turns the body in the parent's axes; None without quaternions."""
+        turning = self.orientations(here.epochs.time_s)
+        return None if turning is None else Orientation(*turning, in_origin=True)
 
     def orientations(self, time_s: np.ndarray) -> tuple[Rotation, np.ndarray] | None:
         """Return parent_from_body (time) and the body's rate (time, 3) [rad/s] in body axes; None without quaternions."""
@@ -75,13 +94,13 @@ class Table(Part):
         spline = RotationSpline(rows.time_s, Rotation.from_quat(rows.quaternion))
         return spline(times), spline(times, 1)
 
-    def _rows(self) -> Rows:
+    def _rows(self) -> TableRows:
         path = find(self.file)
         if path is None:
             raise ScenarioError(f"{self.file}: no such file: check the path of this table")
         return read_table(path)
 
-    def _inside(self, time_s: np.ndarray, rows: Rows) -> np.ndarray:
+    def _inside(self, time_s: np.ndarray, rows: TableRows) -> np.ndarray:
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         bad = ~((times >= rows.time_s[0]) & (times <= rows.time_s[-1]))
         if bad.any():
@@ -95,7 +114,7 @@ class Table(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class TableRows:
     """A table as read: time_s (row), position_m (row, 3), quaternion parent_from_body (row, 4) x, y, z, w or None."""
 
     time_s: np.ndarray
@@ -103,7 +122,7 @@ class Rows:
     quaternion: np.ndarray | None
 
 
-def read_table(path: str | Path) -> Rows:
+def read_table(path: str | Path) -> TableRows:
     """Return the rows of a CSV table, checked; what is wrong is a `ScenarioError` that names file and line."""
     path = Path(path)
     try:
@@ -116,7 +135,7 @@ def read_table(path: str | Path) -> Rows:
 
 
 @functools.lru_cache(maxsize=16)
-def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
+def _read(path: Path, _modified_ns: int, _size: int) -> TableRows:
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")
@@ -131,4 +150,4 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Rows:
     assert position_m is not None
     if quaternion is not None:
         quaternion = check_unit_quaternions(str(path), quaternion, table.lines)
-    return Rows(table.time_s, position_m, quaternion)
+    return TableRows(table.time_s, position_m, quaternion)

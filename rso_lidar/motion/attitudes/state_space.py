@@ -1,0 +1,56 @@
+"""Attitude by a user's own x' = f(t, x, u) (Fuller et al., eq. 6)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
+from rso_lidar.motion.dynamics.attitude_state import (
+    QUATERNION,
+    AttitudeState,
+    attitude_from_state,
+    check_attitude,
+    count_entries,
+)
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+class StateSpaceAttitude(StateSpaceModel):
+    """Attitude by a user's own dynamics: the state begins with inertial_from_body in the representation `attitude_state`.
+
+    The body rate [rad/s] in body axes follows; further entries are the user's own. `attitude_state` is "quaternion_xyzw",
+    normalised when read, or Euler angles such as "euler_zyx_rad", as for the motion `state_space`.
+    """
+
+    type: Literal["state_space"] = "state_space"
+    attitude_state: AttitudeState = Field(
+        default=QUATERNION,
+        description=(
+            "Attitude parameters at the start of x: `quaternion_xyzw`, or intrinsic Euler angles such as "
+            "`euler_zyx_rad`."
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        needs = count_entries(self.attitude_state) + 3
+        if len(self.initial_state) < needs:
+            raise ValueError(
+                f"initial_state: has {len(self.initial_state)} entries, an attitude needs at least {needs}"
+            )
+        check_attitude(self.initial_state, self.attitude_state)
+        return self
+
+    def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+        """Return inertial_from_body (time) and the body rates (time, 3) [rad/s]."""
+        return attitude_from_state(flight(time_s), self.attitude_state, self.label, time_s)
+
+    def orient(self, here: Situation) -> Orientation:
+        """Return how the body is turned, in root axes."""
+        return Orientation(*self.orientation(here.flight_of(self), here.epochs.time_s))

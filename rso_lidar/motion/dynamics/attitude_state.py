@@ -1,0 +1,101 @@
+"""Attitudes as entries of a state: a quaternion, or Euler angles and their singularities."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import AfterValidator
+
+from rso_lidar import units
+from rso_lidar.errors import PropagationError, warn
+from rso_lidar.part import UNIT_NORM_WITHIN, Text
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+QUATERNION = "quaternion_xyzw"
+
+
+NEAR_RAD = 1.0 * units.DEG  # of the singularity: the rates of two angles are over 57 times the body rate
+
+
+SINGULAR_RAD = 1e-6
+
+
+def _attitude_state(text: str) -> str:
+    """Check the name of an attitude representation and return it."""
+    found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
+    if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
+        raise ValueError(
+            f"'{text}' names no attitude: write {QUATERNION}, or Euler angles with their order and unit such as "
+            "euler_zyx_rad (intrinsic: about z, the new y, the new x)"
+        )
+    return text
+
+
+AttitudeState = Annotated[Text, AfterValidator(_attitude_state)]
+
+
+def count_entries(attitude_state: str) -> int:
+    """Return how many numbers represent the attitude."""
+    return 4 if attitude_state == QUATERNION else 3
+
+
+def attitude_from_state(
+    state: np.ndarray, attitude_state: str, label: str, time_s: np.ndarray
+) -> tuple[Rotation, np.ndarray]:
+    """Return axes_from_body (time) and the body rates (time, 3) of rows that begin with an attitude and its rate."""
+    from scipy.spatial.transform import Rotation
+
+    width = count_entries(attitude_state)
+    numbers, rates = state[:, :width], state[:, width : width + 3]
+    if attitude_state == QUATERNION:
+        return Rotation.from_quat(numbers), rates
+    order, angles = _angles(numbers, attitude_state)
+    away = _from_singular_rad(angles, order)
+    near = int(np.argmin(away)) if len(away) else 0
+    where = "a middle angle of +-90 deg" if len(set(order)) == 3 else "a middle angle of 0 or 180 deg"
+    if (away < SINGULAR_RAD).any():
+        raise PropagationError(
+            f"{label}: its Euler angles are singular ({order}: {where}) at time_s = {time_s[near]:g}; use another order, or "
+            f"attitude_state = {QUATERNION}",
+            away < SINGULAR_RAD,
+        )
+    if (away < NEAR_RAD).any():
+        warn(
+            f"{label}: its Euler angles come within {away[near] / units.DEG:.2g} deg of their singularity "
+            f"({order}: {where}) at time_s = {time_s[near]:g}, where they change fast: use another order, or "
+            f"attitude_state = {QUATERNION}"
+        )
+    return Rotation.from_euler(order.upper(), angles), rates
+
+
+def _angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:
+    """Return the order of Euler angles, in small letters, and the angles (…, 3) [rad]."""
+    _, order, unit = attitude_state.split("_")
+    return order, numbers * (units.DEG if unit == "deg" else 1.0)
+
+
+def _from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
+    """Return how far (…) [rad] the middle of Euler angles (…, 3) [rad] is from where the other two turn about one axis."""
+    across = np.cos(angles[..., 1]) if len(set(order)) == 3 else np.sin(angles[..., 1])
+    away: np.ndarray = np.abs(np.arcsin(np.clip(across, -1.0, 1.0)))
+    return away
+
+
+def check_attitude(state: tuple[float, ...], attitude_state: str) -> None:
+    """Refuse an initial state whose first numbers are no valid attitude."""
+    numbers = state[: count_entries(attitude_state)]
+    if attitude_state == QUATERNION:
+        norm = float(np.linalg.norm(numbers))
+        if abs(norm - 1.0) > UNIT_NORM_WITHIN:
+            raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1: divide by it")
+        return
+    order, angles = _angles(np.array(numbers), attitude_state)
+    if _from_singular_rad(angles, order) < SINGULAR_RAD:
+        raise ValueError(
+            f"initial_state: its Euler angles {order} begin where they are singular; use another order, or {QUATERNION}"
+        )

@@ -1,0 +1,1 @@
+"""Motions that are given or integrated, and what a motion of any kind answers."""

@@ -1,0 +1,133 @@
+"""What a motion of any kind answers, and the motions that a scenario may describe."""
+
+from __future__ import annotations
+
+import datetime
+from typing import Annotated, Any, Protocol, runtime_checkable
+
+import numpy as np
+from pydantic import Field
+
+from rso_lidar.errors import ScenarioError
+from rso_lidar.motion.motions.placed import PlacedMotion
+from rso_lidar.motion.motions.prescribed import Fixed, Table
+from rso_lidar.motion.motions.state_space import StateSpace
+from rso_lidar.orbit import J2, Ephemeris, Kepler, Numerical, Omm, State, Tle
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.part import Part, Seam, kind_of
+from rso_lidar.records import BodyState
+from rso_lidar.rpo import (
+    Circumnavigation,
+    CoElliptic,
+    ForcedCircumnavigation,
+    Hill,
+    Hop,
+    Lambert,
+    Nonlinear,
+    RBarApproach,
+    RelativeElements,
+    Rendezvous,
+    SafetyEllipse,
+    StationKeeping,
+    Teardrop,
+    VBarApproach,
+    Waypoints,
+    YamanakaAnkersen,
+)
+
+
+@runtime_checkable
+class Motion(Protocol):
+    """What a Python object needs to stand where a scenario takes a motion.
+
+    One method is enough. `states` may be called with any epochs, from 2 s before the first frame to 2 s after the last,
+    because velocities of orbital axes are differences. Its answer at one epoch must not depend on the others, and the object
+    must not change. An epoch without a state is told by `PropagationError`. These members are used where an object has them:
+
+    - ``orbits = False``: the states are not of an orbit about the Earth, so that the body has no rtn axes; they are then in
+      root axes, those of a local world too. An object that does not say so orbits.
+    - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state jumps or has a corner, and beyond which there
+      may be none. No difference reaches across one.
+    - ``validity(epochs)``: a sentence for each way in which the model is stretched, which becomes a warning.
+    - ``summarize(start_utc)``: the motion in a few words, for the description of a scenario.
+
+    `examples/seams/own_motion.py` flies one.
+    """
+
+    def states(self, epochs: Epochs) -> BodyState:
+        """Return position [m] and velocity [m/s], each (time, 3), in GCRS axes at `epochs`."""
+
+
+DescribedMotion = Annotated[
+    Tle
+    | Omm
+    | Kepler
+    | State
+    | J2
+    | Numerical
+    | Ephemeris
+    | Hill
+    | YamanakaAnkersen
+    | RelativeElements
+    | Nonlinear
+    | StationKeeping
+    | VBarApproach
+    | RBarApproach
+    | Hop
+    | CoElliptic
+    | Circumnavigation
+    | SafetyEllipse
+    | Teardrop
+    | ForcedCircumnavigation
+    | Waypoints
+    | Rendezvous
+    | Lambert
+    | StateSpace
+    | Fixed
+    | Table,
+    Field(discriminator="type"),
+]
+AnyMotion = Annotated[DescribedMotion | Motion, Seam(DescribedMotion, Motion)]
+
+
+def orbits(motion: Any) -> bool:
+    """Return whether a body that moves so has an orbit, and so rtn axes."""
+    return bool(getattr(motion, "orbits", True))
+
+
+def chief_of(motion: Any) -> str | None:
+    """Return the name of the body that a motion is relative to; None where it is relative to the root."""
+    name: str | None = getattr(motion, "relative_to", None)
+    return name
+
+
+def is_attached(motion: Any) -> bool:
+    """Return whether a motion is given in the body axes of another, and not in its rtn axes."""
+    return isinstance(motion, PlacedMotion) and motion.is_attached
+
+
+def states_of(motion: Any, epochs: Epochs) -> BodyState:
+    """Return the states of a motion; `ScenarioError` where an object of the user's own answers something else."""
+    state = motion.states(epochs)
+    if isinstance(motion, Part):
+        return state  # type: ignore[no-any-return]
+    shape = (len(epochs), 3)
+    if not isinstance(state, BodyState) or np.shape(state.position_m) != shape or np.shape(state.velocity_m_s) != shape:
+        raise ScenarioError(
+            f"{kind_of(motion)}: states() returned a {type(state).__name__} that is no BodyState of {shape[0]} epochs; "
+            f"return BodyState(position_m, velocity_m_s), each {shape}"
+        )
+    return state
+
+
+def summarize(motion: Any, start_utc: datetime.datetime) -> str:
+    """Return a motion in a few words, such as ``hill relative to tdrs``."""
+    own = getattr(motion, "summarize", None)
+    text = str(own(start_utc)) if own is not None else kind_of(motion)
+    return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
+
+
+def advise(part: Any, end_s: float) -> list[str]:
+    """Return a line for each thing in a motion or an attitude that is probably not meant in a run until `end_s` [s]."""
+    own = getattr(part, "advise", None)
+    return [] if own is None else list(own(end_s))

@@ -1,0 +1,121 @@
+"""Motion by a user's own x' = f(t, x, u) (Fuller et al., eq. 6)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rso_lidar.motion.attitudes.situation import Orientation, Situation
+from rso_lidar.motion.dynamics.attitude_state import (
+    QUATERNION,
+    AttitudeState,
+    attitude_from_state,
+    check_attitude,
+    count_entries,
+)
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
+from rso_lidar.motion.motions.placed import Place, PlacedMotion
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.part import Name
+from rso_lidar.pose import rotate_vectors
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+PLACE = 6  # entries of position and velocity
+
+
+class StateSpace(StateSpaceModel, PlacedMotion):
+    """Motion by a user's own dynamics: the state begins with position [m] and velocity [m/s].
+
+    They are in `axes`: "inertial" (GCRS; f brings its own gravity), "local" (a root without an Earth) or "rtn", the
+    rotating rtn axes of the body `relative_to`, the velocity as those axes see it. With `layout` "rigid_body" the state
+    continues with the attitude axes_from_body, in the representation `attitude_state`, and the body rate [rad/s] in body
+    axes. Further entries are the user's own.
+
+    `attitude_state` is "quaternion_xyzw", normalised when read, or three intrinsic Euler angles with order and unit, such
+    as "euler_zyx_rad" (as `euler_zyx_deg` elsewhere: about z, the new y, the new x). Three different axes are singular at a
+    middle angle of +-90 degrees, x-y-x and the like at 0 and 180: within 1 degree of that there is a warning, within 1e-6
+    rad an error.
+    """
+
+    type: Literal["state_space"] = "state_space"
+    axes: Literal["inertial", "local", "rtn"] = Field(
+        default="inertial",
+        description=(
+            "Axes of position and velocity in x: `inertial`, `local` (a world without an Earth), or `rtn` of "
+            "`relative_to`."
+        ),
+    )
+    relative_to: Name | None = Field(default=None, description="Body in whose rotating rtn axes x is given.")
+    layout: Literal["translation", "rigid_body"] = Field(
+        default="translation",
+        description=(
+            "Layout of x. `translation`: x starts with position and velocity; `rigid_body`: attitude and body rate "
+            "follow them."
+        ),
+    )
+    attitude_state: AttitudeState = Field(
+        default=QUATERNION,
+        description=(
+            "Attitude parameters in x: `quaternion_xyzw`, or intrinsic Euler angles such as `euler_zyx_rad` or "
+            "`euler_zxz_deg`."
+        ),
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if (self.axes == "rtn") != (self.relative_to is not None):
+            raise ValueError('axes = "rtn" and relative_to belong together: give both, or neither')
+        if not self.turns and self.attitude_state != QUATERNION:
+            raise ValueError(
+                'attitude_state: a translation has no attitude: set layout = "rigid_body", or leave it out'
+            )
+        needs = PLACE + (count_entries(self.attitude_state) + 3 if self.turns else 0)
+        if len(self.initial_state) < needs:
+            raise ValueError(
+                f"initial_state: has {len(self.initial_state)} entries, a {self.layout} needs at least {needs}"
+            )
+        if self.turns:
+            check_attitude(self.initial_state[PLACE:], self.attitude_state)
+        return self
+
+    @property
+    def turns(self) -> bool:
+        """Return whether the state turns the body too."""
+        return self.layout == "rigid_body"
+
+    @property
+    def orbits(self) -> bool:
+        """Whether the body has an orbit, and so rtn axes."""
+        return self.axes != "local"
+
+    def place(self, epochs: Epochs, flight: Flight | None) -> Place:
+        """Return where the body's origin is in `axes`, with the rates that f gives where these are of an orbit."""
+        assert flight is not None
+        state = flight(epochs.time_s)
+        rates = flight.rates(epochs.time_s) if self.orbits else None
+        known = None if rates is None else (rates[:, :3], rates[:, 3:PLACE])
+        return Place(state[:, :3], state[:, 3:PLACE], known)
+
+    def breaks_s(self, epochs: Epochs) -> np.ndarray:
+        """Return the instant [s] before which there need not be a state: a user's dynamics begin at `start_utc`."""
+        return np.zeros(1)
+
+    def orient(self, here: Situation) -> Orientation | None:
+        """Return how a rigid body is rotate_vectors, in root axes; None for a translation."""
+        if not self.turns:
+            return None
+        rotation, rate = self.orientation(here.flight_of(self), here.epochs.time_s)
+        if self.relative_to is None:
+            return Orientation(rotation, rate)
+        chief = here.origin_of(self.relative_to)
+        return Orientation(
+            chief.rotation * rotation, rate + rotate_vectors(rotation.inv(), chief.angular_velocity_rad_s)
+        )
+
+    def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
+        """Return axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
+        return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)

@@ -1,0 +1,24 @@
+"""The plans of bodies that fly proximity operations."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+
+from rso_lidar.motion.bodies.body import Body
+from rso_lidar.motion.truth import Chief
+from rso_lidar.rpo import Plan, ProximityOperation
+
+
+def plan_of(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
+    """Return the plan of a body that flies a proximity operation about another; None of any other motion.
+
+    Parameters
+    ----------
+    body : the body.
+    bodies : all bodies of the scenario.
+    start_utc : when the plan begins.
+    """
+    if not isinstance(body.motion, ProximityOperation):
+        return None
+    return body.motion.plan(start_utc, Chief(bodies, body.motion.relative_to))
