@@ -28,7 +28,6 @@ TT_MINUS_TAI_S = 32.184
 PS_PER_S = 10**12
 TIME_SYSTEMS = ("UTC", "TAI", "TT", "GPS")
 # The two date formats of CCSDS 301.0-B.
-# The two date formats of CCSDS 301.0-B.
 _LABELS = {"CALENDAR": r"(\d{4})-(\d{2})-(\d{2})", "DAY OF YEAR": r"(\d{4})-(\d{3})"}
 _CLOCK = r"[T ](\d{2}):(\d{2}):(\d{2})(?:\.(\d*))?(Z?)"
 _CALENDAR = re.compile(_LABELS["CALENDAR"] + _CLOCK, re.ASCII)

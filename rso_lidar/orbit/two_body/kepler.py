@@ -87,7 +87,7 @@ class ClassicalElements(Part):
         c, s = math.cos(anomaly), math.sin(anomaly)
         position = parameter / (1.0 + e * c) * np.array([c, s, 0.0])
         velocity = math.sqrt(GM / parameter) * np.array([-s, e + c, 0.0])
-        if self.mean_anomaly_deg is not None:  # fly there from perigee
+        if self.mean_anomaly_deg is not None:  # propagate there from perigee
             mean = self.mean_anomaly_deg if e > 1.0 else math.remainder(self.mean_anomaly_deg, 360.0)
             time_s = mean * units.DEG * math.sqrt(abs(self.semi_major_axis_km * units.KM) ** 3 / GM)
             positions, velocities = propagate_two_body(position, velocity, np.array([time_s]))

@@ -171,7 +171,7 @@ class _Geometry:
     """Triangle of the problem: unit vectors, lengths [m], and Izzo's scaled time."""
 
     outward: tuple[np.ndarray, np.ndarray]  # unit vectors to departure and arrival
-    pole: np.ndarray  # of the short way
+    pole: np.ndarray  # unit normal of the short way
     radii_m: tuple[float, float]
     chord_m: float
     share: float  # q = chord / half perimeter = 1 - lambda^2
