@@ -16,8 +16,8 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks.report import Findings, table
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.layout.datasets import values
-from rso_lidar.export.reader.status import growth
+from rso_lidar.export.layout.datasets import collect_values
+from rso_lidar.export.reader.status import read_status
 from rso_lidar.scene.library.catalogue import model
 
 FRAMES = 120_000
@@ -99,7 +99,7 @@ def resident_mb(process: int) -> float:
 def come(output: Path) -> int:
     """Return how many frames of a recording are whole."""
     try:
-        return growth(output).frames
+        return read_status(output).frames
     except RecordingError:  # not begun
         return 0
 
@@ -135,7 +135,7 @@ def different(flown: rl.Scenario, output: Path, numbers: Sequence[int]) -> list[
     found = []
     with rl.open(output) as recording:
         for frame in rl.simulate(flown, frames=numbers):
-            for path, value in values(frame).items():
+            for path, value in collect_values(frame).items():
                 stored = recording.dataset(path)[frame.index]
                 if np.asarray(value, stored.dtype).tobytes() != np.asarray(stored).tobytes():
                     found.append(frame.index)

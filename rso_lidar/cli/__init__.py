@@ -26,7 +26,7 @@ class _Outcome(NamedTuple):
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 128 + n ended by signal n."""
-    _collect_garbage_seldom()
+    _collect_garbage_less_often()
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
     for stream in (sys.stdout, sys.stderr):
@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     outcome = _run(arguments)
     interruption.leave()
     if outcome.line:
-        _say(outcome.line)
+        _print_line(outcome.line)
     if outcome.is_hdf5_unsafe:
         os._exit(outcome.status)
     sys.exit(outcome.status)
@@ -55,7 +55,7 @@ def _run(arguments: list[str] | None) -> _Outcome:
         return _Outcome(status)
     except usage_error as error:
         told = error.format_message().rstrip(".")  # without any words the help has been shown, and says enough
-        return _Outcome(2, f"error: {_with_hint(told, error)}" if told else "")
+        return _Outcome(2, f"error: {_add_hint(told, error)}" if told else "")
     except RunError as error:
         with suppress(OSError, ValueError, AttributeError):
             sys.stdout.flush()
@@ -75,25 +75,25 @@ def _run(arguments: list[str] | None) -> _Outcome:
         )
 
 
-def _with_hint(message: str, error: Any) -> str:
+def _add_hint(message: str, error: Any) -> str:
     """Return the message of a usage error with the command whose help tells more."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "rso-lidar"
     return f"{message}{' ' if message.endswith('?') else '; '}try '{command} --help'"
 
 
-def _collect_garbage_seldom() -> None:
+def _collect_garbage_less_often() -> None:
     """Run the garbage collector less often: it took a quarter of a short command, and found nothing."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     if sys.stderr is not None:
-        from rso_lidar.cli.terminal import one_line
+        from rso_lidar.cli.terminal import to_one_line
 
         with suppress(OSError):  # nobody may be listening
-            print(one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
+            print(to_one_line(line), file=sys.stderr, flush=True)  # noqa: T201 - what a command line is for
 
 
 _shown: set[str] = set()
@@ -103,4 +103,4 @@ def _show_warning(message: Warning | str, category: type[Warning], *_place: Any,
     line = str(message) if issubclass(category, RsoLidarWarning) else f"{category.__name__}: {message}"
     if line not in _shown:
         _shown.add(line)
-        _say(f"warning: {line}")
+        _print_line(f"warning: {line}")

@@ -51,7 +51,7 @@ class _Commands(TyperGroup):
         return self.commands[cmd_name] or self._load(cmd_name)
 
     def _load(self, name: str) -> Any:
-        self.commands[name] = _command(name)
+        self.commands[name] = _build_command(name)
         return self.commands[name]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -60,16 +60,16 @@ class _Commands(TyperGroup):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-def load(name: str) -> Callable[..., None] | typer.Typer:
+def load_command(name: str) -> Callable[..., None] | typer.Typer:
     """Return the function of a command, or the application of a group of commands."""
     module = importlib.import_module(f"rso_lidar.cli.{name}")
     found: Callable[..., None] | typer.Typer = module.app if name in GROUPS else getattr(module, name)
     return found
 
 
-def _command(name: str) -> Any:
+def _build_command(name: str) -> Any:
     """Return a command as typer's own copy of click takes it."""
-    found = load(name)
+    found = load_command(name)
     if not isinstance(found, typer.Typer):
         found, function = typer.Typer(rich_markup_mode=None, add_completion=False), found
         found.command(name)(function)

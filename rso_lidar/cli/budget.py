@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from rso_lidar.cli.completion import camera_names
+from rso_lidar.cli.completion import list_cameras
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import length_m
+from rso_lidar.cli.quantities import parse_length_m
 from rso_lidar.cli.scenarios import Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
@@ -24,7 +24,7 @@ def budget(
     camera: Annotated[
         str,
         typer.Argument(
-            metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.", autocompletion=camera_names
+            metavar="FILE|PRESET", help="Scenario file (TOML), or a camera by name.", autocompletion=list_cameras
         ),
     ],
     range_: Annotated[
@@ -60,13 +60,13 @@ def budget(
     if output is not None:
         output = free(output, SUFFIXES, overwrite=overwrite)
     made = worked_out(
-        _camera(camera, tuple(settings or ())),
-        range_m=None if range_ is None else _range_m(range_),
+        _load_camera(camera, tuple(settings or ())),
+        range_m=None if range_ is None else _parse_range_m(range_),
         materials=material or None,
         tilt_deg=tilt_deg or 0.0,
         divergence_deg=divergence_deg or None,
         probability=probability,
-        target_m=None if target_m is None else _sides_m(target_m),
+        target_m=None if target_m is None else _parse_sides_m(target_m),
         facet_m2=facet_m2,
     )
     if settings and camera in load_presets():
@@ -78,7 +78,7 @@ def budget(
         echo(f"{output}")
 
 
-def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
+def _load_camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
     if text in load_presets():
         return validate_toml(Lidar, f'[lidar]\npreset = "{text}"', text, settings, table="lidar") if settings else text
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():
@@ -89,14 +89,14 @@ def _camera(text: str, settings: tuple[str, ...]) -> Lidar | Scenario | str:
     )
 
 
-def _range_m(text: str) -> tuple[float, float]:
+def _parse_range_m(text: str) -> tuple[float, float]:
     ends = text.split(":")
     if len(ends) != 2:
         raise ScenarioError(f"--range {text}: is no span; write for example 100m:5km")
-    return length_m("--range", ends[0]), length_m("--range", ends[1])
+    return parse_length_m("--range", ends[0]), parse_length_m("--range", ends[1])
 
 
-def _sides_m(text: str) -> list[float]:
+def _parse_sides_m(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:

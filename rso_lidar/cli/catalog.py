@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from rso_lidar import units
-from rso_lidar.cli.completion import regime_names
+from rso_lidar.cli.completion import list_regimes
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import instant
+from rso_lidar.cli.quantities import parse_instant
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
 from rso_lidar.files import beside, free
@@ -35,7 +35,7 @@ def catalog(
     regime: Annotated[
         str | None,
         typer.Option(
-            "--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.", autocompletion=regime_names
+            "--regime", metavar="NAME", help="Orbits: leo, meo, geo, heo or other.", autocompletion=list_regimes
         ),
     ] = None,
     near: Annotated[
@@ -61,14 +61,14 @@ def catalog(
     if regime is not None and regime not in REGIMES:
         guess = did_you_mean(regime, REGIMES)
         raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(REGIMES)})")
-    numbers = _numbers(ids or [])
+    numbers = _parse_numbers(ids or [])
     if jumps and not numbers:
         raise ScenarioError("--jumps: is about one object; name it with --id")
     if output is not None:
         output = free(output, SUFFIXES, overwrite=overwrite)
-    at = None if near is None else instant("--near", near)
+    at = None if near is None else parse_instant("--near", near)
     whole = Catalog.from_file(file)
-    _known(whole, file, numbers)
+    _check_known(whole, file, numbers)
     chosen = whole.filter(
         name=name,
         norad_id=numbers or None,
@@ -76,15 +76,15 @@ def catalog(
         max_age_days=max_age_days,
         at=at,
     )
-    objects = _objects(chosen)
+    objects = _group_objects(chosen)
     if output is not None and not chosen.sets:
         raise CatalogError(f"{file}: no good element set is left to write; loosen --name, --regime or --max-age-days")
-    lines = _table(objects)
+    lines = _format_table(objects)
     if jumps:
-        lines += [line for sets in objects for line in _jumps(sets)]
+        lines += [line for sets in objects for line in _describe_jumps(sets)]
     if output is not None:  # first, so that what cannot be written is all that is said
         _write(chosen, output)
-    for line in (*lines, _summary(file, whole, chosen, len(objects))):
+    for line in (*lines, _summarise(file, whole, chosen, len(objects))):
         echo(line)
     told = whole.problems if problems else whole.problems[:_FIRST]
     for problem in told:
@@ -95,7 +95,7 @@ def catalog(
         echo(f"{output}")
 
 
-def heights_km(entry: ElementSet) -> tuple[float, float]:
+def compute_heights_km(entry: ElementSet) -> tuple[float, float]:
     """Return perigee and apogee [km] over the equatorial radius, of the ellipse that mean motion and eccentricity give.
 
     Kepler's third law on SGP4's mean motion: within some 10 km of an osculating orbit's, as in the tables of catalogues.
@@ -106,7 +106,7 @@ def heights_km(entry: ElementSet) -> tuple[float, float]:
     return (low - units.EARTH_RADIUS_M) / units.KM, (high - units.EARTH_RADIUS_M) / units.KM
 
 
-def _numbers(words: Sequence[str]) -> list[int]:
+def _parse_numbers(words: Sequence[str]) -> list[int]:
     """Return the catalogue numbers of some options."""
     found = []
     for word in (word for option in words for word in option.replace(",", " ").split() or [option]):
@@ -116,7 +116,7 @@ def _numbers(words: Sequence[str]) -> list[int]:
     return found
 
 
-def _known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
+def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
     """Refuse a catalogue number that the file has not, or only in a bad record."""
     held = {entry.norad_id for entry in whole}
     for number in numbers:
@@ -129,7 +129,7 @@ def _known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
         raise CatalogError(f"{file}: no object {number} among {len(held):,}{guess or '; check the number'}")
 
 
-def _objects(chosen: Catalog) -> list[list[ElementSet]]:
+def _group_objects(chosen: Catalog) -> list[list[ElementSet]]:
     """Return the sets of each object in the order of their epochs, the objects in the order of the file."""
     grouped: dict[object, list[ElementSet]] = {}
     for entry in chosen:
@@ -137,15 +137,15 @@ def _objects(chosen: Catalog) -> list[list[ElementSet]]:
     return [sorted(sets, key=lambda entry: (entry.epoch_utc, entry.epoch_rest_ns)) for sets in grouped.values()]
 
 
-def _table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
+def _format_table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
     """Return the lines of a table with a row for each object, of its newest set."""
     if not objects:
         return ["no object found"]
     rows = [("name", "norad", "regime", "perigee x apogee, km", "incl, deg", "sets", "epoch, UTC")]
     for sets in objects:
         newest = sets[-1]
-        low, high = heights_km(newest)
-        epochs = [_minute(entry.epoch_utc) for entry in sets]
+        low, high = compute_heights_km(newest)
+        epochs = [_format_minute(entry.epoch_utc) for entry in sets]
         rows.append(
             (
                 newest.name or "-",
@@ -168,11 +168,11 @@ def _table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
     ]
 
 
-def _minute(at: datetime.datetime) -> str:
+def _format_minute(at: datetime.datetime) -> str:
     return f"{at:%Y-%m-%dT%H:%MZ}"
 
 
-def _jumps(sets: Sequence[ElementSet]) -> list[str]:
+def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
     """Return a line for each switch from one set of an object to the next."""
     if len(sets) == 1:
         return [f"{sets[0].label}: one set, no jump"]
@@ -185,7 +185,7 @@ def _jumps(sets: Sequence[ElementSet]) -> list[str]:
     return lines
 
 
-def _summary(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
+def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
     left = "" if len(chosen) == len(whole) else f" ({len(chosen):,} of them asked for)"
     return (
         f"{file.name}: {format_count(len(whole), 'good element set')}{left}, {format_count(count, 'object')}; "

@@ -12,53 +12,53 @@ from rso_lidar.scene.library.catalogue import models, own_models
 from rso_lidar.shipped import shipped
 
 
-def _begins(words: Iterable[str], incomplete: str) -> list[str]:
+def _select(words: Iterable[str], incomplete: str) -> list[str]:
     return [word for word in words if word.startswith(incomplete)]
 
 
-def camera_names(incomplete: str) -> list[str]:
+def list_cameras(incomplete: str) -> list[str]:
     """Return the shipped cameras; where none fits, the shell offers files."""
-    return _begins(load_presets(), incomplete)
+    return _select(load_presets(), incomplete)
 
 
-def example_names(incomplete: str) -> list[str]:
+def list_examples(incomplete: str) -> list[str]:
     """Return the shipped examples."""
-    return _begins(sorted(file.stem for file in shipped("examples").glob("*.toml")), incomplete)
+    return _select(sorted(file.stem for file in shipped("examples").glob("*.toml")), incomplete)
 
 
-def format_names(incomplete: str) -> list[str]:
+def list_formats(incomplete: str) -> list[str]:
     """Return the formats that recordings are written in."""
-    return _begins(FORMATS, incomplete)
+    return _select(FORMATS, incomplete)
 
 
-def model_names(incomplete: str) -> list[str]:
+def list_models(incomplete: str) -> list[str]:
     """Return the shipped models and those of the user's library."""
-    return _begins(sorted({*models(), *own_model_names(incomplete)}), incomplete)
+    return _select(sorted({*models(), *list_own_models(incomplete)}), incomplete)
 
 
-def own_model_names(incomplete: str) -> list[str]:
+def list_own_models(incomplete: str) -> list[str]:
     """Return the models of the user's library."""
     try:
-        return _begins(sorted(own_models()), incomplete)
+        return _select(sorted(own_models()), incomplete)
     except (RsoLidarError, OSError):  # commands report a damaged library
         return []
 
 
-def regime_names(incomplete: str) -> list[str]:
+def list_regimes(incomplete: str) -> list[str]:
     """Return the regimes of orbits."""
-    return _begins(REGIMES, incomplete)
+    return _select(REGIMES, incomplete)
 
 
-def class_names(incomplete: str) -> list[str]:
+def list_classes(incomplete: str) -> list[str]:
     """Return the classes of objects."""
-    return _begins(get_args(ObjectClass), incomplete)
+    return _select(get_args(ObjectClass), incomplete)
 
 
-def shape_names(incomplete: str) -> list[str]:
+def list_shapes(incomplete: str) -> list[str]:
     """Return the families of shapes."""
-    return _begins(get_args(ShapeFamily), incomplete)
+    return _select(get_args(ShapeFamily), incomplete)
 
 
-def stabilisation_names(incomplete: str) -> list[str]:
+def list_stabilisations(incomplete: str) -> list[str]:
     """Return the ways in which craft are stabilised."""
-    return _begins(get_args(Stabilisation), incomplete)
+    return _select(get_args(Stabilisation), incomplete)

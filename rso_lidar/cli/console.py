@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console, ConsoleOptions
 from rich.segment import Segment
 
-from rso_lidar.cli.terminal import printable
+from rso_lidar.cli.terminal import escape_controls
 
 _NO_END = 1000  # columns into a file or a pipe
 
@@ -16,11 +16,11 @@ class _Literal(Console):
 
     def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
-            text = segment.text if segment.control else printable(segment.text)
+            text = segment.text if segment.control else escape_controls(segment.text)
             yield segment if text is segment.text else Segment(text, segment.style, segment.control)
 
 
-def literal_console(least_width: int = 0) -> Console:
+def make_console(least_width: int = 0) -> Console:
     """Return a console that prints text literally.
 
     Parameters

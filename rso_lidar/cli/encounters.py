@@ -9,10 +9,10 @@ import numpy as np
 import typer
 
 from rso_lidar import picture, units
-from rso_lidar.cli.completion import camera_names
-from rso_lidar.cli.console import literal_console
+from rso_lidar.cli.completion import list_cameras
+from rso_lidar.cli.console import make_console
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.quantities import instant, length_m
+from rso_lidar.cli.quantities import parse_instant, parse_length_m
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.files import check_suffix, free, write_text
@@ -47,7 +47,7 @@ def encounters(
             "--lidar",
             metavar="PRESET|FILE",
             help="Camera by name, or a scenario file with one.",
-            autocompletion=camera_names,
+            autocompletion=list_cameras,
         ),
     ] = "long_range_1064",
     sun_exclusion: Annotated[
@@ -98,10 +98,10 @@ def encounters(
         raise ScenarioError("--scenario and -o go together: give the row's number and the file to write")
     if sort not in _ORDERS:
         raise ScenarioError(f"--sort {sort}: unknown order{did_you_mean(sort, _ORDERS)} (known: {', '.join(_ORDERS)})")
-    within_m, start_utc = length_m("--within", within), instant("--start", start)
-    camera, asked = _lidar(lidar)
+    within_m, start_utc = parse_length_m("--within", within), parse_instant("--start", start)
+    camera, asked = _load_lidar(lidar)
     angles = {"sun": sun_exclusion, "moon": moon_exclusion, "earth": earth_exclusion}
-    asked = _constraints(asked, angles, None if keep_out is None else length_m("--keep-out", keep_out))
+    asked = _choose_constraints(asked, angles, None if keep_out is None else parse_length_m("--keep-out", keep_out))
     if not min_duration >= 0.0:
         raise ScenarioError(f"--min-duration {min_duration:g}: is no duration; give 0 or more seconds")
     for option, place, suffix in (("--csv", csv, ".csv"), ("--plot", plot, ""), ("-o", output, ".toml")):
@@ -125,7 +125,7 @@ def encounters(
         limit=limit,
     )
     text = scenario_text(table, scenario) if scenario is not None and (table.rows or scenario < 1) else None
-    _show(table)
+    _print_table(table)
     if csv is not None:
         echo(f"{table.csv(csv, overwrite=overwrite)}")
     if plot is not None and not all(row.docked for row in table.rows):
@@ -138,11 +138,11 @@ def encounters(
         echo("no scenario written")
 
 
-def _show(table: Encounters) -> None:
+def _print_table(table: Encounters) -> None:
     """Print the table: on a terminal the columns that fit, into a file or a pipe all of them."""
     from rich.table import Table
 
-    console = literal_console()
+    console = make_console()
     if not console.is_terminal or not table.rows:
         echo(table.table())
         return
@@ -208,7 +208,7 @@ def _draw(table: Encounters, place: Path) -> Path:
     return picture.save_figure(figure, place)
 
 
-def _constraints(
+def _choose_constraints(
     asked: Constraints | None, angles_deg: Mapping[str, float | None], keep_out_m: float | None
 ) -> Constraints | None:
     """Return the constraints of a scenario file, with what the options say instead."""
@@ -227,7 +227,7 @@ def _constraints(
     return (asked or Constraints()).replace(**changes) if changes else asked
 
 
-def _lidar(text: str) -> tuple[Lidar, Constraints | None]:
+def _load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
     """Return the camera of that name, or that of a scenario file and what the file asks of its geometry."""
     if text in load_presets():
         return Lidar(preset=text), None  # type: ignore[call-arg]

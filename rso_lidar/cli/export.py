@@ -6,10 +6,10 @@ from typing import Annotated, Any
 import typer
 
 from rso_lidar import export as files
-from rso_lidar.cli.completion import format_names
+from rso_lidar.cli.completion import list_formats
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import counted
-from rso_lidar.cli.recordings import RecordingFile, held_bytes, places
+from rso_lidar.cli.progress import count_frames
+from rso_lidar.cli.recordings import RecordingFile, count_bytes, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.registry import FORMATS, Format, format_for
@@ -29,7 +29,7 @@ def export(
             "--format",
             metavar="NAME",
             help=f"Instead of the suffix: {', '.join(FORMATS)}.",
-            autocompletion=format_names,
+            autocompletion=list_formats,
         ),
     ] = None,
     frames: Annotated[
@@ -60,16 +60,16 @@ def export(
     if to.exists() and to.resolve() == recording.resolve():
         raise RecordingError(f"{to}: is the recording itself; give another name")
     with files.open(recording) as read:
-        chosen = files.Frames(read, places(read, frames))
+        chosen = files.Frames(read, select_frames(read, frames))
         options: dict[str, Any] = {"target": target} if target is not None else {}
         options |= {"lidar_in_target": True} if lidar_in_target else {}
-        each = chosen if wanted.name in _QUICK else counted(chosen, "exporting")
+        each = chosen if wanted.name in _QUICK else count_frames(chosen, "exporting")
         to = save(to, each, format=wanted.name, overwrite=overwrite, **options)
-        echo(_said(to, wanted, len(chosen), len(read)))
+        echo(_summarise(to, wanted, len(chosen), len(read)))
 
 
-def _said(to: Path, wanted: Format, count: int, held: int) -> str:
+def _summarise(to: Path, wanted: Format, count: int, held: int) -> str:
     kept = f"{count} frames" if count == held else f"{count} of {held} frames"
-    size = held_bytes(to)
+    size = count_bytes(to)
     text = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     return f"written     {to} ({wanted.name}, {kept}, {text}); lost: {wanted.loses}"

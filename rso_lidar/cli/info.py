@@ -6,9 +6,9 @@ import numpy as np
 import typer
 
 from rso_lidar import export
-from rso_lidar.cli.info_follow import follow
-from rso_lidar.cli.recordings import RecordingFile, held_bytes
-from rso_lidar.cli.terminal import echo, one_line
+from rso_lidar.cli.info_follow import follow_recording
+from rso_lidar.cli.recordings import RecordingFile, count_bytes
+from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError
 from rso_lidar.records import Frame
 
@@ -29,15 +29,15 @@ def info(
 ) -> None:
     """Print what a recording holds. It lists scenario, frames, returns, ranges, targets and versions."""
     if following:
-        follow(recording, _EVERY_S if every_s is None else every_s, timeout_s)
+        follow_recording(recording, _EVERY_S if every_s is None else every_s, timeout_s)
         return
     if every_s is not None or timeout_s is not None:
         raise RecordingError("--every and --timeout: are for --follow; add it, or leave them out")
     with export.open(recording) as frames:
         source, count = frames.source, len(frames)
-        size_mb = held_bytes(recording) / 1e6
+        size_mb = count_bytes(recording) / 1e6
         state = "complete" if frames.complete else "unfinished: run again with --resume"
-        echo(one_line(source.title))
+        echo(to_one_line(source.title))
         echo(f"file        {recording.name}, {size_mb:.1f} MB, {state}")
         if not count:
             raise RecordingError(f"{recording}: holds no frames yet; run the scenario again")
@@ -46,20 +46,20 @@ def info(
         rows, cols = first.range_m.shape
         echo(f"pixels      {rows} x {cols}")
         for name, frame in (("first", first), ("last", last)):
-            echo(f"{name:<12}{_returns(frame.range_m, frame.labels.target)}")
+            echo(f"{name:<12}{_describe_returns(frame.range_m, frame.labels.target)}")
         for number, target in enumerate(source.targets):
             parts = ", ".join(target.parts[:8]) + (", ..." if len(target.parts) > 8 else "")
             echo(f"target {number}    {target.name}: model {target.model}, {target.facets:,} facets, parts {parts}")
             if target.taxonomy:
                 echo(f"            {target.taxonomy.in_words}")
             echo(f"            mesh SHA-256 {target.mesh_sha256}")
-        for line in _more(frames, first):
+        for line in _describe_more(frames, first):
             echo(line)
         echo("axes        " + ", ".join(["inertial", *first.truth.poses]))
         echo("versions    " + ", ".join(f"{name} {text}" for name, text in source.versions.items()))
 
 
-def _more(frames: export.Recording, first: Frame) -> list[str]:
+def _describe_more(frames: export.Recording, first: Frame) -> list[str]:
     """Return lines on what not every recording holds."""
     lines = []
     if frames.changes_lens:
@@ -71,16 +71,16 @@ def _more(frames: export.Recording, first: Frame) -> list[str]:
         lines.append(f"kept        {', '.join(frames.kept)}")
     if first.truth.sunlit:
         shares = {name: frames.dataset(f"truth/{name}/sunlit")[:] for name in first.truth.sunlit}
-        text = [f"{name} {_span(share.min(), share.max())}" for name, share in shares.items()]
+        text = [f"{name} {_format_span(share.min(), share.max())}" for name, share in shares.items()]
         lines.append(f"sunlight    {', '.join(text)}")
     return lines
 
 
-def _span(low: float, high: float) -> str:
+def _format_span(low: float, high: float) -> str:
     return f"{high:.0%}" if low == high else f"{low:.0%} to {high:.0%}"
 
 
-def _returns(range_m: np.ndarray, target: np.ndarray) -> str:
+def _describe_returns(range_m: np.ndarray, target: np.ndarray) -> str:
     valid = np.isfinite(range_m)
     if not valid.any():
         return "no returns"

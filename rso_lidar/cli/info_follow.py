@@ -5,50 +5,50 @@ from pathlib import Path
 
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.reader.status import Growth, growth
+from rso_lidar.export.reader.status import RecordingStatus, read_status
 from rso_lidar.toml_text import parse_toml
 
 _SILENCE_S = 30.0  # without a new frame, after which a line says so
 
 
-def follow(recording: Path, every_s: float, timeout_s: float | None) -> None:
+def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -> None:
     """Print a line of frames and rate every so often [s], until the recording is complete, left alone, or time is up."""
     for what, seconds in (("--every", every_s), ("--timeout", timeout_s)):
         if seconds is not None and not 0.0 < seconds < float("inf"):
             raise RecordingError(f"{what} {seconds:g}: needs seconds above 0")
     began = said = time.monotonic()
-    last = growth(recording)
-    echo(_first(last))
+    last = read_status(recording)
+    echo(_describe_start(last))
     while True:
         if last.complete and not last.running:
             echo(f"complete    {last.output} holds {last.frames} frames")
             return
         if not last.running:
-            _stopped(last)
+            _report_end(last)
         now = time.monotonic()
         if timeout_s is not None and now - began >= timeout_s:
             echo(f"unfinished  {last.frames} frames after {timeout_s:g} s; it is still being written")
             return
         left_s = every_s if timeout_s is None else min(every_s, timeout_s - (now - began))
         time.sleep(max(left_s, 0.001))
-        seen = growth(recording)
+        seen = read_status(recording)
         now = time.monotonic()
         if seen.running and seen.source is None:  # between two names, or not begun
             continue
         if seen.frames != last.frames or now - said >= _SILENCE_S:
             rate = (seen.frames - last.frames) / max(now - said, 1e-9)
-            echo(f"frames      {seen.frames}, {max(rate, 0.0):.1f} frames/s{_flown(seen)}")
+            echo(f"frames      {seen.frames}, {max(rate, 0.0):.1f} frames/s{_describe_progress(seen)}")
             said = now
         last = seen
 
 
-def _first(seen: Growth) -> str:
+def _describe_start(seen: RecordingStatus) -> str:
     if seen.source is None:
         return f"waiting     {seen.file.name} is being begun"
-    return f"following   {seen.file.name}: {seen.source.title}, {seen.frames} frames{_flown(seen)}"
+    return f"following   {seen.file.name}: {seen.source.title}, {seen.frames} frames{_describe_progress(seen)}"
 
 
-def _flown(seen: Growth) -> str:
+def _describe_progress(seen: RecordingStatus) -> str:
     """Return how much of the scenario's time is flown, as text; nothing where it does not say."""
     if seen.source is None or seen.time_s is None:
         return ""
@@ -59,7 +59,7 @@ def _flown(seen: Growth) -> str:
     return f", at {seen.time_s:g} of {duration_s:g} s"
 
 
-def _stopped(seen: Growth) -> None:
+def _report_end(seen: RecordingStatus) -> None:
     """Raise what there is to say when nobody writes any more, and the recording is not complete."""
     raise RunError(
         f"{seen.output}: the run that wrote it has ended after {seen.frames} frames, which are in {seen.file.name}; "

@@ -7,7 +7,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from rso_lidar.cli import models_add, models_check, models_materials, models_show
-from rso_lidar.cli.console import literal_console
+from rso_lidar.cli.console import make_console
 from rso_lidar.cli.models_show import WIDE
 from rso_lidar.craft import ObjectClass, SizeClass, Taxonomy
 from rso_lidar.scene.library.catalogue import models as catalogue
@@ -35,19 +35,19 @@ app = typer.Typer(cls=_NameOrCommand, rich_markup_mode=None, pretty_exceptions_e
 def models(context: typer.Context) -> None:
     """List the models that can be targets, show one, or add your own."""
     if context.invoked_subcommand is None:
-        listed()
+        print_models()
 
 
-def listed() -> None:
+def print_models() -> None:
     """List the models that ship with rso_lidar, and those of your own library."""
-    console = literal_console()
-    broad = literal_console(WIDE)
+    console = make_console()
+    broad = make_console(WIDE)
     table = Table(box=None, header_style="bold", expand=broad.is_terminal)
     for title in ("name", "class", "size class", "size, m", "facets", "parts"):
         table.add_column(title, no_wrap=True)
     table.add_column("what", ratio=1 if broad.is_terminal else None, no_wrap=True, overflow="ellipsis")
     own = own_models()
-    for key, entry in [*sorted(catalogue().items(), key=lambda item: _rank(item[1].taxonomy)), *own.items()]:
+    for key, entry in [*sorted(catalogue().items(), key=lambda item: _get_rank(item[1].taxonomy)), *own.items()]:
         size = " x ".join(f"{side:.3g}" for side in entry.size_m)
         of, what = entry.taxonomy, ("yours: " if entry.own else "") + entry.what
         table.add_row(key, of.object_class, of.size_class, size, f"{entry.facets:,}", str(len(entry.parts)), what)
@@ -61,15 +61,15 @@ def listed() -> None:
         console.print(f"Yours are in {own_folder()}", soft_wrap=True)
 
 
-def _rank(taxonomy: Taxonomy) -> tuple[int, int]:
+def _get_rank(taxonomy: Taxonomy) -> tuple[int, int]:
     """Return where a model stands in the list: by class, then by size class."""
     classes, sizes = get_args(ObjectClass), get_args(SizeClass)
     return classes.index(taxonomy.object_class), -sizes.index(taxonomy.size_class)
 
 
-app.command("list")(listed)
+app.command("list")(print_models)
 app.command("show")(models_show.show)
-app.command("materials")(models_materials.listed_materials)
+app.command("materials")(models_materials.print_materials)
 app.command("add")(models_add.add)
 app.command("check")(models_check.check)
 app.command("remove")(models_add.remove)

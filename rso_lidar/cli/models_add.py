@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
-from rso_lidar.cli.completion import class_names, own_model_names, shape_names, stabilisation_names
+from rso_lidar.cli.completion import list_classes, list_own_models, list_shapes, list_stabilisations
 from rso_lidar.cli.terminal import echo
 from rso_lidar.craft import ObjectClass, ShapeFamily, Stabilisation
 from rso_lidar.errors import MeshError, did_you_mean
@@ -32,17 +32,17 @@ def add(
     ] = None,
     object_class: Annotated[
         str | None,
-        typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.", autocompletion=class_names),
+        typer.Option("--class", help=f"One of {', '.join(get_args(ObjectClass))}.", autocompletion=list_classes),
     ] = None,
     subclass: Annotated[str | None, typer.Option("--subclass", help="Any word, such as relay_satellite.")] = None,
     shape: Annotated[
         str | None,
-        typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.", autocompletion=shape_names),
+        typer.Option("--shape", help=f"One of {', '.join(get_args(ShapeFamily))}.", autocompletion=list_shapes),
     ] = None,
     stabilisation: Annotated[
         str | None,
         typer.Option(
-            "--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.", autocompletion=stabilisation_names
+            "--stabilisation", help=f"One of {', '.join(get_args(Stabilisation))}.", autocompletion=list_stabilisations
         ),
     ] = None,
     rate_deg_s: Annotated[
@@ -60,15 +60,15 @@ def add(
         size_m=size_m,
         mesh_axes=axes,
         material=material,
-        part_materials=_pairs(part_material or []),
-        center_of_mass_m=_point(center_of_mass),
+        part_materials=_parse_pairs(part_material or []),
+        center_of_mass_m=_parse_point(center_of_mass),
         what=what,
         taxonomy={
-            "object_class": _one_of("--class", object_class, ObjectClass),
+            "object_class": _check_word("--class", object_class, ObjectClass),
             "subclass": subclass,
-            "shape_family": _one_of("--shape", shape, ShapeFamily),
-            "stabilisation": _one_of("--stabilisation", stabilisation, Stabilisation),
-            "rate_deg_s": _rates(rate_deg_s),
+            "shape_family": _check_word("--shape", shape, ShapeFamily),
+            "stabilisation": _check_word("--stabilisation", stabilisation, Stabilisation),
+            "rate_deg_s": _parse_rates(rate_deg_s),
         },
     )
     entry, said = add_model(path, wanted, overwrite=overwrite)
@@ -81,14 +81,14 @@ def add(
 
 def remove(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="A model of your own library.", autocompletion=own_model_names)
+        str, typer.Argument(metavar="NAME", help="A model of your own library.", autocompletion=list_own_models)
     ],
 ) -> None:
     """Take a model out of your own library."""
     echo(f"removed {remove_model(name)}")
 
 
-def _rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:
+def _parse_rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:
     if ends is not None and not 0.0 <= ends[0] <= ends[1] < math.inf:
         raise MeshError(
             f"--rate-deg-s {ends[0]:g} {ends[1]:g}: is no span; give the least rate from 0, then the greatest"
@@ -96,14 +96,14 @@ def _rates(ends: tuple[float, float] | None) -> tuple[float, float] | None:
     return ends
 
 
-def _one_of(option: str, value: str | None, words: object) -> str | None:
+def _check_word(option: str, value: str | None, words: object) -> str | None:
     known = get_args(words)
     if value is not None and value not in known:
         raise MeshError(f"{option} {value}: is none{did_you_mean(value, known)} (known: {', '.join(known)})")
     return value
 
 
-def _pairs(texts: list[str]) -> dict[str, str]:
+def _parse_pairs(texts: list[str]) -> dict[str, str]:
     pairs = {}
     for text in texts:
         part, equals, material = text.rpartition("=")
@@ -113,7 +113,7 @@ def _pairs(texts: list[str]) -> dict[str, str]:
     return pairs
 
 
-def _point(text: str | None) -> tuple[float, float, float] | None:
+def _parse_point(text: str | None) -> tuple[float, float, float] | None:
     if text is None:
         return None
     try:

@@ -27,7 +27,7 @@ def check(
     """
     if scale is not None and not 0.0 < scale < float("inf"):
         raise MeshError(f"--scale {scale:g}: is no scale; give a number over 0")
-    mesh = _mesh(path)
+    mesh = _load_mesh(path)
     known = known_meshes().get(mesh.sha256) if path.exists() else None
     unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)
     lines = examine(mended(mesh, unit_m)).lines()
@@ -40,7 +40,7 @@ def check(
         echo(line)
 
 
-def _mesh(path: Path) -> Mesh:
+def _load_mesh(path: Path) -> Mesh:
     """Return the mesh of a file, of a solid, or of a model by name."""
     if is_cad(path):
         blob, unit_m = tessellated(path)

@@ -2,17 +2,17 @@
 
 from rich.table import Table
 
-from rso_lidar.cli.console import literal_console
+from rso_lidar.cli.console import make_console
 from rso_lidar.cli.models_show import WIDE
 from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 
 
-def listed_materials() -> None:
+def print_materials() -> None:
     """List the materials that ship: reflectance at both wavelengths, how well it is known, and what they are."""
     table = Table(box=None, header_style="bold")
     for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM)):
         table.add_column(title, no_wrap=True)
-    console = literal_console(WIDE)
+    console = make_console(WIDE)
     fold = console.is_terminal
     table.add_column("what", no_wrap=not fold, ratio=3 if fold else None)
     table.add_column("confidence", no_wrap=not fold, ratio=2 if fold else None)

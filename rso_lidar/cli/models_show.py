@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from rso_lidar.cli.completion import model_names
-from rso_lidar.cli.console import literal_console
+from rso_lidar.cli.completion import list_models
+from rso_lidar.cli.console import make_console
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
 from rso_lidar.files import free
@@ -24,7 +24,7 @@ def show(
         typer.Argument(
             metavar="NAME",
             help="A model of the catalogue or of your own library, or the path of a mesh.",
-            autocompletion=model_names,
+            autocompletion=list_models,
         ),
     ],
     output: Annotated[
@@ -38,20 +38,20 @@ def show(
         output = free(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = make_model_card(name)
     drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
-    console = literal_console()
+    console = make_console()
     for line in (card.what, *card.lines):
         console.print(line)
     console.print()
-    literal_console(WIDE).print(_light(card))
+    make_console(WIDE).print(_tabulate_light(card))
     console.print()
-    literal_console(WIDE).print(_parts(card))
+    make_console(WIDE).print(_tabulate_parts(card))
     console.print("\nBody axes, from the centre of mass.")
-    console.print(_joint(name, card), soft_wrap=True)
+    console.print(_describe_joint(name, card), soft_wrap=True)
     if drawn is not None:
         echo(str(drawn))
 
 
-def _joint(name: str, card: ModelCard) -> str:
+def _describe_joint(name: str, card: ModelCard) -> str:
     """Return how a scenario turns a part: by a hinge of the model, or by one of its own."""
     known = models().get(name) or own_models().get(name)
     if known is None or not known.hinges:
@@ -64,7 +64,7 @@ def _joint(name: str, card: ModelCard) -> str:
     return f'A hinge: joint = [{{ name = "{hinge.name}", angle = {{ type = "fixed", angle_deg = {angle_deg:g} }} }}]'
 
 
-def _parts(card: ModelCard) -> Table:
+def _tabulate_parts(card: ModelCard) -> Table:
     """Return the parts of a model with material and bounds."""
     table = Table(box=None, header_style="bold")
     for title in ("part", "material", "x, m", "y, m", "z, m"):
@@ -75,7 +75,7 @@ def _parts(card: ModelCard) -> Table:
     return table
 
 
-def _light(card: ModelCard) -> Table:
+def _tabulate_light(card: ModelCard) -> Table:
     """Return the photons that each side sends back, in all and in the brightest pixel."""
     heads, *rows = card.light_table()
     table = Table(box=None, header_style="bold")

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rso_lidar.cli.completion import example_names
+from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
@@ -25,24 +25,24 @@ def new(
         typer.Argument(metavar="NAME", help="File to write, .toml added; left out, the examples are listed."),
     ] = None,
     example: Annotated[
-        str, typer.Option("--from", metavar="EXAMPLE", help="Example to copy.", autocompletion=example_names)
+        str, typer.Option("--from", metavar="EXAMPLE", help="Example to copy.", autocompletion=list_examples)
     ] = _DEFAULT,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a scenario file to start from. It has comments, and the files that it needs are written beside it."""
-    known = examples()
+    known = find_examples()
     if example not in known:
         guess = did_you_mean(example, known) or ";"
         raise ScenarioError(f"--from {example}: no example of that name{guess} (known: {', '.join(known)})")
     if name is None:
-        for line in _listed(known):
+        for line in _list_examples(known):
             echo(line)
         return
     source = known[example]
     text = source.read_text(encoding="utf-8")
-    place = free(_place(name), (".toml",), overwrite=overwrite)
-    written = {place: _headed(text, place, example).encode()}
-    for companion in _companions(text, source.parent):
+    place = free(_check_place(name), (".toml",), overwrite=overwrite)
+    written = {place: _replace_head(text, place, example).encode()}
+    for companion in _find_companions(text, source.parent):
         target = place.parent / companion.name
         if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
             written[free(target, overwrite=overwrite)] = companion.read_bytes()
@@ -56,12 +56,12 @@ def new(
     echo(f"next: edit it; rso-lidar check {file}; rso-lidar run {file} -o {recording}")
 
 
-def examples() -> dict[str, Path]:
+def find_examples() -> dict[str, Path]:
     """Return the shipped example scenarios by name."""
     return {file.stem: file for file in sorted(shipped("examples").glob("*.toml"))}
 
 
-def _place(name: str) -> Path:
+def _check_place(name: str) -> Path:
     """Return the file that a name means; its suffix may be left out."""
     place = Path(name)
     if not name.isprintable() or not place.name.strip(". "):
@@ -72,16 +72,16 @@ def _place(name: str) -> Path:
     return place  # `free` expands a leading ~
 
 
-def _listed(known: dict[str, Path]) -> Iterator[str]:
+def _list_examples(known: dict[str, Path]) -> Iterator[str]:
     """Yield the list of examples: the name, and the first sentence of the comment at the head of the file."""
     width = max(map(len, known))
     for name, file in known.items():
-        comment = " ".join(_head(file.read_text(encoding="utf-8")))
+        comment = " ".join(_read_head(file.read_text(encoding="utf-8")))
         yield f"{name:<{width}}  {re.split(r'(?<=[.:]) ', comment)[0].rstrip(':.')}"
     yield f"\nwrite one to edit: rso-lidar new NAME --from EXAMPLE ({_DEFAULT} if left out)"
 
 
-def _head(text: str) -> list[str]:
+def _read_head(text: str) -> list[str]:
     """Return the lines of the comment that a scenario begins with, without their marks."""
     lines = []
     for line in text.splitlines():
@@ -91,7 +91,7 @@ def _head(text: str) -> list[str]:
     return lines
 
 
-def _headed(text: str, place: Path, example: str) -> str:
+def _replace_head(text: str, place: Path, example: str) -> str:
     """Return the text of an example as a file of one's own: what to do with it at its head, and its own `name`."""
     file, recording = shlex.quote(place.name), shlex.quote(f"{place.stem}.h5")
     hints = {
@@ -104,32 +104,32 @@ def _headed(text: str, place: Path, example: str) -> str:
     head = [f"# Made by `rso-lidar new --from {example}`. A key that is left out takes its default."]
     head += [f"#   {command:<{width}}   {what}" for command, what in hints.items()]
     named, count = re.subn(
-        r'(?m)^(name\s*=\s*)"[^"\n]*"', lambda found: found[1] + _toml_text(place.stem), text, count=1
+        r'(?m)^(name\s*=\s*)"[^"\n]*"', lambda found: found[1] + _quote_toml(place.stem), text, count=1
     )
     assert count == 1, "every example has a name"
     return "\n".join([*head, "#", named])
 
 
-def _toml_text(text: str) -> str:
+def _quote_toml(text: str) -> str:
     """Return a printable text as a TOML string."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
 
 
-def _companions(text: str, folder: Path) -> list[Path]:
+def _find_companions(text: str, folder: Path) -> list[Path]:
     """Return the files beside an example that its text names: tables, and Python with dynamics (``file.py:function``)."""
     found: dict[Path, None] = {}
-    for value in _texts(tomllib.loads(text)):
+    for value in _iterate_texts(tomllib.loads(text)):
         for word in (value, value.rpartition(":")[0]):
             if word and Path(word).name == word and (folder / word).is_file():
                 found[folder / word] = None
     return list(found)
 
 
-def _texts(tree: Any) -> Iterator[str]:
+def _iterate_texts(tree: Any) -> Iterator[str]:
     """Yield all texts of a TOML tree."""
     if isinstance(tree, str):
         yield tree
     elif isinstance(tree, dict | list):
         for inner in tree.values() if isinstance(tree, dict) else tree:
-            yield from _texts(inner)
+            yield from _iterate_texts(inner)

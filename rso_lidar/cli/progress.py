@@ -24,7 +24,7 @@ class Bar(Protocol):
 
 
 @contextmanager
-def progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
+def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
     """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done, of)
@@ -62,9 +62,9 @@ def announce_compiling() -> AbstractContextManager[None]:
     return watch_compiling(tell)
 
 
-def counted(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
+def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
     """Yield frames, counting them on a bar."""
-    with progress(len(frames), 0, doing) as bar:
+    with show_progress(len(frames), 0, doing) as bar:
         for frame in frames:
             yield frame
             bar.advance()

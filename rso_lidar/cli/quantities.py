@@ -11,7 +11,7 @@ from rso_lidar.errors import ScenarioError
 _LENGTHS_M = {"m": 1.0, "km": units.KM}
 
 
-def length_m(option: str, text: str) -> float:
+def parse_length_m(option: str, text: str) -> float:
     """Return a length with its unit, such as ``50km`` [m]."""
     found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
     try:
@@ -27,7 +27,7 @@ def length_m(option: str, text: str) -> float:
     return number * _LENGTHS_M[found[2]]
 
 
-def instant(option: str, text: str) -> datetime.datetime:
+def parse_instant(option: str, text: str) -> datetime.datetime:
     """Return the UTC instant that an option gives, with its offset and of a year that element sets have."""
     try:
         at = datetime.datetime.fromisoformat(text.strip())

@@ -12,7 +12,7 @@ from rso_lidar.errors import RecordingError, ScenarioError
 RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.h5, .nc, or .zarr).")]
 
 
-def choice(text: str | None) -> slice | None:
+def parse_frames(text: str | None) -> slice | None:
     """Return the slice that ``A:B`` or ``A:B:C`` means."""
     if text is None:
         return None
@@ -27,12 +27,12 @@ def choice(text: str | None) -> slice | None:
     raise ScenarioError(f"--frames {text}: is not A:B or A:B:STEP; write for example 0:100")
 
 
-def places(read: export.Recording, frames: str | None) -> list[int]:
+def select_frames(read: export.Recording, frames: str | None) -> list[int]:
     """Return which frames of a recording are wanted."""
     numbers = read.frame_index[:]
     if not numbers.size:
         raise RecordingError(f"{read.path}: holds no frames yet; run the scenario again")
-    wanted = choice(frames)
+    wanted = parse_frames(frames)
     if wanted is None:
         return list(range(numbers.size))
     places = np.flatnonzero(np.isin(numbers, np.arange(int(numbers.max()) + 1)[wanted])).tolist()
@@ -42,7 +42,7 @@ def places(read: export.Recording, frames: str | None) -> list[int]:
     return list(places)
 
 
-def held_bytes(path: Path) -> int:
+def count_bytes(path: Path) -> int:
     """Return the size of a file, or of all files in a folder."""
     files_in = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files_in if file.is_file())

@@ -12,10 +12,10 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import announce_compiling, progress
-from rso_lidar.cli.recordings import choice
+from rso_lidar.cli.progress import announce_compiling, show_progress
+from rso_lidar.cli.recordings import parse_frames
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
-from rso_lidar.cli.terminal import echo, one_line
+from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.interruption import advise
 from rso_lidar.records import Frame
@@ -53,11 +53,11 @@ def run(
     """Simulate a scenario and record its frames with truth and labels."""
     changes = (*(settings or ()), *((f"seed={seed}",) if seed is not None else ()))
     scenario = Scenario.load(file, changes)
-    numbers = frame_numbers(scenario, choice(frames))
-    kept = _kept(keep)
+    numbers = frame_numbers(scenario, parse_frames(frames))
+    kept = _parse_keep(keep)
     if threads is not None and workers is not None:
         raise ScenarioError("--threads and --workers: frames are made by one or the other; leave out one")
-    if resume and not overwrite and _complete(output, scenario, numbers, kept):
+    if resume and not overwrite and _is_complete(output, scenario, numbers, kept):
         echo(f"complete    {output} holds all {len(numbers)} frames already")
         return
     export.check_output(output, overwrite=overwrite)
@@ -68,7 +68,7 @@ def run(
     made_by = importlib.metadata.version("rso-lidar"), scenario.source.versions["arithmetic"]
     identity = export.run_id(scenario.source, chosen, " ".join(made_by))
     if resume and not overwrite:
-        _keep_others(output, identity)
+        _refuse_other_runs(output, identity)
     tally = Tally()
     done = 0
     recorder = export.Recorder(
@@ -79,13 +79,13 @@ def run(
         resume=resume,
         changing_lens=scenario.lidar.changes_lens,
     )
-    advise(lambda: one_line(_kept_frames(recorder, len(numbers), resume=resume)))
+    advise(lambda: to_one_line(_describe_kept_frames(recorder, len(numbers), resume=resume)))
     with recorder:
         done = recorder.written
         if done:
             echo(f"going on after {done} of {len(numbers)} frames")
         if done < len(numbers):
-            with announce_compiling(), progress(len(numbers), done) as bar:
+            with announce_compiling(), show_progress(len(numbers), done) as bar:
                 left = numbers[done:].tolist()
                 for frame in simulate(scenario, frames=left, threads=threads, workers=workers, keep=kept):
                     recorder.write(frame)
@@ -94,7 +94,7 @@ def run(
     echo(tally.table(output, done))
 
 
-def _kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
+def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
     """Return what an interrupted run leaves, and how to go on."""
     if not recorder.temporary.exists():
         return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
@@ -103,7 +103,7 @@ def _kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
     return f"{recorder.written} of {count} frames are kept in {recorder.temporary}; go on with --resume and the same options"
 
 
-def _keep_others(output: Path, identity: str) -> None:
+def _refuse_other_runs(output: Path, identity: str) -> None:
     """Refuse to start afresh beside the frames of a run that was cut off, and that this one cannot go on with."""
     if output.with_name(f"{output.name}.tmp-{identity}").exists():
         return
@@ -117,7 +117,7 @@ def _keep_others(output: Path, identity: str) -> None:
                 )
 
 
-def _kept(text: str | None) -> tuple[str, ...]:
+def _parse_keep(text: str | None) -> tuple[str, ...]:
     """Return the records that ``A,B`` names, each once."""
     if text is None:
         return ()
@@ -128,7 +128,7 @@ def _kept(text: str | None) -> tuple[str, ...]:
     return names
 
 
-def _complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple[str, ...]) -> bool:
+def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple[str, ...]) -> bool:
     """Return whether an output is already the whole recording of these frames, with these records kept."""
     if not output.is_file():
         return False

@@ -9,20 +9,20 @@ import typer
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def printable(text: str) -> str:
+def escape_controls(text: str) -> str:
     r"""Return a text with its control characters written as escapes.
 
-    >>> printable("a\x1b[31mred")
+    >>> escape_controls("a\x1b[31mred")
     'a\\x1b[31mred'
     """
     return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
-def one_line(text: str) -> str:
+def to_one_line(text: str) -> str:
     """Return a text as one printable line."""
-    return printable(" ".join(re.split(r"[ \t\n]+", text.strip())))
+    return escape_controls(" ".join(re.split(r"[ \t\n]+", text.strip())))
 
 
 def echo(text: object = "", *, err: bool = False) -> None:
     """Print a text whose control characters are written as escapes."""
-    typer.echo(printable(str(text)), err=err)  # noqa: TID251 - the one place
+    typer.echo(escape_controls(str(text)), err=err)  # noqa: TID251 - the one place

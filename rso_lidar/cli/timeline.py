@@ -45,7 +45,7 @@ def timeline(
     mirrored = any(
         one.is_retro for surface in scenario.surfaces if surface.body == made.target for one in surface.materials
     )
-    for line in _summary(made, mirrored):
+    for line in _summarise(made, mirrored):
         echo(line)
     echo(f"{output}")
 
@@ -53,7 +53,7 @@ def timeline(
 _LIKELY = 0.9  # probability of detection from which a frame counts in the summary
 
 
-def _summary(made: Timeline, mirrored: bool) -> list[str]:
+def _summarise(made: Timeline, mirrored: bool) -> list[str]:
     """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
@@ -73,18 +73,19 @@ def _summary(made: Timeline, mirrored: bool) -> list[str]:
         }
         lines.append("ptu           " + ", ".join(f"{word} at {count:,} frames" for word, count in stands.items()))
     lines.append(
-        f"light         {_span(table['target_pixels'], '.0f')} pixels, {_span(table['brightest_photons'], ',.0f')} photons "
+        f"light         {_format_span(table['target_pixels'], '.0f')} pixels, "
+        f"{_format_span(table['brightest_photons'], ',.0f')} photons "
         f"in the brightest{' (its retro-reflectors counted)' * mirrored}, "
-        f"found with probability {_span(table['detection_probability'], '.2f')}"
+        f"found with probability {_format_span(table['detection_probability'], '.2f')}"
     )
     likely = table["detection_probability"] >= _LIKELY
     if likely.any() and not likely.all():
-        frames = f"{np.mean(likely):.0%} of the frames, at {_span(range_m[likely], ',.1f')} m"
+        frames = f"{np.mean(likely):.0%} of the frames, at {_format_span(range_m[likely], ',.1f')} m"
         lines.append(f"detection     of the brightest pixel, with a probability of {_LIKELY:g} or more: {frames}")
     elif not likely.any():
         lines.append(f"detection     the brightest pixel never reaches a probability of {_LIKELY:g}")
     return lines
 
 
-def _span(values: np.ndarray, form: str) -> str:
+def _format_span(values: np.ndarray, form: str) -> str:
     return f"{values.min():{form}} to {values.max():{form}}"

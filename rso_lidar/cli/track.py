@@ -8,8 +8,8 @@ import typer
 
 from rso_lidar import export, units
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import counted
-from rso_lidar.cli.recordings import RecordingFile, places
+from rso_lidar.cli.progress import count_frames
+from rso_lidar.cli.recordings import RecordingFile, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.files import free
@@ -52,7 +52,7 @@ def track(
     if not 0.0 <= acceleration < np.inf:
         raise RecordingError(f"--acceleration {acceleration:g}: needs a number from 0")
     with export.open(recording) as read:
-        some = export.Frames(read, places(read, frames))
+        some = export.Frames(read, select_frames(read, frames))
         made = tracking(
             some,
             target,
@@ -61,16 +61,16 @@ def track(
             acceleration_m_s2_rthz=acceleration,
             shape=shape,
             poses=icp,
-            each=counted(some, "tracking"),
+            each=count_frames(some, "tracking"),
         )
-    for line in summary(made, icp=icp):
+    for line in summarise(made, icp=icp):
         echo(line)
     if output is not None:
         made.save(output)
         echo(f"{output}")
 
 
-def summary(made: Tracking, *, icp: bool = True) -> list[str]:
+def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
     """Return the table of errors as lines: rms, with bias and spread, along right, down and ahead; NIS; ICP if it ran."""
     table = made.table
     seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
@@ -81,7 +81,7 @@ def summary(made: Tracking, *, icp: bool = True) -> list[str]:
         f"{'':<20}" + "".join(f"{axis:>27}" for axis in AXES),
     ]
     for name, word in {"centroid": "centroid", **{kind: NAMES[kind] for kind in made.tracks}}.items():
-        lines.append(f"{word:<20}" + "".join(f"{_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in AXES))
+        lines.append(f"{word:<20}" + "".join(f"{_format_rms(table[f'{name}_error_{axis}_m']):>27}" for axis in AXES))
     for kind, track in made.tracks.items():
         count = int(np.isfinite(track.nis).sum())
         if not count:
@@ -93,15 +93,15 @@ def summary(made: Tracking, *, icp: bool = True) -> list[str]:
             f"{NAMES[kind]:<20}NIS mean {track.nis_mean:.2f} (95 % bounds {low:.2f} to {high:.2f}), "
             f"{track.nis_share:.0%} inside its bounds; velocity, median error {np.nanmedian(speed):.3g} m/s"
         )
-        verdict = consistency(track.nis_mean, count)
+        verdict = describe_consistency(track.nis_mean, count)
         if verdict:
             lines.append(f"{'':<20}{verdict}")
     if "icp_error_rad" in table:
         turn, axis, place = (table[name] for name in ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m"))
         known = np.isfinite(turn)
         lines.append(
-            f"{'icp':<20}{known.sum():,} poses; turn {_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
-            f"{_ranks(axis / units.DEG, '.2f')} deg, place {_ranks(place, '.3f')} m (median, 90 %)"
+            f"{'icp':<20}{known.sum():,} poses; turn {_format_ranks(turn / units.DEG, '.2f')} deg, of the long axis "
+            f"{_format_ranks(axis / units.DEG, '.2f')} deg, place {_format_ranks(place, '.3f')} m (median, 90 %)"
         )
         if made.hinges:
             lines.append(
@@ -113,7 +113,7 @@ def summary(made: Tracking, *, icp: bool = True) -> list[str]:
     return lines
 
 
-def consistency(nis_mean: float, count: int) -> str:
+def describe_consistency(nis_mean: float, count: int) -> str:
     """Return what a mean NIS outside its 95 % bounds means and which option to turn; nothing where it is inside.
 
     Parameters
@@ -140,13 +140,13 @@ def consistency(nis_mean: float, count: int) -> str:
     return ""
 
 
-def _rms(error_m: np.ndarray) -> str:
+def _format_rms(error_m: np.ndarray) -> str:
     known = error_m[np.isfinite(error_m)]
     if not known.size:
         return "none"
     return f"{np.sqrt(np.mean(known**2)):.3f}, {known.mean():+.3f} / {known.std():.3f}"
 
 
-def _ranks(values: np.ndarray, form: str) -> str:
+def _format_ranks(values: np.ndarray, form: str) -> str:
     middle, high = np.nanpercentile(values, [50, 90])
     return f"{middle:{form}}, {high:{form}}"

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import announce_compiling, progress
-from rso_lidar.cli.terminal import echo, one_line
+from rso_lidar.cli.progress import announce_compiling, show_progress
+from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
 from rso_lidar.files import beside, check_suffix, free
 from rso_lidar.interruption import advise
@@ -60,36 +60,38 @@ def trade(
             )
         study = study.replace(min_detection_fraction=min_detection_fraction)
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
-    places = _places(file, output, new=new)
+    places = _choose_outputs(file, output, new=new)
     if not new:
         places = [free(place, report.SUFFIXES, overwrite=overwrite) for place in places]
     report.check_formats(places)
     many = workers is not None and workers > 1
     plan, base = make_plan(study, threads=1 if many else None)
     if new:
-        _make(places[0].parent)
+        _make_folder(places[0].parent)
     kept = place_row_file(places[0], plan, base)
-    _tell_of_others(kept)
+    _report_other_files(kept)
     rows = RowFile(kept, study.n_rows)
     advise(
-        lambda: one_line(f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on")
+        lambda: to_one_line(
+            f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on"
+        )
     )
     with rows.opened():
         if rows.known:
             echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
-        with announce_compiling(), progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
+        with announce_compiling(), show_progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
             for row in run_rows(plan, rows.known, workers):
                 rows.add(row)
                 bar.advance()
         made = tabulate_rows(plan, base, rows.known)
         _write(made, places)
-        advise(lambda: one_line(f"the outputs {', '.join(map(str, places))} are written"))
+        advise(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
     for line in (*summarize(made), *map(str, places)):
         echo(line)
 
 
-def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
+def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
     """Return the table's place first, then the report's, and that of another table where one is asked for.
 
     `new` says that a folder is meant that is not there yet.
@@ -106,7 +108,7 @@ def _places(file: Path, given: str | None, *, new: bool) -> list[Path]:
     return [*places, output] if output.suffix.lower() == ".parquet" else places
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     """Make a folder in one that there is."""
     try:
         folder.mkdir()
@@ -123,7 +125,7 @@ def _write(made: Trade, places: list[Path]) -> None:
             made.save(drafts.enter_context(beside(place)))
 
 
-def _tell_of_others(kept: Path) -> None:
+def _report_other_files(kept: Path) -> None:
     """Say what stands beside an output that this study cannot go on from."""
     start = kept.name.rpartition("-")[0]
     others = [

@@ -13,7 +13,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.export.formats.czml import thinned, write_czml
+from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.files import free, write_columns
 from rso_lidar.motion.attitudes.aem import write_aem
 from rso_lidar.orbit.ccsds.ephemeris import write_oem
@@ -74,12 +74,12 @@ def truth(
     """
     output = free(output, SUFFIXES, overwrite=overwrite)
     suffix = output.suffix.lower()
-    kind = _kind(figure, suffix)
+    kind = _choose_kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))
-    frames = np.arange(0, scenario.time.n_frames, _stride(every_s, scenario))
+    frames = np.arange(0, scenario.time.n_frames, _compute_stride(every_s, scenario))
     frames = np.union1d(frames, scenario.time.n_frames - 1)  # whoever flies a table wants it whole
     if suffix in FIGURE_SUFFIXES:
-        picture.save_figure(_figure(scenario, kind, body, frames), output)
+        picture.save_figure(_draw_figure(scenario, kind, body, frames), output)
     elif suffix == ".csv":
         table = tabulate_run(scenario, *fly_open_loop(scenario, frames))
         write_columns(output, table)
@@ -87,15 +87,15 @@ def truth(
         if scenario.local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
-            place, _ = fly_open_loop(scenario, frames[thinned(frames.size)])
+            place, _ = fly_open_loop(scenario, frames[choose_samples(frames.size)])
             targets = [target.name for target in scenario.target]
             write_czml(output, build_globe(scenario.name, scenario.time.start_utc, targets, place))
         else:
-            _ephemeris(scenario, output, suffix, body, frames)
+            _write_ephemeris(scenario, output, suffix, body, frames)
     echo(f"{output}")
 
 
-def _kind(figure: str | None, suffix: str) -> str:
+def _choose_kind(figure: str | None, suffix: str) -> str:
     if figure is None:
         return FIGURES[0]
     if suffix not in FIGURE_SUFFIXES:
@@ -106,7 +106,7 @@ def _kind(figure: str | None, suffix: str) -> str:
     return figure
 
 
-def _stride(every_s: float | None, scenario: Scenario) -> int:
+def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
     """Return how many frames lie from row to row."""
     if every_s is None:
         return 1
@@ -120,7 +120,7 @@ def _stride(every_s: float | None, scenario: Scenario) -> int:
     return round(every_s / step_s)
 
 
-def _named(name: str, known: list[str]) -> str:
+def _check_name(name: str, known: list[str]) -> str:
     if name not in known:
         raise ScenarioError(
             f"--body {name}: nothing has that name{did_you_mean(name, known)} (known: {', '.join(known)})"
@@ -128,14 +128,14 @@ def _named(name: str, known: list[str]) -> str:
     return name
 
 
-def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
+def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
     """Return one of the figures."""
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("--figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
     if not scenario.target and kind != "orbit":
         raise ScenarioError(f"--figure {kind}: the scenario has no target to look at; add [[target]]")
     targets = [target.name for target in scenario.target]
-    target = _named(body, targets) if body else next(iter(targets), None)
+    target = _check_name(body, targets) if body else next(iter(targets), None)
     place, angles = fly_open_loop(scenario, frames, drive=kind in STEPPED)
     if kind == "orbit":
         return inertial_figure(place, scenario.name, shadows_s=find_umbras(scenario))
@@ -166,13 +166,13 @@ def _figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray)
     )
 
 
-def _ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
+def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
     """Write the motion of a body as OEM, or how axes are turned in inertial ones as AEM."""
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"
     place, _ = fly_open_loop(scenario, frames, drive=suffix == ".aem" and wanted in ("ptu", "lidar"))
-    name = _named(wanted, list(place.states if suffix == ".oem" else place.poses))
+    name = _check_name(wanted, list(place.states if suffix == ".oem" else place.poses))
     if suffix == ".oem":
         at, states, breaks_s = sample_between_impulses(scenario, name, place.time_s)
         write_oem(output, name, name, at, states, breaks_s=breaks_s, overwrite=True)

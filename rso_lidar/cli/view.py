@@ -8,8 +8,8 @@ import typer
 
 from rso_lidar import export
 from rso_lidar.cli.outputs import Overwrite
-from rso_lidar.cli.progress import counted
-from rso_lidar.cli.recordings import RecordingFile, places
+from rso_lidar.cli.progress import count_frames
+from rso_lidar.cli.recordings import RecordingFile, select_frames
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
 from rso_lidar.study.recorded_runs.display import COLOURS, TOOLS, ViewerChoice, choose_viewer, show
@@ -56,16 +56,16 @@ def view(
         raise RecordingError(f"--colour {colour}: is not {' or '.join(COLOURS)}")
     with export.open(recording) as read:
         chosen = choose_viewer(tool, output, recording=recording, overwrite=overwrite)
-        some = export.Frames(read, places(read, frames))
+        some = export.Frames(read, select_frames(read, frames))
         if not chosen.paths:
-            echo(f"{chosen.why}: {_frames(len(some))}; close it to go on")
-        each = counted(some, "drawing") if chosen.tool == "rerun" else None
+            echo(f"{chosen.why}: {_format_count(len(some))}; close it to go on")
+        each = count_frames(some, "drawing") if chosen.tool == "rerun" else None
         drawn = show(chosen, some, colour=colour, folder=recording.parent, each=each)
     if chosen.paths:
-        echo(_said(chosen, drawn))
+        echo(_summarise(chosen, drawn))
 
 
-def _said(chosen: ViewerChoice, drawn: Sequence[str]) -> str:
+def _summarise(chosen: ViewerChoice, drawn: Sequence[str]) -> str:
     """Return what was written, with which frames, and why, in a line."""
     named = ", ".join(f"{path} ({frames})" for path, frames in zip(chosen.paths, drawn, strict=True))
     why = f"{chosen.why}: wrote" if chosen.why else "wrote"
@@ -73,5 +73,5 @@ def _said(chosen: ViewerChoice, drawn: Sequence[str]) -> str:
     return f"{why} {named}{more}"
 
 
-def _frames(count: int) -> str:
+def _format_count(count: int) -> str:
     return f"{count} frame{'s' * (count != 1)}"

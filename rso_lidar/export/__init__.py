@@ -17,7 +17,7 @@ from typing import Any
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.layout.intermediates import PhotonImage, check_kept
-from rso_lidar.export.reader.arrays import Stored
+from rso_lidar.export.reader.arrays import StoredArray
 from rso_lidar.export.reader.hdf5_file import TEMPORARY
 from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.export.registry import SUFFIXES as WRITTEN
@@ -31,7 +31,7 @@ __all__ = [
     "PhotonImage",
     "Recorder",
     "Recording",
-    "Stored",
+    "StoredArray",
     "check_kept",
     "check_output",
     "format_for",

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from rso_lidar.cli import main
-from rso_lidar.cli.catalog import heights_km
+from rso_lidar.cli.catalog import compute_heights_km
 from rso_lidar.errors import CatalogError
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.tle_text import compute_checksum
@@ -75,9 +75,9 @@ def test_all_bad_records(call, file):
 
 def test_heights_of_the_geostationary_orbit():
     # one turn in a sidereal day: the radius is 42,164.17 km (Vallado, Fundamentals, 4th ed., sec. 2.3 gives 42,164.169)
-    low, high = heights_km(ElementSet("", 1, mean_motion_rev_day=1.002_737_909_350_795, eccentricity=0.0))
+    low, high = compute_heights_km(ElementSet("", 1, mean_motion_rev_day=1.002_737_909_350_795, eccentricity=0.0))
     assert low == high == pytest.approx(42_164.17 - 6_378.137, abs=0.01)
-    low, high = heights_km(ElementSet("", 1, mean_motion_rev_day=2.0, eccentricity=0.7))
+    low, high = compute_heights_km(ElementSet("", 1, mean_motion_rev_day=2.0, eccentricity=0.7))
     assert (high + 6_378.137) / (low + 6_378.137) == pytest.approx(1.7 / 0.3, rel=1e-12)
 
 

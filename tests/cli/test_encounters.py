@@ -137,7 +137,7 @@ def terminal(monkeypatch):
 
     def make(width):
         console = plain(force_terminal=True, width=width, color_system=None, markup=False, emoji=False)
-        monkeypatch.setattr(command, "literal_console", lambda: console)
+        monkeypatch.setattr(command, "make_console", lambda: console)
 
     return make
 
@@ -145,7 +145,7 @@ def terminal(monkeypatch):
 @pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 250])
 def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, width):
     terminal(width)
-    command._show(named)
+    command._print_table(named)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= width
     if width < 60:  # even what names an encounter is cut short
@@ -165,13 +165,13 @@ def test_a_terminal_shows_what_fits_and_names_the_rest(named, terminal, capsys, 
 
 def test_a_terminal_shows_names_as_they_are(named, terminal, capsys):
     terminal(250)
-    command._show(named)
+    command._print_table(named)
     out = capsys.readouterr().out
     assert all(name in out for name in ("[/x] :smile:", "[bold]y"))
 
 
 def test_a_pipe_gets_all_columns(named, capsys):
-    command._show(named)
+    command._print_table(named)
     out = capsys.readouterr().out
     assert out.rstrip("\n") == named.table()
 

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from rso_lidar import export
-from rso_lidar.cli.info_follow import follow
+from rso_lidar.cli.info_follow import follow_recording
 from rso_lidar.errors import RunError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
@@ -67,7 +67,7 @@ def test_a_run_that_is_killed(fly, tmp_path, capsys):
     killer = threading.Thread(target=kill)
     killer.start()
     with pytest.raises(RunError) as ended:
-        follow(output, 0.05, 100_000.0)
+        follow_recording(output, 0.05, 100_000.0)
     killer.join()
     assert "complete" not in capsys.readouterr().out
     frames = len(export.open(next(tmp_path.glob("run.h5.tmp-*"))))

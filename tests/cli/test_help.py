@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from rso_lidar.cli.app import COMMANDS, app, load
+from rso_lidar.cli.app import COMMANDS, app, load_command
 from rso_lidar.export.registry import SUFFIXES
 from tests.house.test_start import LATER
 
@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def names():
     """Return the words that call each command, with its function."""
     found = []
-    for name, made in ((name, load(name)) for name in COMMANDS):
+    for name, made in ((name, load_command(name)) for name in COMMANDS):
         if isinstance(made, typer.Typer):
             found += [((name, one.name), one.callback) for one in made.registered_commands]
         else:
@@ -36,7 +36,7 @@ CALLS = names()
 
 def test_the_list_of_commands_is_made_of_their_first_sentences():
     for name, sentence in COMMANDS.items():
-        made = load(name)
+        made = load_command(name)
         told = made.registered_callback.callback if isinstance(made, typer.Typer) else made
         assert inspect.getdoc(told).replace("\n", " ").startswith(sentence)
         assert len(sentence) <= 66  # one line of 80 columns

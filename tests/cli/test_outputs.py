@@ -8,7 +8,7 @@ import pytest
 import typer
 
 import rso_lidar as rl
-from rso_lidar.cli.app import COMMANDS, load
+from rso_lidar.cli.app import COMMANDS, load_command
 from rso_lidar.shipped import shipped
 
 FLYBY = ["encounters", shipped("tle/flyby.tle"), "--follower", 99003, "--within", "20km"]
@@ -18,7 +18,7 @@ WRITES = ("output", "to", "csv", "plot")  # parameters that name a file to write
 
 def commands():
     """Return the functions of all commands, those of groups among them."""
-    made = [load(name) for name in COMMANDS]
+    made = [load_command(name) for name in COMMANDS]
     groups = [one for one in made if isinstance(one, typer.Typer)]
     inner = [command.callback for group in groups for command in group.registered_commands]
     return [one for one in made if one not in groups] + inner

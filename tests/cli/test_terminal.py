@@ -5,8 +5,8 @@ import re
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.cli.console import literal_console
-from rso_lidar.cli.terminal import one_line, printable
+from rso_lidar.cli.console import make_console
+from rso_lidar.cli.terminal import escape_controls, to_one_line
 
 # Colours, a new title of the window, the end of the line, a C1 control sequence, a text turned about, a byte of no text.
 STRANGE = "\x1b[31mred\x1b]0;title\x07\x08\x9b2J\u202eback\u2066[bold]x[/bold]:smile:"
@@ -14,9 +14,9 @@ RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 def test_controls_are_written_as_escapes():
-    assert printable("a\tb\nc\x1b[1m\x9b\u202e\udcff\r") == "a\tb\nc\\x1b[1m\\x9b\\u202e\\udcff\\r"
-    assert printable("µm – ⅓ 東 naïve") == "µm – ⅓ 東 naïve"
-    assert one_line(" a\n b\x1b ") == "a b\\x1b"
+    assert escape_controls("a\tb\nc\x1b[1m\x9b\u202e\udcff\r") == "a\tb\nc\\x1b[1m\\x9b\\u202e\\udcff\\r"
+    assert escape_controls("µm – ⅓ 東 naïve") == "µm – ⅓ 東 naïve"
+    assert to_one_line(" a\n b\x1b ") == "a b\\x1b"
 
 
 def test_a_console_of_tables_is_literal_too(capsys):
@@ -25,8 +25,8 @@ def test_a_console_of_tables_is_literal_too(capsys):
     table = Table(title=STRANGE)
     table.add_column(STRANGE)
     table.add_row(STRANGE)
-    literal_console(200).print(table)
-    literal_console().print(STRANGE)
+    make_console(200).print(table)
+    make_console().print(STRANGE)
     said = capsys.readouterr().out
     assert not RAW.search(said)
     assert said.count("\\x1b[31mred") == 4

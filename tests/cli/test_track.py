@@ -8,7 +8,7 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar import track
-from rso_lidar.cli.track import consistency, summary
+from rso_lidar.cli.track import describe_consistency, summarise
 from rso_lidar.study.track_quality.evaluation import AXES, Tracking
 
 
@@ -53,9 +53,9 @@ def test_icp_tells_of_hinges():
     poses = ("icp_error_rad", "icp_long_axis_error_rad", "icp_error_m")
     table = {name: np.ones(2) for name in ("time_s", "points", *errors, *poses)}
     rigid = Tracking("a", "craft", table, {}, 0.1, 1e-4)
-    assert summary(rigid)[-1].startswith("icp")
+    assert summarise(rigid)[-1].startswith("icp")
     hinged = dataclasses.replace(rigid, hinges=("wing", "dish"))
-    assert "it takes the hinges as they stand in the mesh: wing, dish;" in summary(hinged)[-1]
+    assert "it takes the hinges as they stand in the mesh: wing, dish;" in summarise(hinged)[-1]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_nis_outside_its_bounds_is_explained(believed, verdict):
     fixes_m = np.array([0.0, 0.0, 100.0]) + sigma_m * np.random.default_rng(4).standard_normal((steps, 3))
     covariance = np.broadcast_to((believed * sigma_m) ** 2 * np.eye(3), (steps, 3, 3))
     made = track.kalman(np.arange(steps, dtype=float), fixes_m, covariance, acceleration_m_s2_rthz=1e-6)
-    said = consistency(made.nis_mean, int(np.isfinite(made.nis).sum()))
+    said = describe_consistency(made.nis_mean, int(np.isfinite(made.nis).sum()))
     assert said.startswith(verdict) and bool(said) == bool(verdict)
     assert not said or ("lower --range-noise" in said) == (believed > 1.0)
 

@@ -18,10 +18,10 @@ from typing import Any, TextIO
 import numpy as np
 
 from rso_lidar.errors import RecordingError, warn
-from rso_lidar.export.formats.frame_files import account, file_stem, write_new, write_source
-from rso_lidar.export.layout.datasets import lidar_from
-from rso_lidar.export.writer.folders import folder_beside, free_folder
-from rso_lidar.export.writer.frames import begun
+from rso_lidar.export.formats.frame_files import describe_frame, get_file_stem, write_new_file, write_source
+from rso_lidar.export.layout.datasets import compute_lidar_poses
+from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.frames import take_first
 from rso_lidar.records import Frame
 from rso_lidar.units import MM
 
@@ -45,21 +45,21 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
     frames : written one at a time as they come.
     overwrite : replace an older export, once the new one is whole.
     """
-    place = free_folder(path, overwrite=overwrite)
-    first, coming = begun(place, frames)
-    with folder_beside(place, overwrite=overwrite) as draft, ExitStack() as stack:
+    place = check_folder(path, overwrite=overwrite)
+    first, coming = take_first(place, frames)
+    with draft_folder(place, overwrite=overwrite) as draft, ExitStack() as stack:
         write_source(draft, first.source, "bop")
         scene = draft / SCENE
         for name in FOLDERS:
             (scene / name).mkdir(parents=True)
-        tables = {name: stack.enter_context(_table(scene / f"{name}.json")) for name in TABLES}
+        tables = {name: stack.enter_context(_open_table(scene / f"{name}.json")) for name in TABLES}
         lines = stack.enter_context((draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n"))
         sight: np.ndarray | None = None
         warned = False
         for frame in coming:
             if frame.line_of_sight is not sight:
                 sight = frame.line_of_sight
-                camera, off_pixels = pinhole(place, sight)
+                camera, off_pixels = fit_pinhole(place, sight)
                 if off_pixels > MOST_OFF_PINHOLE_PIXELS and not warned:
                     warned = True
                     warn(
@@ -70,15 +70,17 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
                     _write_camera(draft, frame, camera)
             depth_scale = _write_images(place, scene, frame)
             number = str(frame.index)
-            _put(tables["scene_camera"], number, _camera(frame, camera, depth_scale))
-            poses, infos = _objects(place, scene, frame)
-            _put(tables["scene_gt"], number, poses)
-            _put(tables["scene_gt_info"], number, infos)
-            lines.write(json.dumps({"file": f"{SCENE}/depth/{file_stem(place, frame)}.png", **account(frame)}) + "\n")
+            _write_entry(tables["scene_camera"], number, _describe_camera(frame, camera, depth_scale))
+            poses, infos = _describe_objects(place, scene, frame)
+            _write_entry(tables["scene_gt"], number, poses)
+            _write_entry(tables["scene_gt_info"], number, infos)
+            lines.write(
+                json.dumps({"file": f"{SCENE}/depth/{get_file_stem(place, frame)}.png", **describe_frame(frame)}) + "\n"
+            )
     return place
 
 
-def pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
+def fit_pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the camera matrix (3, 3) [pixels] nearest to lines of sight, and the largest error [pixels] it makes.
 
     Column and row 0 are the centre of the first pixel, as in OpenCV.
@@ -100,10 +102,10 @@ def pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
     return camera, max(off)
 
 
-def depth_step(greatest_mm: float) -> float:
+def choose_depth_scale(greatest_mm: float) -> float:
     """Return the depth_scale [mm per count]: the finest of 0.1, 0.2, 0.5, 1, 2, 5, … that reaches a depth [mm].
 
-    >>> depth_step(3.0e6)
+    >>> choose_depth_scale(3.0e6)
     50.0
     """
     steps = (digit * 10.0**power for power in range(-1, 12) for digit in (1, 2, 5))
@@ -118,13 +120,13 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
     depth_mm = frame.points_m[..., 2] / MM
     valid, on_target = frame.valid, frame.labels.target >= 0
     known = frame.labels.range_m[on_target] if on_target.any() else frame.range_m[valid]
-    step = depth_step((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
+    step = choose_depth_scale((BEYOND * float(known.max(initial=0.0)) + BEYOND_M) / MM)
     counts = np.zeros(depth_mm.shape)
     counts[valid] = np.maximum(np.rint(depth_mm[valid] / step), 1)  # 0 is for none
     counts[counts > FULL] = 0
-    name = f"{file_stem(place, frame)}.png"
-    write_new(place, scene / "depth" / name, _png(counts.astype(np.uint16)))
-    write_new(place, scene / "gray" / name, _png(frame.intensity_counts))
+    name = f"{get_file_stem(place, frame)}.png"
+    write_new_file(place, scene / "depth" / name, _encode_png(counts.astype(np.uint16)))
+    write_new_file(place, scene / "gray" / name, _encode_png(frame.intensity_counts))
     return step
 
 
@@ -142,14 +144,14 @@ def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
     (folder / "camera.json").write_text(json.dumps(told, indent=1) + "\n", newline="\n")
 
 
-def _camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
+def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> dict[str, Any]:
     return {"cam_K": camera.ravel().tolist(), "depth_scale": depth_scale, "time_s": frame.time_s}
 
 
-def _objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the poses of the targets and what is seen of each, after writing their masks."""
     poses, infos = [], []
-    seen = lidar_from(frame.truth.poses)
+    seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
     for place_in_image, (number, name) in enumerate(here):
         matrix = seen[name]
@@ -161,10 +163,10 @@ def _objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any
             }
         )
         mask = frame.labels.target == number
-        file = f"{file_stem(place, frame)}_{place_in_image:06d}.png"
+        file = f"{get_file_stem(place, frame)}_{place_in_image:06d}.png"
         for folder in ("mask", "mask_visib"):
-            write_new(place, scene / folder / file, _png((mask * 255).astype(np.uint8)))
-        count, box = int(mask.sum()), _box(mask)
+            write_new_file(place, scene / folder / file, _encode_png((mask * 255).astype(np.uint8)))
+        count, box = int(mask.sum()), _find_box(mask)
         infos.append(
             {
                 "bbox_obj": box,
@@ -178,7 +180,7 @@ def _objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any
     return poses, infos
 
 
-def _box(mask: np.ndarray) -> list[int]:
+def _find_box(mask: np.ndarray) -> list[int]:
     """Return left, top, width and height of what is set, four times -1 where nothing is."""
     row, col = np.nonzero(mask)
     if not len(row):
@@ -187,7 +189,7 @@ def _box(mask: np.ndarray) -> list[int]:
     return [left, top, int(col.max()) - left + 1, int(row.max()) - top + 1]
 
 
-def _png(image: np.ndarray) -> bytes:
+def _encode_png(image: np.ndarray) -> bytes:
     """Return an image of 8 or 16 bits as a grey PNG."""
     from PIL import Image
 
@@ -197,7 +199,7 @@ def _png(image: np.ndarray) -> bytes:
 
 
 @contextmanager
-def _table(path: Path) -> Iterator[TextIO]:
+def _open_table(path: Path) -> Iterator[TextIO]:
     """Return, as a context, a file for a JSON object that grows by one entry an image."""
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write("{")
@@ -205,5 +207,5 @@ def _table(path: Path) -> Iterator[TextIO]:
         stream.write("\n}\n")
 
 
-def _put(stream: TextIO, key: str, value: Any) -> None:
+def _write_entry(stream: TextIO, key: str, value: Any) -> None:
     stream.write(f"{',' if stream.tell() > 1 else ''}\n{json.dumps(key)}: {json.dumps(value)}")

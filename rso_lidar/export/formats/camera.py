@@ -31,24 +31,24 @@ class Camera:
         return (self.focal_px, 0.0, col, 0.0, self.focal_px, row, 0.0, 0.0, 1.0)
 
 
-def camera_of(line_of_sight: np.ndarray) -> Camera:
+def fit_camera(line_of_sight: np.ndarray) -> Camera:
     """Return the camera with square pixels that fits unit vectors (row, col, xyz) best: without distortion if that fits."""
     n_rows, n_cols = line_of_sight.shape[:2]
     centre = 0.5 * (n_cols - 1), 0.5 * (n_rows - 1)
     if n_rows * n_cols < 2:
         return Camera(0.0, centre, (0.0,) * 5, 0.0)
-    straight = _fitted(line_of_sight, terms=1)
+    straight = _fit_model(line_of_sight, terms=1)
     if straight.error_px < _STRAIGHT_PX:
         return straight
-    return min(straight, _fitted(line_of_sight, terms=6), key=lambda camera: camera.error_px)
+    return min(straight, _fit_model(line_of_sight, terms=6), key=lambda camera: camera.error_px)
 
 
-def _fitted(line_of_sight: np.ndarray, terms: int) -> Camera:
+def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
     """Return the camera with the first of the terms focal length, k1, k2, k3, p1, p2, by linear least squares."""
     n_rows, n_cols = line_of_sight.shape[:2]
     x, y = (line_of_sight[..., axis] / line_of_sight[..., 2] for axis in (0, 1))
     scale = float(np.sqrt(np.max(x**2 + y**2))) or 1.0
-    basis = [columns[:terms] for columns in _basis(x / scale, y / scale)]
+    basis = [columns[:terms] for columns in _list_basis(x / scale, y / scale)]
     pixel = np.broadcast_arrays(np.arange(n_cols, dtype=float)[None, :], np.arange(n_rows, dtype=float)[:, None])
     few = np.ix_(*(np.unique(np.linspace(0, n - 1, min(n, _SIDE)).round().astype(int)) for n in (n_rows, n_cols)))
     equations, wanted = [], []
@@ -71,7 +71,7 @@ def _fitted(line_of_sight: np.ndarray, terms: int) -> Camera:
     return Camera(factors[0] / scale, centre, distortion, error_px)
 
 
-def _basis(x: np.ndarray, y: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _list_basis(x: np.ndarray, y: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return what x_d and y_d are made of: x, and what k1, k2, k3, p1 and p2 multiply."""
     r2 = x**2 + y**2
     radial = [np.ones_like(r2), r2, r2**2, r2**3]

@@ -29,7 +29,7 @@ QUATERNION = 12  # decimal places
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
+class CzmlBody:
     """A body over time: `position_m` (time, 3) in GCRS axes, and where known `itrs_from_body` (time, 4), x, y, z, w."""
 
     name: str
@@ -38,7 +38,7 @@ class Moving:
 
 
 @dataclass(frozen=True, eq=False)
-class Beam:
+class CzmlBeam:
     """A line from the body `of` to a point `tip_m` (time, 3) in GCRS axes, such as where the lidar's boresight ends."""
 
     name: str
@@ -46,10 +46,10 @@ class Beam:
     tip_m: np.ndarray
 
 
-def thinned(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
+def choose_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
     """Return at most `most` indices below `n`, evenly spread, both ends included.
 
-    >>> thinned(10, 4)
+    >>> choose_samples(10, 4)
     array([0, 3, 6, 9])
     """
     if most < 2:
@@ -57,15 +57,15 @@ def thinned(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
 
 
-def packets(
+def build_packets(
     title: str,
     time_s: np.ndarray,
-    bodies: Sequence[Moving],
+    bodies: Sequence[CzmlBody],
     start_utc: str,
     end_utc: str,
     *,
     lines: Sequence[tuple[str, str]] = (),
-    beams: Sequence[Beam] = (),
+    beams: Sequence[CzmlBeam] = (),
     most: int = MOST_SAMPLES,
 ) -> list[dict[str, Any]]:
     """Return the packets of a CZML document: one for the document, one for each body, line and beam.
@@ -80,8 +80,8 @@ def packets(
     """
     time_s = np.asarray(time_s, dtype=float)
     names = [body.name for body in bodies]
-    _sound(time_s, bodies, names, lines, beams)
-    chosen = thinned(time_s.size, most)
+    _check_document(time_s, bodies, names, lines, beams)
+    chosen = choose_samples(time_s.size, most)
     at_s = time_s[chosen]
     span = f"{start_utc}/{end_utc}"
     document = {
@@ -146,12 +146,12 @@ def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]])
     return place
 
 
-def _sound(
+def _check_document(
     time_s: np.ndarray,
-    bodies: Sequence[Moving],
+    bodies: Sequence[CzmlBody],
     names: list[str],
     lines: Sequence[tuple[str, str]],
-    beams: Sequence[Beam],
+    beams: Sequence[CzmlBeam],
 ) -> None:
     """Raise `RecordingError` for what would make a document that nothing reads."""
     if not bodies or time_s.size < 1:

@@ -12,14 +12,14 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout.attributes import AXES
-from rso_lidar.export.layout.datasets import lidar_from
-from rso_lidar.export.layout.targets import tables
-from rso_lidar.export.writer.folders import folder_beside, free_folder
-from rso_lidar.export.writer.frames import begun
+from rso_lidar.export.layout.datasets import compute_lidar_poses
+from rso_lidar.export.layout.targets import tabulate_targets
+from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.frames import take_first
 from rso_lidar.records import Frame, Source
 
 
-def write_each(
+def write_frame_files(
     path: str | os.PathLike[str],
     frames: Iterable[Frame],
     kind: str,
@@ -39,25 +39,25 @@ def write_each(
     content : what to put into a frame's file.
     overwrite : replace an older export, once the new one is whole.
     """
-    place = free_folder(path, overwrite=overwrite)
-    first, coming = begun(place, frames)
-    with folder_beside(place, overwrite=overwrite) as draft:
+    place = check_folder(path, overwrite=overwrite)
+    first, coming = take_first(place, frames)
+    with draft_folder(place, overwrite=overwrite) as draft:
         write_source(draft, first.source, kind)
         sizes: dict[str, int] = {}
         with (draft / "frames.jsonl").open("w", encoding="utf-8", newline="\n") as lines:
             for frame in coming:
-                name = f"{file_stem(place, frame)}.{kind}"
+                name = f"{get_file_stem(place, frame)}.{kind}"
                 written = content(frame)
-                write_new(place, draft / name, written)
+                write_new_file(place, draft / name, written)
                 sizes[name] = len(written)
-                lines.write(json.dumps({"file": name, **account(frame)}) + "\n")
+                lines.write(json.dumps({"file": name, **describe_frame(frame)}) + "\n")
         for name, size in sizes.items():
             if (draft / name).stat().st_size != size:
                 raise RunError(f"{place}: is not written, for another program cut short {name} in it; run again")
     return place
 
 
-def file_stem(place: Path, frame: Frame) -> str:
+def get_file_stem(place: Path, frame: Frame) -> str:
     """Return the name of a frame's file without its suffix: the frame's number in its scenario, in six digits."""
     if frame.index < 0:
         raise RecordingError(
@@ -66,7 +66,7 @@ def file_stem(place: Path, frame: Frame) -> str:
     return f"{frame.index:06d}"
 
 
-def write_new(place: Path, file: Path, content: bytes) -> None:
+def write_new_file(place: Path, file: Path, content: bytes) -> None:
     """Write a file that was not there before; a frame that comes twice is refused."""
     try:
         with file.open("xb") as stream:
@@ -86,7 +86,7 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
         "seed": source.seed,
         "axes": AXES,
         "quaternion_order": "xyzw",
-        "targets": tables(source.targets),
+        "targets": tabulate_targets(source.targets),
         "versions": dict(source.versions),
         "scenario": source.scenario,
     }
@@ -94,11 +94,11 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
     (folder / "source.json").write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
-def account(frame: Frame) -> dict[str, Any]:
+def describe_frame(frame: Frame) -> dict[str, Any]:
     """Return number, instant [s] and true poses of a frame: position [m] and x, y, z, w of lidar_from each of the axes."""
     from scipy.spatial.transform import Rotation
 
-    seen = lidar_from(frame.truth.poses)
+    seen = compute_lidar_poses(frame.truth.poses)
     quaternions = Rotation.from_matrix(np.array([m[:3, :3] for m in seen.values()])).as_quat(canonical=True)
     return {
         "index": frame.index,

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.formats.camera import Camera, camera_of
+from rso_lidar.export.formats.camera import Camera, fit_camera
 from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAGE, POINT_CLOUD, TRANSFORMS
-from rso_lidar.export.formats.trajectory import stamp_ns
-from rso_lidar.export.layout.targets import tables
-from rso_lidar.export.writer.frames import begun
+from rso_lidar.export.formats.trajectory import to_stamp_ns
+from rso_lidar.export.layout.targets import tabulate_targets
+from rso_lidar.export.writer.frames import take_first
 from rso_lidar.files import beside, check_stream, free
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
@@ -45,7 +45,7 @@ _LEAST_BYTES = 2**16
 
 
 @dataclass(frozen=True)
-class Span:
+class MessageSpan:
     """What was written: the stamps of the first and last frame [ns since 1970], and how many frames."""
 
     first_ns: int
@@ -62,14 +62,14 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     targets and their parts, -1 for sky.
     """
     place = free(path, overwrite=overwrite)
-    needs_extra(place)
-    first, coming = begun(place, frames)
+    check_mcap(place)
+    first, coming = take_first(place, frames)
     with beside(place) as draft:
-        fill(place, draft, first, coming)
+        write_messages(place, draft, first, coming)
     return place
 
 
-def needs_extra(place: Path) -> None:
+def check_mcap(place: Path) -> None:
     """Refuse to go on without the library that writes MCAP."""
     try:
         import mcap_ros2.writer  # noqa: F401
@@ -79,11 +79,11 @@ def needs_extra(place: Path) -> None:
         ) from None
 
 
-def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Span:
+def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> MessageSpan:
     """Return what was written, after writing frames to a file; `place` is what messages call it."""
     from mcap_ros2.writer import Writer
 
-    sight, camera = first.line_of_sight, camera_of(first.line_of_sight)
+    sight, camera = first.line_of_sight, fit_camera(first.line_of_sight)
     stamps = [_stamp(place, first.source, first)] * 2
     number = -1
     with draft.open("wb") as file:
@@ -93,7 +93,7 @@ def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Spa
         for number, frame in enumerate(frames):
             check_stream(file, draft, place)
             if frame.line_of_sight is not sight and not np.array_equal(frame.line_of_sight, sight):
-                sight, camera = frame.line_of_sight, camera_of(frame.line_of_sight)
+                sight, camera = frame.line_of_sight, fit_camera(frame.line_of_sight)
             at_ns = stamps[1] = _stamp(place, first.source, frame)
             messages = _messages(frame, at_ns, camera)
             for topic, kind in TOPICS.items():
@@ -101,11 +101,11 @@ def fill(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> Spa
             file.flush()
         writer.finish()
         check_stream(file, draft, place)
-    _check_written(place, draft, (number + 1) * len(TOPICS))
-    return Span(stamps[0], stamps[1], number + 1)
+    _check_file(place, draft, (number + 1) * len(TOPICS))
+    return MessageSpan(stamps[0], stamps[1], number + 1)
 
 
-def _check_written(place: Path, draft: Path, messages: int) -> None:
+def _check_file(place: Path, draft: Path, messages: int) -> None:
     """Raise a `RunError` unless a file reads back with so many messages, by the summary at its end."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
@@ -128,14 +128,14 @@ def _provenance(source: Source, camera: Camera) -> dict[str, str]:
         "start_utc": source.start_utc,
         "seed": str(source.seed),
         "versions": json.dumps(dict(source.versions)),
-        "targets": json.dumps(tables(source.targets)),
+        "targets": json.dumps(tabulate_targets(source.targets)),
         "quaternion_order": "xyzw",
         "camera_model_error_px": f"{camera.error_px:.3g}",
     }
 
 
 def _stamp(place: Path, source: Source, frame: Frame) -> int:
-    at_ns = stamp_ns(source.start_utc, frame.time_s)
+    at_ns = to_stamp_ns(source.start_utc, frame.time_s)
     if not 0 <= at_ns < _LAST_S * 1_000_000_000:
         raise RecordingError(f"{place}: ROS stamps hold 1970 to 2038, the run is at {source.start_utc}; shift it")
     return at_ns

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.layout.attributes import array_attributes, root_attributes
-from rso_lidar.export.layout.datasets import LENS, Variable, parents, variables
-from rso_lidar.export.writer.frames import begun, entries, frame_bytes, plain
+from rso_lidar.export.layout.attributes import get_array_attributes, get_root_attributes
+from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_variables
+from rso_lidar.export.writer.frames import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.files import beside, free
 from rso_lidar.records import Frame, Observation, specs
@@ -40,9 +40,9 @@ def write_npz(
     most_bytes : frames of more are refused [bytes before compression].
     """
     place = free(path, overwrite=overwrite)
-    first, coming = begun(place, frames)
-    found = variables(first)
-    each = frame_bytes(found)
+    first, coming = take_first(place, frames)
+    found = list_variables(first)
+    each = count_frame_bytes(found)
     total = each * len(frames) if isinstance(frames, Sized) else 0
     columns: dict[str, list[np.ndarray]] = {name: [] for name in found}
     lenses = LensNumbers()
@@ -55,7 +55,7 @@ def write_npz(
                 f"{place}: more than {most_bytes / 1e9:.3g} GB of arrays are too much for one NPZ, which is read as a "
                 "whole; write .h5 or .zarr, or choose fewer frames"
             )
-        for name, value in entries(place, frame, first, found).items():
+        for name, value in match_entries(place, frame, first, found).items():
             columns[name].append(value)
         numbers.append(lenses.number(frame.line_of_sight))
         if len(lenses) > len(tables):
@@ -64,16 +64,18 @@ def write_npz(
     if len(lenses) > 1:
         arrays["lens"] = np.array(numbers, LENS.dtype)
     arrays["line_of_sight"] = np.stack(tables) if len(lenses) > 1 else tables[0]
-    arrays["attributes"] = np.array(json.dumps(_attributes(first, found, changing=len(lenses) > 1), ensure_ascii=False))
+    arrays["attributes"] = np.array(
+        json.dumps(_describe_arrays(first, found, changing=len(lenses) > 1), ensure_ascii=False)
+    )
     with beside(place) as draft, draft.open("wb") as stream:
         write: Callable[..., None] = np.savez_compressed
         write(stream, **arrays)  # NumPy 2.1 takes a keyword `allow_pickle` for one more array
         stream.flush()
-        _check_written(place, draft, arrays)
+        _check_archive(place, draft, arrays)
     return place
 
 
-def _check_written(place: Path, draft: Path, names: Iterable[str]) -> None:
+def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
     """Raise a `RunError` unless a file reads back: all arrays are there, and their CRC-32 is right."""
     try:
         with zipfile.ZipFile(draft) as packed:
@@ -84,13 +86,13 @@ def _check_written(place: Path, draft: Path, names: Iterable[str]) -> None:
         raise RunError(f"{place}: is not written, for it does not read back ({wrong}); run again")
 
 
-def _attributes(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
+def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
     """Return what each array is, and the recording as a whole, by name, ready for JSON."""
     source = first.source
-    root = root_attributes(source) | {"tree": parents(first), "states": list(first.truth.states)}
-    told: dict[str, Any] = {"/": {**plain(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
+    root = get_root_attributes(source) | {"tree": get_parents(first), "states": list(first.truth.states)}
+    told: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}
     for name, variable in found.items():
-        told[name] = plain(array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
+        told[name] = to_json(get_array_attributes(variable, source)) | {"dims": ["time", *variable.spec.dims]}
     sight = specs(Observation)["line_of_sight"]
     dims = ["lens_number"] * changing + list(sight.dims)
     told["line_of_sight"] = {"units": sight.unit, "long_name": sight.meaning, "dims": dims}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.export.formats.frame_files import write_each
+from rso_lidar.export.formats.frame_files import write_frame_files
 from rso_lidar.records import Frame
 
 _POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -39,10 +39,12 @@ def write_pcd(
         of all frames lie in that target's axes in viewers that apply it. Viewers hold it in float32.
     labels : write the labels `target` and `part` too (int16, -1 for sky).
     """
-    return write_each(path, frames, "pcd", lambda frame: pcd(frame, viewpoint, labels=labels), overwrite=overwrite)
+    return write_frame_files(
+        path, frames, "pcd", lambda frame: encode_pcd(frame, viewpoint, labels=labels), overwrite=overwrite
+    )
 
 
-def pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -> bytes:
+def encode_pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -> bytes:
     """Return a frame's organised cloud as the bytes of a PCD file."""
     rows, cols = frame.range_m.shape
     points = np.zeros((rows, cols), dtype=_POINT + _LABELS * labels)
@@ -62,14 +64,14 @@ def pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -> bytes
         f"COUNT {' '.join('1' for _ in kinds)}",
         f"WIDTH {cols}",
         f"HEIGHT {rows}",
-        f"VIEWPOINT {_viewpoint(frame, viewpoint)}",
+        f"VIEWPOINT {_describe_viewpoint(frame, viewpoint)}",
         f"POINTS {rows * cols}",
         "DATA binary",
     ]
     return "\n".join([*head, ""]).encode("ascii") + points.tobytes()
 
 
-def _viewpoint(frame: Frame, axes: str) -> str:
+def _describe_viewpoint(frame: Frame, axes: str) -> str:
     """Return the lidar's pose in these axes as PCD has it: x y z, then the quaternion with w first."""
     if axes == "lidar":
         return "0 0 0 1 0 0 0"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.export.formats.frame_files import write_each
+from rso_lidar.export.formats.frame_files import write_frame_files
 from rso_lidar.records import Frame
 
 _POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<u2"), ("row", "<u2"), ("col", "<u2")]
@@ -28,10 +28,10 @@ def write_ply(
     overwrite : replace an older export.
     labels : write the labels `target` and `part` too (short, -1 for sky).
     """
-    return write_each(path, frames, "ply", lambda frame: ply(frame, labels=labels), overwrite=overwrite)
+    return write_frame_files(path, frames, "ply", lambda frame: encode_ply(frame, labels=labels), overwrite=overwrite)
 
 
-def ply(frame: Frame, *, labels: bool = True) -> bytes:
+def encode_ply(frame: Frame, *, labels: bool = True) -> bytes:
     """Return the points of a frame that came back, in lidar axes, as the bytes of a PLY file."""
     row, col = np.nonzero(frame.valid)
     fields = _POINT + _LABELS * labels

@@ -10,9 +10,9 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from rso_lidar.export.formats.mcap import TOPICS, Span, fill, needs_extra
-from rso_lidar.export.writer.folders import MARK, folder_beside, free_folder
-from rso_lidar.export.writer.frames import begun
+from rso_lidar.export.formats.mcap import TOPICS, MessageSpan, check_mcap, write_messages
+from rso_lidar.export.writer.folders import MARK, check_folder, draft_folder
+from rso_lidar.export.writer.frames import take_first
 from rso_lidar.records import Frame
 
 METADATA = "metadata.yaml"
@@ -20,18 +20,18 @@ METADATA = "metadata.yaml"
 
 def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
     """Return the path of a folder that ROS 2 plays: an MCAP file as `write_mcap` makes it, and what rosbag2 wants beside."""
-    place = free_folder(path, overwrite=overwrite)
-    needs_extra(place)
-    first, coming = begun(place, frames)
+    place = check_folder(path, overwrite=overwrite)
+    check_mcap(place)
+    first, coming = take_first(place, frames)
     name = f"{place.stem}_0.mcap"
-    with folder_beside(place, overwrite=overwrite) as draft:
-        written = fill(place, draft / name, first, coming)
+    with draft_folder(place, overwrite=overwrite) as draft:
+        written = write_messages(place, draft / name, first, coming)
         version = first.source.versions.get("rso_lidar", "")
-        (draft / METADATA).write_text(f"# {MARK}: {version}\n{_metadata(name, written)}", encoding="utf-8")
+        (draft / METADATA).write_text(f"# {MARK}: {version}\n{_format_metadata(name, written)}", encoding="utf-8")
     return place
 
 
-def _metadata(name: str, written: Span) -> str:
+def _format_metadata(name: str, written: MessageSpan) -> str:
     """Return the metadata as YAML; a text in JSON's quotes is one in YAML's."""
     start, lasts = written.first_ns, written.last_ns - written.first_ns
     lines = [

@@ -17,7 +17,7 @@ from typing import TextIO
 import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.export.formats.truth_batches import Course, courses, source_of
+from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read_truth_batches
 from rso_lidar.files import beside, check_stream, free
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
@@ -43,15 +43,15 @@ def write_tum(
     target : name of the target (or of any axes); may be left out where there is one target.
     lidar_in_target : write the lidar's poses in the target's axes instead.
     """
-    with _beginning(path, frames, overwrite) as (file, source, courses):
-        name, a, b = _ends(source, target, lidar_in_target)
+    with _open_text(path, frames, overwrite) as (file, source, courses):
+        name, a, b = _resolve_axes(source, target, lidar_in_target)
         file.write(f"# {b} in {a} axes [m], {a}_from_{b} as x, y, z, w\n")
         file.write(
-            f"# seconds since {source.start_utc}, which is {stamp_ns(source.start_utc, 0.0) // _NS} s since 1970\n"
+            f"# seconds since {source.start_utc}, which is {to_stamp_ns(source.start_utc, 0.0) // _NS} s since 1970\n"
         )
         file.write("# time tx ty tz qx qy qz qw\n")
         for truth, _ in courses:
-            translation, quaternion, _ = _poses(truth, name, a, b)
+            translation, quaternion, _ = _compute_poses(truth, name, a, b)
             for time_s, where, turn in zip(truth.time_s.tolist(), translation, quaternion, strict=True):
                 cells = (*(f"{value:.9f}" for value in where), *(f"{value:.15f}" for value in turn))
                 file.write(f"{time_s:.9f} {' '.join(cells)}\n")
@@ -70,10 +70,10 @@ def write_kitti(
 
     `target` and `lidar_in_target` are those of `write_tum`.
     """
-    with _beginning(path, frames, overwrite) as (file, source, courses):
-        name, a, b = _ends(source, target, lidar_in_target)
+    with _open_text(path, frames, overwrite) as (file, source, courses):
+        name, a, b = _resolve_axes(source, target, lidar_in_target)
         for truth, _ in courses:
-            translation, _, matrix = _poses(truth, name, a, b)
+            translation, _, matrix = _compute_poses(truth, name, a, b)
             rows = np.concatenate([matrix, translation[..., None]], axis=-1).reshape(-1, 12)
             file.writelines(" ".join(f"{value:.15e}" for value in row) + "\n" for row in rows.tolist())
     return Path(path)
@@ -86,12 +86,12 @@ def write_csv(
 
     `utc` makes the text of the instants; left out, a leap second during the run is not counted.
     """
-    with _beginning(path, frames, overwrite) as (file, source, courses):
+    with _open_text(path, frames, overwrite) as (file, source, courses):
         writer = csv.writer(file, lineterminator="\n")
         targets = [target.name for target in source.targets]
         head: list[str] = []
         for truth, angles in courses:
-            texts = utc(truth.time_s) if utc else _utc(source.start_utc, truth.time_s)
+            texts = utc(truth.time_s) if utc else _format_utc(source.start_utc, truth.time_s)
             table = tabulate_truth(truth, targets, texts, angles)
             if not head:
                 head = list(table)
@@ -102,10 +102,10 @@ def write_csv(
     return Path(path)
 
 
-def stamp_ns(start_utc: str, time_s: float) -> int:
+def to_stamp_ns(start_utc: str, time_s: float) -> int:
     """Return an instant as nanoseconds since 1970, as computers count UTC: no leap second between is counted.
 
-    >>> stamp_ns("2024-09-17T12:00:00Z", 0.05)
+    >>> to_stamp_ns("2024-09-17T12:00:00Z", 0.05)
     1726574400050000000
     """
     start = datetime.datetime.fromisoformat(start_utc)
@@ -116,16 +116,16 @@ def stamp_ns(start_utc: str, time_s: float) -> int:
 
 
 @contextmanager
-def _beginning(
+def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
-) -> Iterator[tuple[TextIO, Source, Iterator[Course]]]:
+) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
     """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
     place = free(path, overwrite=overwrite)
-    source, frames = source_of(place, frames)
+    source, frames = peek_source(place, frames)
     with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
 
-        def checked() -> Iterator[Course]:
-            for course in courses(frames):
+        def checked() -> Iterator[TruthBatch]:
+            for course in read_truth_batches(frames):
                 check_stream(file, draft, place)
                 yield course
 
@@ -133,7 +133,7 @@ def _beginning(
         check_stream(file, draft, place)
 
 
-def _ends(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:
+def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:
     """Return the name of the axes wanted, and a and b of the poses a_from_b."""
     known = [entry.name for entry in source.targets]
     if target is None:
@@ -144,7 +144,7 @@ def _ends(source: Source, target: str | None, lidar_in_target: bool) -> tuple[st
     return target, *((target, "lidar") if lidar_in_target else ("lidar", target))
 
 
-def _poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _compute_poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a_from_b as translations (time, 3) [m], quaternions (time, 4) and matrices (time, 3, 3)."""
     known = list(truth.poses)
     if name not in known:
@@ -162,7 +162,7 @@ def _poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray, np.ndar
     )
 
 
-def _utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
+def _format_utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
     """Return instants as ISO UTC text to the microsecond."""
     start = datetime.datetime.fromisoformat(start_utc).astimezone(datetime.UTC)
     texts = [(start + datetime.timedelta(microseconds=round(at * 1e6))).isoformat("T", "microseconds") for at in time_s]

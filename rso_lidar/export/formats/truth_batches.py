@@ -10,38 +10,38 @@ import numpy as np
 
 from rso_lidar.export.layout.datasets import INERTIAL, POINTING
 from rso_lidar.export.reader.recording import Frames, Recording
-from rso_lidar.export.writer.frames import begun
+from rso_lidar.export.writer.frames import take_first
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Frame, PtuAngles, Source, Truth, specs
 
-Course = tuple[Truth, tuple[PtuAngles, ...]]  # a batch of truth, and the PTU's angles at each of its instants
+TruthBatch = tuple[Truth, tuple[PtuAngles, ...]]  # a batch of truth, and the PTU's angles at each of its instants
 _READ = 1024  # frames read at once
 _JOINED = 128  # frames kept, where they come one by one
 
 
-def source_of(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
+def peek_source(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
     """Return where frames come from, and the frames, none of them lost; having none is an error."""
-    first, coming = begun(path, frames)
+    first, coming = take_first(path, frames)
     return first.source, frames if isinstance(frames, Recording | Frames) else coming
 
 
-def courses(frames: Iterable[Frame]) -> Iterator[Course]:
+def read_truth_batches(frames: Iterable[Frame]) -> Iterator[TruthBatch]:
     """Yield where everything was in batches: of a recording without reading images, of other frames as they come."""
     if isinstance(frames, Recording | Frames):
-        recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _of(frames)
+        recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _get_places(frames)
         for low in range(0, len(places), _READ):
-            yield _read(recording, np.asarray(places[low : low + _READ], dtype=int))
+            yield _read_batch(recording, np.asarray(places[low : low + _READ], dtype=int))
         return
     coming = iter(frames)
     while truths := [frame.truth for frame in itertools.islice(coming, _JOINED)]:
-        yield _joined(truths)
+        yield _stack_truths(truths)
 
 
-def _of(frames: Frames) -> tuple[Recording, Sequence[int]]:
+def _get_places(frames: Frames) -> tuple[Recording, Sequence[int]]:
     return frames.recording, frames.places
 
 
-def _read(recording: Recording, places: np.ndarray) -> Course:
+def _read_batch(recording: Recording, places: np.ndarray) -> TruthBatch:
     """Return the truth at some frames of a recording, and the PTU's angles."""
     from scipy.spatial.transform import Rotation
 
@@ -80,7 +80,7 @@ def _read(recording: Recording, places: np.ndarray) -> Course:
     return truth, tuple(PtuAngles(**{name: values[k] for name, values in table.items()}) for k in range(places.size))
 
 
-def _joined(truths: list[Truth]) -> Course:
+def _stack_truths(truths: list[Truth]) -> TruthBatch:
     """Return single truths as one batch, and the PTU's angles."""
     first = truths[0]
 
@@ -106,7 +106,7 @@ def _joined(truths: list[Truth]) -> Course:
     return truth, tuple(truth.pointing for truth in truths if truth.pointing is not None)
 
 
-def whole(batches: Iterable[Course], choose: Callable[[int], np.ndarray] | None = None) -> Course:
+def join_batches(batches: Iterable[TruthBatch], choose: Callable[[int], np.ndarray] | None = None) -> TruthBatch:
     """Join batches into one.
 
     Parameters
@@ -119,5 +119,5 @@ def whole(batches: Iterable[Course], choose: Callable[[int], np.ndarray] | None 
     if len(several) == 1 and choose is None:
         return several[0]
     truths = [truth.at(k) for truth, _ in several for k in range(truth.time_s.size)]
-    truth, _ = _joined(truths if choose is None else [truths[k] for k in choose(len(truths)).tolist()])
+    truth, _ = _stack_truths(truths if choose is None else [truths[k] for k in choose(len(truths)).tolist()])
     return truth, tuple(angle for _, angles in several for angle in angles)

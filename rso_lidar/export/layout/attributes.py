@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout.datasets import TIME, Variable
-from rso_lidar.export.layout.targets import tables
+from rso_lidar.export.layout.targets import tabulate_targets
 from rso_lidar.records import SCHEMA_VERSION, Source
 
 AXES = (
@@ -27,10 +27,10 @@ SCALES = {  # what the coordinate of a dimension means
 }
 
 
-def array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
+def get_array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
     """Return the CF attributes of an array that grows by one entry a frame."""
     if variable.path == "time":
-        return dict(time_attributes(source.start_utc))
+        return dict(get_time_attributes(source.start_utc))
     found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
     if variable.path == "labels/target" and source.targets:
         found["flag_values"] = np.arange(len(source.targets), dtype=variable.spec.dtype)
@@ -38,7 +38,7 @@ def array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
     return found
 
 
-def root_attributes(source: Source) -> dict[str, Any]:
+def get_root_attributes(source: Source) -> dict[str, Any]:
     """Return the attributes of a recording as a whole."""
     seed: Any = np.int64(source.seed) if abs(source.seed) < 2**63 else str(source.seed)
     return {
@@ -51,13 +51,13 @@ def root_attributes(source: Source) -> dict[str, Any]:
         "scenario": source.scenario,
         "seed": seed,
         "start_utc": source.start_utc,
-        "targets": json.dumps(tables(source.targets), indent=1),
+        "targets": json.dumps(tabulate_targets(source.targets), indent=1),
         "quaternion_order": "xyzw",
         "axes": AXES,
     }
 
 
-def time_attributes(start_utc: str) -> dict[str, str]:
+def get_time_attributes(start_utc: str) -> dict[str, str]:
     """Return the CF attributes of /time; its units name the start without an offset, as netCDF tools like it."""
     try:
         start = datetime.datetime.fromisoformat(start_utc)

@@ -49,7 +49,7 @@ def append_fletcher32(data: np.ndarray, start: int, stop: int) -> int:
     return stop + CHECKSUM_BYTES
 
 
-def fletcher32(data: bytes) -> bytes:
+def compute_fletcher32(data: bytes) -> bytes:
     """Compute the checksum of a chunk, as `append_fletcher32` writes it."""
     chunk = np.frombuffer(data + bytes(CHECKSUM_BYTES), np.uint8).copy()
     append_fletcher32(chunk, 0, len(data))
@@ -58,17 +58,17 @@ def fletcher32(data: bytes) -> bytes:
 
 def is_intact(chunk: bytes) -> bool:
     """Return whether a chunk, as it stands in the file, agrees with the fletcher32 checksum at its end."""
-    return len(chunk) > CHECKSUM_BYTES and fletcher32(chunk[:-CHECKSUM_BYTES]) == chunk[-CHECKSUM_BYTES:]
+    return len(chunk) > CHECKSUM_BYTES and compute_fletcher32(chunk[:-CHECKSUM_BYTES]) == chunk[-CHECKSUM_BYTES:]
 
 
-def texts_crc32(file: Any) -> int:
+def compute_texts_crc32(file: Any) -> int:
     """Compute the CRC-32 of the texts that a reader takes from the attributes of an h5py file.
 
     HDF5 has checksums for all its metadata but the heap in which texts of any length stand.
     """
-    texts = [*_texts(file.attrs, TEXTS), *_texts(file["truth"].attrs, TREE)]
+    texts = [*_list_texts(file.attrs, TEXTS), *_list_texts(file["truth"].attrs, TREE)]
     return zlib.crc32("\0".join(texts).encode("utf-8", "surrogateescape"))
 
 
-def _texts(attributes: Any, names: Iterable[str]) -> list[str]:
+def _list_texts(attributes: Any, names: Iterable[str]) -> list[str]:
     return [f"{name}={attributes[name]}" for name in names]

@@ -100,12 +100,12 @@ class Variable:
         return (1, *self.shape)
 
 
-def variables(frame: Frame) -> dict[str, Variable]:
+def list_variables(frame: Frame) -> dict[str, Variable]:
     """Return the datasets that a recording with such frames has, by path."""
-    found = _always(frame) | sometimes(frame)
+    found = _list_required(frame) | list_optional(frame)
     sizes = {"row": frame.range_m.shape[0], "col": frame.range_m.shape[1], "xyz": 3, "quaternion": 4}
     made = {}
-    for path, value in values(frame).items():
+    for path, value in collect_values(frame).items():
         own = dict(zip(found[path].dims, np.shape(value), strict=False))  # of returns, samples and the fine grid
         made[path] = Variable(path, found[path], tuple((own | sizes)[dim] for dim in found[path].dims))
     for path, variable in made.items():
@@ -116,15 +116,15 @@ def variables(frame: Frame) -> dict[str, Variable]:
     return made
 
 
-def _always(frame: Frame) -> dict[str, ArraySpec]:
+def _list_required(frame: Frame) -> dict[str, ArraySpec]:
     """Return the datasets that a reader finds by what the frame is of: settings, axes, bodies, a PTU."""
     found = {"time": TIME, "frame_index": INDEX}
     found |= {path: specs(Reading)[name] for path, name in READING.items()}
     found |= {path: specs(Labels)[name] for path, name in LABELS.items()}
     for name in frame.observation.settings:
-        found[f"settings/{name}"] = ArraySpec((), _F8, setting_unit(name), f"{name.replace('_', ' ')}, as in force")
+        found[f"settings/{name}"] = ArraySpec((), _F8, get_setting_unit(name), f"{name.replace('_', ' ')}, as in force")
     if frame.truth.pointing is not None:
-        for (path, _, place), spec in zip(POINTING, _pointing_specs(), strict=True):
+        for (path, _, place), spec in zip(POINTING, _list_pointing_specs(), strict=True):
             found[path] = dataclasses.replace(spec, dims=(), meaning=f"{('pan', 'tilt')[place]} of: {spec.meaning}")
     found["truth/sun_direction"] = SUN
     for name in frame.truth.poses:
@@ -137,13 +137,13 @@ def _always(frame: Frame) -> dict[str, ArraySpec]:
     return found
 
 
-def sometimes(frame: Frame) -> dict[str, ArraySpec]:
+def list_optional(frame: Frame) -> dict[str, ArraySpec]:
     """Return the datasets that are there only if the frame has what they hold; an attribute of the file lists them."""
     reading, labels = frame.observation.reading, frame.labels
     found = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
     found |= {path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None}
     found |= {f"truth/{name}/sunlit": SUNLIT for name in frame.truth.sunlit}
-    return found | intermediates.statements(frame.kept)
+    return found | intermediates.list_arrays(frame.kept)
 
 
 # Path, field of `PtuAngles`, and place in it: /ptu/pan_demand_rad and so on.
@@ -152,22 +152,22 @@ POINTING = [
 ]
 
 
-def _pointing_specs() -> list[ArraySpec]:
+def _list_pointing_specs() -> list[ArraySpec]:
     return [specs(PtuAngles)[name] for _, name, _ in POINTING]
 
 
-def setting_unit(name: str) -> str:
+def get_setting_unit(name: str) -> str:
     """Return the unit that a setting's suffix names, in UDUNITS; 1 where it names none.
 
-    >>> setting_unit("focal_length_m"), setting_unit("max_rate_rad_s"), setting_unit("gain")
-    ('m', 'rad s-1', '1')
+    >>> [get_setting_unit(name) for name in ("focal_length_m", "max_rate_rad_s", "gain")]
+    ['m', 'rad s-1', '1']
     """
     words = name.split("_")
     ends = ("_".join(words[-count:]) for count in range(min(3, len(words) - 1), 0, -1))
     return next((_UNITS[end] for end in ends if end in _UNITS), "1")
 
 
-def values(frame: Frame) -> dict[str, Any]:
+def collect_values(frame: Frame) -> dict[str, Any]:
     """Return what a frame puts into each dataset, by path, in the file's dtypes (time last)."""
     from scipy.spatial.transform import Rotation
 
@@ -178,12 +178,12 @@ def values(frame: Frame) -> dict[str, Any]:
         for path, name in names.items()
         if (value := getattr(record, name)) is not None
     }
-    found |= intermediates.values(frame.kept, frame.range_m.shape)
+    found |= intermediates.collect_arrays(frame.kept, frame.range_m.shape)
     found |= {f"settings/{name}": value for name, value in observation.settings.items()}
     if truth.pointing is not None:
         found |= {path: getattr(truth.pointing, name)[place] for path, name, place in POINTING}
     found["truth/sun_direction"] = truth.sun_direction
-    seen = lidar_from(truth.poses)
+    seen = compute_lidar_poses(truth.poses)
     rotations = [truth.poses[name].matrix for name in seen]
     rotations += [matrix[:3, :3] for matrix in seen.values()]
     quaternions = Rotation.from_matrix(np.array(rotations), assume_valid=True).as_quat(canonical=True)
@@ -203,7 +203,7 @@ def values(frame: Frame) -> dict[str, Any]:
     return found
 
 
-def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
+def compute_lidar_poses(tree: PoseTree) -> dict[str, np.ndarray]:
     """Return the matrix (4, 4) of lidar_from_<name> for every node, by name, in the tree's order.
 
     The tree is walked once, outward from the lidar, so that each pose is composed along the shortest path.
@@ -235,6 +235,6 @@ def lidar_from(tree: PoseTree) -> dict[str, np.ndarray]:
     return {name: seen[name] for name in tree}
 
 
-def parents(frame: Frame) -> dict[str, str]:
+def get_parents(frame: Frame) -> dict[str, str]:
     """Return the parent of every node of a frame's tree of axes."""
     return {name: frame.truth.poses.parent(name) for name in frame.truth.poses}

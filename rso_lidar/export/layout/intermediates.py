@@ -47,10 +47,10 @@ def check_kept(names: Iterable[str]) -> None:
             raise RecordingError(f"keep: a recording cannot keep '{name}'{guess or ';'} (known: {', '.join(RECORDS)})")
 
 
-def statements(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
+def list_arrays(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
     """Return what each array is that a recording makes of kept records, by path."""
     found = {}
-    for group, record in _recordable(kept).items():
+    for group, record in _select_recordable(kept).items():
         for path, name in FIELDS[group].items():
             if getattr(record, name) is not None:
                 spec = specs(type(record))[name]
@@ -59,10 +59,10 @@ def statements(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
     return found
 
 
-def values(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.ndarray]:
+def collect_arrays(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.ndarray]:
     """Return the arrays that a recording makes of the kept records of a frame of `shape` (row, col), by path."""
     found: dict[str, np.ndarray] = {}
-    for group, record in _recordable(kept).items():
+    for group, record in _select_recordable(kept).items():
         if isinstance(record, Waveforms):
             if tuple(record.shape) != tuple(shape):
                 raise RecordingError(f"kept waveforms: are of {record.shape} pixels, the frame of {shape}; match them")
@@ -71,11 +71,11 @@ def values(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.n
         for path, name in FIELDS[group].items():
             value = getattr(record, name)
             if value is not None:
-                found[f"{group}/{path}"] = _spread(record, value) if isinstance(record, Waveforms) else value
+                found[f"{group}/{path}"] = _spread_traces(record, value) if isinstance(record, Waveforms) else value
     return found
 
 
-def constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
+def get_constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
     """Return the numbers that hold for all frames of a recording, by group and name."""
     return {
         group: {name: float(getattr(record, name)) for name in CONSTANTS[group]}
@@ -84,7 +84,7 @@ def constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
     }
 
 
-def restored(group: str, entries: Mapping[str, np.ndarray], constants: Mapping[str, float]) -> Record:
+def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Mapping[str, float]) -> Record:
     """Return a kept record made of its arrays in a recording, by name."""
     if group != "waveforms":
         return RECORDS[group](**entries)
@@ -96,7 +96,7 @@ def restored(group: str, entries: Mapping[str, np.ndarray], constants: Mapping[s
     return Waveforms((rows, cols), sample_s, baseline_counts, np.flatnonzero(traced), **traces)
 
 
-def _spread(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
+def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
     """Return what each trace has, laid over the focal plane: (row, col, …), NaN where a pixel has no trace."""
     rows, cols = waveforms.shape
     laid = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
@@ -104,18 +104,18 @@ def _spread(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
     return laid.reshape(rows, cols, *values.shape[1:])
 
 
-def _recordable(kept: Mapping[str, Record]) -> dict[str, Record]:
+def _select_recordable(kept: Mapping[str, Record]) -> dict[str, Record]:
     """Return the kept records as a recording takes them, or say which it takes."""
     found = {}
     for group, record in kept.items():
-        taken = _image(record) if isinstance(record, Photons) else record
+        taken = _sum_photons(record) if isinstance(record, Photons) else record
         if not isinstance(taken, RECORDS.get(group, ())):
             raise RecordingError(f"kept {group}: cannot be recorded; keep {', '.join(RECORDS)}, or leave it out")
         found[group] = taken
     return found
 
 
-def _image(photons: Photons) -> PhotonImage:
+def _sum_photons(photons: Photons) -> PhotonImage:
     rows, cols = photons.shape
     total = np.bincount(photons.pixel, photons.photons, minlength=rows * cols)
     return PhotonImage(total.reshape(rows, cols), photons.background_photons_per_s)

@@ -10,7 +10,7 @@ from rso_lidar.craft import Taxonomy
 from rso_lidar.records import TargetEntry
 
 
-def tables(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
+def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
     """Return each target as a table of what JSON can say."""
     return [
         {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
@@ -19,7 +19,7 @@ def tables(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
     ]
 
 
-def targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
+def read_targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
     """Return the targets that a file holds as tables; files from before taxonomies have none."""
     return tuple(
         TargetEntry(

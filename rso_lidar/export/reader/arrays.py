@@ -10,7 +10,7 @@ import numpy as np
 from rso_lidar.export.reader.recording_file import RecordingFile
 
 
-class Stored:
+class StoredArray:
     """One dataset of a recording, indexed like a numpy array whose first axis is time; only those frames are read."""
 
     def __init__(self, recording: RecordingFile, path: str, dtype: Any = None) -> None:

@@ -20,7 +20,7 @@ SUPERBLOCK_BYTES = 48
 _READ_ATTEMPTS = 25
 
 
-def opened(path: Path, *, swmr: bool) -> Any:
+def open_hdf5(path: Path, *, swmr: bool) -> Any:
     """Return the h5py file, or say in one line why it is none."""
     import h5py
 
@@ -28,7 +28,7 @@ def opened(path: Path, *, swmr: bool) -> Any:
         if path.is_dir():
             raise RecordingError(f"{path}: is a folder; name a recording in it")
         if not path.exists():
-            raise RecordingError(f"{path}: there is no such file{_near(path)}")
+            raise RecordingError(f"{path}: there is no such file{_suggest_name(path)}")
         if not path.is_file():
             raise RecordingError(f"{path}: is not a regular file; give a recording made by `run`")
         with path.open("rb") as stream:
@@ -85,12 +85,12 @@ def read_superblock(file: Any) -> bytes:
     return os.pread(file.id.get_vfd_handle(), SUPERBLOCK_BYTES, 0) if hasattr(os, "pread") else b""
 
 
-def end_of(superblock: bytes) -> int:
+def get_end_of_file(superblock: bytes) -> int:
     """Return where a file ends by its superblock (of version 2 or 3) [bytes]; 0 where there is none."""
     return int.from_bytes(superblock[28:36], "little")
 
 
-def write_errno(error: BaseException) -> int | None:
+def get_errno(error: BaseException) -> int | None:
     """Return the system's number of an error; HDF5's report holds it in words."""
     number: int | None = getattr(error, "errno", None)
     if number is None and (found := re.search(r"errno = (\d+)", str(error))):
@@ -98,13 +98,13 @@ def write_errno(error: BaseException) -> int | None:
     return number
 
 
-def write_reason(error: BaseException) -> str:
+def describe_failure(error: BaseException) -> str:
     """Return why a write failed, in the system's words where it has a number."""
-    number = write_errno(error)
+    number = get_errno(error)
     return os.strerror(number) if number else " ".join(str(error).split())[:200]
 
 
-def _near(path: Path) -> str:
+def _suggest_name(path: Path) -> str:
     """Return a hint at an unfinished recording of that name, or at the nearest name in the folder."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"

@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RsoLidarError
 from rso_lidar.export.layout import intermediates
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, MORE_LABELS, POINTING, READING, RETURNS
-from rso_lidar.export.reader.arrays import Stored
+from rso_lidar.export.reader.arrays import StoredArray
 from rso_lidar.export.reader.recording_file import RecordingFile
 from rso_lidar.pose import Link, PoseTree
 from rso_lidar.records import BodyState, Frame, Labels, Observation, PtuAngles, Reading, Record, Truth, specs
@@ -60,29 +60,29 @@ class Recording(RecordingFile, Sequence[Frame]):
     # ----------------------------------------------------------------------------------------------------- as arrays
 
     @property
-    def range_m(self) -> Stored:
+    def range_m(self) -> StoredArray:
         """Return the measured ranges (time, row, col) [m], NaN where nothing came back."""
-        return Stored(self, "range")
+        return StoredArray(self, "range")
 
     @property
-    def intensity_counts(self) -> Stored:
+    def intensity_counts(self) -> StoredArray:
         """Return the measured intensities (time, row, col) [counts], 0 where nothing came back."""
-        return Stored(self, "intensity")
+        return StoredArray(self, "intensity")
 
     @property
-    def saturated(self) -> Stored:
+    def saturated(self) -> StoredArray:
         """Return where the intensity clipped (time, row, col), as bool."""
-        return Stored(self, "saturated", bool)
+        return StoredArray(self, "saturated", bool)
 
     @property
-    def time_s(self) -> Stored:
+    def time_s(self) -> StoredArray:
         """Return the instants of emission (time) [s since start_utc]."""
-        return Stored(self, "time")
+        return StoredArray(self, "time")
 
     @property
-    def frame_index(self) -> Stored:
+    def frame_index(self) -> StoredArray:
         """Return the number (time) of each frame in its scenario."""
-        return Stored(self, "frame_index")
+        return StoredArray(self, "frame_index")
 
     @property
     def labels(self) -> SimpleNamespace:
@@ -111,9 +111,9 @@ class Recording(RecordingFile, Sequence[Frame]):
         return self._kept_arrays("oversampled")
 
     @property
-    def lens(self) -> Stored:
+    def lens(self) -> StoredArray:
         """Return which of the lines of sight each frame (time) was seen along, where the lens changes."""
-        return Stored(self, "lens")
+        return StoredArray(self, "lens")
 
     @property
     def line_of_sight(self) -> np.ndarray:
@@ -125,9 +125,9 @@ class Recording(RecordingFile, Sequence[Frame]):
             tables: np.ndarray = self._file["line_of_sight"][: int(lenses.max(initial=-1)) + 1]
         return tables
 
-    def dataset(self, path: str) -> Stored:
+    def dataset(self, path: str) -> StoredArray:
         """Return the array at a path of the file, such as ``truth/tdrs/position``, with its attributes."""
-        return Stored(self, path)
+        return StoredArray(self, path)
 
     # ------------------------------------------------------------------------------------------------------ the inside
 
@@ -174,11 +174,13 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     def _kept_record(self, group: str, k: int) -> Record:
         entries = self._arrays({f"{group}/{path}": name for path, name in intermediates.FIELDS[group].items()}, k)
-        return intermediates.restored(group, entries, self._constants[group])
+        return intermediates.restore_record(group, entries, self._constants[group])
 
     def _named(self, names: Mapping[str, str]) -> SimpleNamespace:
         """Return those of these datasets that the recording has, by name in the record."""
-        return SimpleNamespace(**{name: Stored(self, path) for path, name in names.items() if path in self._datasets})
+        return SimpleNamespace(
+            **{name: StoredArray(self, path) for path, name in names.items() if path in self._datasets}
+        )
 
     def _kept_arrays(self, group: str) -> SimpleNamespace:
         self._need_kept(group)

@@ -14,11 +14,11 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.checksum import texts_crc32
+from rso_lidar.export.layout.checksum import compute_texts_crc32
 from rso_lidar.export.layout.datasets import INERTIAL, LABELS, NODE, POINTING, READING
-from rso_lidar.export.layout.targets import targets
-from rso_lidar.export.reader.hdf5_file import TEMPORARY, opened
-from rso_lidar.export.reader.zarr_file import SUFFIX, opened_zarr
+from rso_lidar.export.layout.targets import read_targets
+from rso_lidar.export.reader.hdf5_file import TEMPORARY, open_hdf5
+from rso_lidar.export.reader.zarr_file import SUFFIX, open_zarr
 from rso_lidar.records import SCHEMA_VERSION, Source
 
 
@@ -33,7 +33,7 @@ class RecordingFile:
         self.path = Path(path)
         self.complete = TEMPORARY.search(self.path.name) is None
         zarr = self.path.suffix.lower() == SUFFIX
-        self._file: Any = opened_zarr(self.path) if zarr else opened(self.path, swmr=not self.complete)
+        self._file: Any = open_zarr(self.path) if zarr else open_hdf5(self.path, swmr=not self.complete)
         try:
             with self.watched():
                 self._check()
@@ -109,7 +109,7 @@ class RecordingFile:
             )
         self._need("truth")
         stated = self._file["truth"].attrs.get("texts_crc32")
-        if stated is not None and int(stated) != texts_crc32(self._file):
+        if stated is not None and int(stated) != compute_texts_crc32(self._file):
             raise RecordingError(
                 f"{self.path}: is damaged (texts in its attributes differ from their checksum texts_crc32); copy or record "
                 "it again"
@@ -121,7 +121,7 @@ class RecordingFile:
         self._settings = list(self._file["settings"]) if "settings" in self._file else []
         self._ptu = "ptu" in self._file
         optional: list[str] = json.loads(attributes.get("optional_datasets", "[]"))
-        self._sunlit = [name for path in optional if (name := _between("truth/", path, "/sunlit"))]
+        self._sunlit = [name for path in optional if (name := _extract_between("truth/", path, "/sunlit"))]
         found = [group for group in intermediates.RECORDS if any(path.startswith(f"{group}/") for path in optional)]
         self.kept = tuple(found)  # names of the intermediate records that it holds
         paths = ["time", "frame_index", *READING, *LABELS, "truth/sun_direction", *optional]
@@ -157,7 +157,7 @@ class RecordingFile:
             start_utc=attributes["start_utc"],
             seed=int(attributes["seed"]),
             versions=json.loads(attributes["versions"]),
-            targets=targets(json.loads(attributes["targets"])),
+            targets=read_targets(json.loads(attributes["targets"])),
         )
 
     def _sight_of(self, number: int) -> np.ndarray:
@@ -165,16 +165,16 @@ class RecordingFile:
         if self._sight is None or self._sight[0] != number:
             with self.watched("line_of_sight"):
                 tables = self._file["line_of_sight"]
-                self._sight = number, tables[_index(number, tables.shape[0])] if self.changes_lens else tables[:]
+                self._sight = number, tables[_check_index(number, tables.shape[0])] if self.changes_lens else tables[:]
         return self._sight[1]
 
 
-def _between(start: str, text: str, end: str) -> str:
+def _extract_between(start: str, text: str, end: str) -> str:
     """Return what stands between a start and an end of a text, nothing where it has others."""
     return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 
-def _index(number: int, count: int) -> int:
+def _check_index(number: int, count: int) -> int:
     """Return a number of a table once it is sure that there is one."""
     if not 0 <= number < count:
         raise IndexError(f"no line of sight {number} among {count}")

@@ -16,7 +16,7 @@ _LOCK = re.compile(r"^\.(.+)\.lock$")
 
 
 @dataclass(frozen=True)
-class Growth:
+class RecordingStatus:
     """How far a recording has come: `frames` are whole, the last of them taken at `time_s` (None before the first).
 
     `output` is its name when complete, `file` the one that holds the frames now. `running` says that a process writes it
@@ -33,7 +33,7 @@ class Growth:
     source: Source | None = None
 
 
-def growth(path: Path) -> Growth:
+def read_status(path: Path) -> RecordingStatus:
     """Return how far the recording of that name has come; `path` may be its temporary name too.
 
     A run under way counts more than an older recording that it is to replace.
@@ -48,25 +48,25 @@ def growth(path: Path) -> Growth:
     ours = [path.with_name(name) for name in temporary if not name.endswith(".starting") and named in (None, name)]
     for file in sorted(ours):
         if file.name in locks and is_locked(file.with_name(f".{file.name}.lock")):
-            return _seen(output, file, running=True)
+            return _read_file_status(output, file, running=True)
     if output.exists():
-        return _seen(output, output, running=False)
+        return _read_file_status(output, output, running=False)
     left = sorted((file for file in ours if file.exists()), key=lambda file: file.stat().st_mtime_ns)
     if left:
         unknown = is_locked(left[-1].with_name(f".{left[-1].name}.lock")) is None
-        return _seen(output, left[-1], running=unknown)
+        return _read_file_status(output, left[-1], running=unknown)
     Recording(path).close()  # which says what is wrong
     raise RecordingError(f"{path}: was taken away while it was looked at; look again")
 
 
-def _seen(output: Path, file: Path, *, running: bool) -> Growth:
+def _read_file_status(output: Path, file: Path, *, running: bool) -> RecordingStatus:
     complete = file == output
     try:
         with Recording(file) as recording:
             count = len(recording)
             time_s = float(recording.time_s[count - 1]) if count else None
-            return Growth(output, file, running, complete, count, time_s, recording.source)
+            return RecordingStatus(output, file, running, complete, count, time_s, recording.source)
     except RecordingError:
         if not running:
             raise
-        return Growth(output, file, running, complete)  # not begun, or just being renamed
+        return RecordingStatus(output, file, running, complete)  # not begun, or just being renamed

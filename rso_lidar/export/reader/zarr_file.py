@@ -39,7 +39,7 @@ class ZarrFile:
         self._root = None
 
 
-def opened_zarr(path: Path) -> ZarrFile:
+def open_zarr(path: Path) -> ZarrFile:
     """Return the store, or say in one line why it is none."""
     if not path.exists():
         raise RecordingError(f"{path}: there is no such folder; export one with `--to {path.name}`")
@@ -54,7 +54,7 @@ def opened_zarr(path: Path) -> ZarrFile:
         root = zarr.open_group(path, mode="r")
         for name, array in root.members(max_depth=None):
             if isinstance(array, zarr.Array):
-                _whole(path, name, array)
+                _check_chunks(path, name, array)
         return ZarrFile(root)
     except RecordingError:
         raise
@@ -67,7 +67,7 @@ def add_metadata_crc32(folder: Path) -> None:
     """Write a CRC-32 of the consolidated metadata of a store, which stand in its zarr.json, into that file."""
     file = folder / "zarr.json"
     metadata = json.loads(file.read_text(encoding="utf-8"))
-    _attributes(metadata)[_CRC] = _crc32(metadata)
+    _get_truth_attributes(metadata)[_CRC] = _compute_crc32(metadata)
     file.write_text(json.dumps(metadata, indent=2), encoding="utf-8", newline="\n")
 
 
@@ -75,22 +75,22 @@ def _check_metadata(path: Path) -> None:
     """Refuse a store whose metadata differ from their checksum; an older store has none."""
     metadata = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
     if "consolidated_metadata" in metadata:
-        stated = _attributes(metadata).pop(_CRC, None)
-        if stated is not None and stated != _crc32(metadata):
+        stated = _get_truth_attributes(metadata).pop(_CRC, None)
+        if stated is not None and stated != _compute_crc32(metadata):
             raise ValueError(f"metadata in zarr.json differ from their checksum {_CRC}")
 
 
-def _attributes(metadata: dict[str, Any]) -> dict[str, Any]:
+def _get_truth_attributes(metadata: dict[str, Any]) -> dict[str, Any]:
     """Return the attributes of /truth in the consolidated metadata of a store."""
     found: dict[str, Any] = metadata["consolidated_metadata"]["metadata"]["truth"]["attributes"]
     return found
 
 
-def _crc32(metadata: dict[str, Any]) -> int:
+def _compute_crc32(metadata: dict[str, Any]) -> int:
     return zlib.crc32(json.dumps(metadata, sort_keys=True).encode())
 
 
-def _whole(path: Path, name: str, array: Any) -> None:
+def _check_chunks(path: Path, name: str, array: Any) -> None:
     """Refuse an array of which a chunk is not there: it would read as absence, which is something else."""
     held = array.shards or array.chunks
     wanted = math.prod(-(-side // chunk) for side, chunk in zip(array.shape, held, strict=True))

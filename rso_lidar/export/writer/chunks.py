@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.export.layout.checksum import CHECKSUM_BYTES, append_fletcher32
 from rso_lidar.export.layout.datasets import Variable
-from rso_lidar.export.writer.deflate import deflate_planes, largest_stream
+from rso_lidar.export.writer.deflate import bound_stream, deflate_planes
 from rso_lidar.kernels import kernel, packed
 
 
@@ -33,7 +33,7 @@ class ChunkWriter:
         self._small_ends = np.cumsum([variables[path].frame_bytes + CHECKSUM_BYTES for path in self._small])
         largest = max((variables[path].frame_bytes for path in self._images), default=0)
         self._changes, self._tokens = np.empty(largest, np.int64), np.empty(largest, np.uint16)
-        self._out = np.empty(largest_stream(largest) + CHECKSUM_BYTES, np.uint8)
+        self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
 
     def append(self, entries: Mapping[str, np.ndarray], place: int) -> None:
         """Write one frame and flush it, /time last: a frame whose instant is there is whole.

@@ -36,7 +36,7 @@ _TOKEN_EXTRA = np.append(np.zeros(_MATCH, int), np.arange(_LONGEST_MATCH + 1) - 
 _TOKEN_BITS = np.append(np.zeros(_MATCH, int), _LENGTH_BITS[_kind] + 1)  # one more for the distance
 
 
-def largest_stream(count: int) -> int:
+def bound_stream(count: int) -> int:
     """Return how many bytes a stream of so many bytes may take: a code of 15 bits is longer than any block needs."""
     return 2 * count + 1000
 
@@ -291,7 +291,7 @@ def deflate_planes(
     size : bytes of an item.
     changes : scratch space (item).
     tokens : scratch space (byte).
-    out : filled with the stream; `largest_stream` says how long it may be.
+    out : filled with the stream; `bound_stream` says how long it may be.
 
     Returns
     -------

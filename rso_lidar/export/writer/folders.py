@@ -22,7 +22,7 @@ _OURS = re.compile(
 
 
 @contextmanager
-def _looked_at(place: Path) -> Iterator[None]:
+def _reporting_access(place: Path) -> Iterator[None]:
     """Say in one line why a path cannot even be looked at."""
     try:
         yield
@@ -30,12 +30,12 @@ def _looked_at(place: Path) -> Iterator[None]:
         raise RecordingError(f"{place}: cannot be written here ({error.strerror}); choose another place") from None
 
 
-def free_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Return the path once it is sure that it names a folder that may be made, or is empty, or is an older export."""
     place = Path(path)
     if not place.name or place.name == "..":
         raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
-    with _looked_at(place):
+    with _reporting_access(place):
         if place.exists() and not place.is_dir():
             raise RecordingError(f"{place}: is a file, and this format needs a folder; give another name")
         if not place.parent.is_dir():
@@ -43,14 +43,14 @@ def free_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pat
         if place.is_dir() and any(place.iterdir()):
             if not overwrite:
                 raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
-            strange = _strange(place)
+            strange = _find_foreign(place)
             if strange:
                 raise RecordingError(f"{place}: holds {strange}, which is no export of ours; name another folder")
     return place
 
 
 @contextmanager
-def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
+def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
     """Return, as a context, a new folder to write into; it takes its name when all went well.
 
     Of an older export that is overwritten, nothing is touched before the new one is whole.
@@ -66,18 +66,18 @@ def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> I
 
     try:
         with removing(remove):
-            free_folder(place, overwrite=overwrite)
+            check_folder(place, overwrite=overwrite)
             with uninterrupted():
-                draft = _new(place, "part")
+                draft = _make_folder(place, "part")
                 ours.append((draft, made := draft.lstat()))
                 if os.name == "posix":  # as long as it is open, no other folder gets its inode
                     held.callback(os.close, os.open(draft, os.O_RDONLY))
             yield draft
             check_draft(draft, made, place)
-            free_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
+            check_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
             with uninterrupted():
                 if place.is_dir():
-                    old = _new(place, "old")
+                    old = _make_folder(place, "old")
                     place.replace(old)
                     ours.append((old, old.lstat()))
                 draft.replace(place)
@@ -90,7 +90,7 @@ def folder_beside(path: str | os.PathLike[str], *, overwrite: bool = False) -> I
         held.close()
 
 
-def _new(place: Path, what: str) -> Path:
+def _make_folder(place: Path, what: str) -> Path:
     """Return an empty folder that was not there before, beside `place`."""
     for number in itertools.count():
         draft = place.with_name(f"{place.name}.{what}{number or ''}")
@@ -102,7 +102,7 @@ def _new(place: Path, what: str) -> Path:
     raise AssertionError("counting has no end")
 
 
-def _strange(place: Path) -> str:
+def _find_foreign(place: Path) -> str:
     """Return what in a folder we did not write, such as a file's name; nothing where all of it is an export."""
     if not any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS):
         return next(entry.name for entry in sorted(place.iterdir()))

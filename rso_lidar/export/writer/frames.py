@@ -11,11 +11,11 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.datasets import Variable, parents, values
+from rso_lidar.export.layout.datasets import Variable, collect_values, get_parents
 from rso_lidar.records import Frame
 
 
-def begun(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
+def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
     """Return the first of some frames, and all of them from the first on; none at all is refused.
 
     Parameters
@@ -27,25 +27,25 @@ def begun(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]
     first = next(coming, None)
     if first is None:
         raise RecordingError(f"{place}: there were no frames to write; check the choice of frames")
-    return _frame(place, first), (_frame(place, frame) for frame in itertools.chain([first], coming))
+    return _check_frame(place, first), (_check_frame(place, frame) for frame in itertools.chain([first], coming))
 
 
-def _frame(place: Path, found: object) -> Frame:
+def _check_frame(place: Path, found: object) -> Frame:
     if not isinstance(found, Frame):
         raise RecordingError(f"{place}: got a {type(found).__name__}, not a frame; give what simulate or open returns")
     return found
 
 
-def entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
+def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
     """Return what a frame puts into each variable, by path, once it is sure that it fits beside the first frame."""
     where = f"{place}: frame {frame.index}"
-    if frame is not first and parents(frame) != parents(first):
+    if frame is not first and get_parents(frame) != get_parents(first):
         raise RecordingError(f"{where}: its tree of axes differs from the first frame's; write it to another file")
     if frame.line_of_sight.shape != first.line_of_sight.shape:
         raise RecordingError(f"{where}: has other rows or columns than the first; write it to another file")
-    if intermediates.constants(frame.kept) != intermediates.constants(first.kept):
+    if intermediates.get_constants(frame.kept) != intermediates.get_constants(first.kept):
         raise RecordingError(f"{where}: kept waveforms are sampled otherwise than the first's; write to another file")
-    filled = values(frame)
+    filled = collect_values(frame)
     if filled.keys() != variables.keys():
         odd = ", ".join(sorted(filled.keys() ^ variables.keys()))
         raise RecordingError(f"{where}: {odd}: not in every frame; write it to another file")
@@ -58,12 +58,12 @@ def entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Var
     return found
 
 
-def frame_bytes(variables: Mapping[str, Variable]) -> int:
+def count_frame_bytes(variables: Mapping[str, Variable]) -> int:
     """Return how many bytes the arrays of one frame take."""
     return sum(variable.frame_bytes for variable in variables.values())
 
 
-def plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+def to_json(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return attributes as JSON takes them."""
     return {
         name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value

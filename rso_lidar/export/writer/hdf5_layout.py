@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.attributes import SCALES, array_attributes, root_attributes, time_attributes
-from rso_lidar.export.layout.checksum import texts_crc32
-from rso_lidar.export.layout.datasets import LENS, Variable, parents, sometimes, variables
+from rso_lidar.export.layout.attributes import SCALES, get_array_attributes, get_root_attributes, get_time_attributes
+from rso_lidar.export.layout.checksum import compute_texts_crc32
+from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
 from rso_lidar.records import Frame, Observation, Source, specs
 
 
@@ -24,31 +24,33 @@ def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = Fa
 
     With a lens that changes, the tables /line_of_sight grow too, and /lens says which of them holds for a frame.
     """
-    found = variables(frame)
-    more = list(sometimes(frame))
+    found = list_variables(frame)
+    more = list(list_optional(frame))
     if changing_lens:
         found["lens"] = Variable("lens", LENS, ())
         more.append("lens")
-    _attributes(file, root_attributes(source))
-    _attributes(file, {"optional_datasets": json.dumps(more)})
-    scales = {"time": _dataset(file, found["time"], time_attributes(source.start_utc))}
+    _write_attributes(file, get_root_attributes(source))
+    _write_attributes(file, {"optional_datasets": json.dumps(more)})
+    scales = {"time": _make_dataset(file, found["time"], get_time_attributes(source.start_utc))}
     scales["time"].make_scale("time")
-    scales |= {dim: _scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
+    scales |= {dim: _make_scale(file, dim, size) for dim, size in zip(("row", "col"), frame.range_m.shape, strict=True)}
     for dim, size, meaning in (("xyz", 3, "x, y, z"), ("quaternion", 4, "x, y, z, w")):
         scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4", fletcher32=True)
-        _attributes(scales[dim], {"long_name": meaning})
+        _write_attributes(scales[dim], {"long_name": meaning})
         scales[dim].make_scale(f"This is a netCDF dimension but not a netCDF variable.{size:10d}")
     _lay_out_line_of_sight(file, frame, scales, changing_lens)
     for path, variable in found.items():
         if path != "time":
-            made = _dataset(file, variable, array_attributes(variable, source))
-            _attach(made, ("time", *variable.spec.dims), scales | _own_scales(made, variable, scales))
-    for name, parent in parents(frame).items():
-        _attributes(file[f"truth/{name}"], {"parent": parent})
-    _attributes(file["truth"], {"tree": json.dumps(parents(frame)), "states": json.dumps(list(frame.truth.states))})
-    for group, held in intermediates.constants(frame.kept).items():
-        _attributes(file[group], held)
-    _attributes(file["truth"], {"texts_crc32": np.uint32(texts_crc32(file))})
+            made = _make_dataset(file, variable, get_array_attributes(variable, source))
+            _attach_scales(made, ("time", *variable.spec.dims), scales | _make_own_scales(made, variable, scales))
+    for name, parent in get_parents(frame).items():
+        _write_attributes(file[f"truth/{name}"], {"parent": parent})
+    _write_attributes(
+        file["truth"], {"tree": json.dumps(get_parents(frame)), "states": json.dumps(list(frame.truth.states))}
+    )
+    for group, held in intermediates.get_constants(frame.kept).items():
+        _write_attributes(file[group], held)
+    _write_attributes(file["truth"], {"texts_crc32": np.uint32(compute_texts_crc32(file))})
     return found
 
 
@@ -59,32 +61,34 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
     if changing:  # not a dimension `lens`, for HDF5 calls a dimension by its scale, and /lens is another dataset
         grows: Any = {"shape": (0,), "maxshape": (None,), "chunks": (1,)}
         number = file.create_dataset("lens_number", dtype="i4", fletcher32=True, **grows)
-        _attributes(number, {"units": "1", "long_name": "number of a lens, in the order of first use"})
+        _write_attributes(number, {"units": "1", "long_name": "number of a lens, in the order of first use"})
         number.make_scale("lens_number")
         scales["lens_number"], dims = number, ("lens_number", *dims)
         grows = {"shape": (0, *shape), "maxshape": (None, *shape), "chunks": (1, *shape)}
         sight = file.create_dataset("line_of_sight", **grows, **squeeze)
     else:
         sight = file.create_dataset("line_of_sight", data=frame.line_of_sight, **squeeze)
-    _attributes(sight, {"units": stated.unit, "long_name": stated.meaning})
-    _attach(sight, dims, scales)
+    _write_attributes(sight, {"units": stated.unit, "long_name": stated.meaning})
+    _attach_scales(sight, dims, scales)
 
 
-def _own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
+def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
     """Return the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
-    return {dim: group[dim] if dim in group else _scale(group, dim, size) for dim, size in sizes if dim not in scales}
+    return {
+        dim: group[dim] if dim in group else _make_scale(group, dim, size) for dim, size in sizes if dim not in scales
+    }
 
 
-def _scale(group: Any, dim: str, size: int) -> Any:
+def _make_scale(group: Any, dim: str, size: int) -> Any:
     made = group.create_dataset(dim, data=np.arange(size, dtype="i4"), dtype="i4", fletcher32=True)
-    _attributes(made, {"units": "1", "long_name": SCALES[dim]})
+    _write_attributes(made, {"units": "1", "long_name": SCALES[dim]})
     made.make_scale(dim)
     return made
 
 
-def _dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> Any:
+def _make_dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> Any:
     squeeze = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if variable.is_image else {}
     made = file.create_dataset(
         variable.path,
@@ -96,18 +100,18 @@ def _dataset(file: Any, variable: Variable, attributes: Mapping[str, Any]) -> An
         fletcher32=True,
         **squeeze,
     )
-    _attributes(made, attributes)
+    _write_attributes(made, attributes)
     if variable.fill is not None:
         made.attrs.create("_FillValue", np.array([variable.fill], variable.spec.dtype), dtype=variable.spec.dtype)
     return made
 
 
-def _attach(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any]) -> None:
+def _attach_scales(dataset: Any, dims: tuple[str, ...], scales: Mapping[str, Any]) -> None:
     for axis, dim in enumerate(dims):
         dataset.dims[axis].attach_scale(scales[dim])
 
 
-def _attributes(place: Any, attributes: Mapping[str, Any]) -> None:
+def _write_attributes(place: Any, attributes: Mapping[str, Any]) -> None:
     import h5py
 
     for name, value in attributes.items():

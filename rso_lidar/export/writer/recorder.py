@@ -21,7 +21,7 @@ import numpy as np
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout import datasets, intermediates
 from rso_lidar.export.layout.checksum import is_intact
-from rso_lidar.export.reader.hdf5_file import TEMPORARY, end_of, read_superblock, write_errno, write_reason
+from rso_lidar.export.reader.hdf5_file import TEMPORARY, describe_failure, get_end_of_file, get_errno, read_superblock
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.export.writer.chunks import ChunkWriter
@@ -188,7 +188,7 @@ class Recorder:
             self._file.swmr_mode = True
             self._file.flush()
             self._superblock = read_superblock(self._file)
-            made.check(end_of(self._superblock))
+            made.check(get_end_of_file(self._superblock))
             starting.replace(self.temporary)  # so that whatever has the temporary name can be opened
             undone.pop_all()
             if self._open is not None:
@@ -209,7 +209,7 @@ class Recorder:
     def _copy(self, path: str, old: Recording) -> None:
         """Copy a dataset's whole frames chunk by chunk, as they are stored, once their checksums are verified."""
         have, make, count = old.handle(path), self._file[path], len(old)
-        if _layout(have) != _layout(make):
+        if _get_layout(have) != _get_layout(make):
             raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start afresh")
         make.resize(count, axis=0)
         for k in range(count):
@@ -248,14 +248,14 @@ class Recorder:
         first = self._first
         assert first is not None
         place = f"{self.path}: frame {frame.index}"
-        if datasets.parents(frame) != datasets.parents(first):
+        if datasets.get_parents(frame) != datasets.get_parents(first):
             raise RecordingError(f"{place}: its tree of axes differs from the first frame's; record it to another file")
         other_lens = self._has_other_lens(frame, first, place)
-        filled = datasets.values(frame)
+        filled = datasets.collect_values(frame)
         if filled.keys() != self._variables.keys() - {"lens"}:
             odd = ", ".join(sorted(filled.keys() ^ (self._variables.keys() - {"lens"})))
             raise RecordingError(f"{place}: {odd}: not in every frame; record it to another file")
-        if intermediates.constants(frame.kept) != intermediates.constants(first.kept):
+        if intermediates.get_constants(frame.kept) != intermediates.get_constants(first.kept):
             raise RecordingError(
                 f"{place}: kept waveforms are sampled otherwise than the first's; record to another file"
             )
@@ -287,7 +287,7 @@ class Recorder:
     def _check_place(self) -> None:
         """Raise an `InterferenceError` where the temporary file is no longer what was written, or no longer lies there."""
         if self._open is not None:
-            self._open.check(end_of(self._superblock))
+            self._open.check(get_end_of_file(self._superblock))
 
     def _publish(self) -> None:
         """Read back what was written, and give the finished file its name, durably."""
@@ -322,12 +322,12 @@ class Recorder:
             kept = self._keep(error)
             self._abandon()
             raise RunError(
-                f"{self.path}: cannot be written after {self.written} frames ({write_reason(error)}); {kept}"
+                f"{self.path}: cannot be written after {self.written} frames ({describe_failure(error)}); {kept}"
             ) from error
 
     def _keep(self, error: BaseException) -> str:
         """Return where the whole frames are kept after an error, and what to do, as words."""
-        cure = error.cure if isinstance(error, InterferenceError) else write_cure(write_errno(error))
+        cure = error.cure if isinstance(error, InterferenceError) else write_cure(get_errno(error))
         if isinstance(error, InterferenceError) and not error.intact:
             return f"they could not be kept: {cure} and run again with --overwrite"
         left = self.temporary if self.temporary.exists() else None
@@ -376,7 +376,7 @@ class Recorder:
             _unclosable.append((file, self._chunks, self._lenses))
 
 
-def _layout(dataset: Any) -> tuple[Any, ...]:
+def _get_layout(dataset: Any) -> tuple[Any, ...]:
     """Return what two h5py datasets have in common whose chunks may be copied as they are stored."""
     filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
     return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)

@@ -16,11 +16,11 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout import intermediates
-from rso_lidar.export.layout.attributes import SCALES, array_attributes, root_attributes
-from rso_lidar.export.layout.datasets import LENS, Variable, parents, sometimes, variables
-from rso_lidar.export.reader.zarr_file import add_metadata_crc32, opened_zarr
-from rso_lidar.export.writer.folders import folder_beside, free_folder
-from rso_lidar.export.writer.frames import begun, entries, frame_bytes, plain
+from rso_lidar.export.layout.attributes import SCALES, get_array_attributes, get_root_attributes
+from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_optional, list_variables
+from rso_lidar.export.reader.zarr_file import add_metadata_crc32, open_zarr
+from rso_lidar.export.writer.folders import check_folder, draft_folder
+from rso_lidar.export.writer.frames import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
 from rso_lidar.records import Frame, Observation, specs
 
@@ -37,11 +37,11 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     frames : taken one at a time as they come.
     overwrite : replace an older export, once the new one is whole.
     """
-    zarr = _zarr(path)
-    place = free_folder(path, overwrite=overwrite)
-    first, coming = begun(place, frames)
-    with folder_beside(place, overwrite=overwrite) as draft:
-        store = Store(zarr, place, draft, first)
+    zarr = _import_zarr(path)
+    place = check_folder(path, overwrite=overwrite)
+    first, coming = take_first(place, frames)
+    with draft_folder(place, overwrite=overwrite) as draft:
+        store = ZarrWriter(zarr, place, draft, first)
         for frame in coming:
             store.add(frame)
         store.finish()
@@ -51,7 +51,7 @@ def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 _ALL_CHUNKS = {"write_empty_chunks": True}  # so that a chunk that is not there is one that was lost
 
 
-def _zarr(path: str | os.PathLike[str]) -> Any:
+def _import_zarr(path: str | os.PathLike[str]) -> Any:
     """Return the library; the extra has to be installed."""
     try:
         import zarr
@@ -60,32 +60,32 @@ def _zarr(path: str | os.PathLike[str]) -> Any:
     return zarr
 
 
-class Store:
+class ZarrWriter:
     """A Zarr store that grows by whole shards."""
 
     def __init__(self, zarr: Any, place: Path, folder: Path, first: Frame) -> None:
         self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
-        self._variables = variables(first)
-        self._per_shard = int(np.clip(MOST_BATCH_BYTES // frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
+        self._variables = list_variables(first)
+        self._per_shard = int(np.clip(MOST_BATCH_BYTES // count_frame_bytes(self._variables), 1, FRAMES_PER_SHARD))
         self._waiting: dict[str, list[np.ndarray]] = {name: [] for name in self._variables}
         self._written = 0
         self._lenses = LensNumbers()
         self._numbers: list[int] = []  # of the line of sight of each frame
         self._root = zarr.open_group(folder, mode="a", zarr_format=3)  # "w" would make the folder anew
-        self._root.attrs.update(plain(root_attributes(first.source)))
+        self._root.attrs.update(to_json(get_root_attributes(first.source)))
         self._arrays = {name: self._array(variable) for name, variable in self._variables.items()}
         self._scales()
-        for name, parent in parents(first).items():
+        for name, parent in get_parents(first).items():
             self._root[f"truth/{name}"].attrs["parent"] = parent
         self._root["truth"].attrs.update(
-            {"tree": json.dumps(parents(first)), "states": json.dumps(list(first.truth.states))}
+            {"tree": json.dumps(get_parents(first)), "states": json.dumps(list(first.truth.states))}
         )
-        for group, held in intermediates.constants(first.kept).items():
+        for group, held in intermediates.get_constants(first.kept).items():
             self._root[group].attrs.update(held)
 
     def add(self, frame: Frame) -> None:
         """Take one frame; a full shard is written."""
-        for name, value in entries(self._place, frame, self._first, self._variables).items():
+        for name, value in match_entries(self._place, frame, self._first, self._variables).items():
             self._waiting[name].append(value)
         count = len(self._lenses)
         self._numbers.append(self._lenses.number(frame.line_of_sight))
@@ -102,7 +102,7 @@ class Store:
             numbers = np.array(self._numbers, LENS.dtype)
             self._array(Variable("lens", LENS, ()))
             self._resized("lens", len(numbers))[:] = numbers
-        self._root.attrs["optional_datasets"] = json.dumps([*sometimes(self._first), *["lens"] * changed])
+        self._root.attrs["optional_datasets"] = json.dumps([*list_optional(self._first), *["lens"] * changed])
         with (
             warnings.catch_warnings()
         ):  # all metadata in one file: not yet in the specification, and others may ignore it
@@ -110,7 +110,7 @@ class Store:
             self._zarr.consolidate_metadata(self._root.store)
         try:
             add_metadata_crc32(self._folder)
-            written = opened_zarr(self._folder)["time"].shape[0]
+            written = open_zarr(self._folder)["time"].shape[0]
         except (RecordingError, KeyError, ValueError) as error:
             raise RunError(f"{self._place}: is not written, for it does not read back ({error}); run again") from error
         if written != self._written:
@@ -123,7 +123,7 @@ class Store:
     def _array(self, variable: Variable) -> Any:
         """Return a new array of no frames."""
         stated = {"dtype": variable.spec.dtype, "dims": ("time", *variable.spec.dims), "fill": variable.fill}
-        attributes = array_attributes(variable, self._first.source)
+        attributes = get_array_attributes(variable, self._first.source)
         if variable.fill is not None and variable.spec.dtype.kind == "i":
             attributes["_FillValue"] = variable.fill
         chunk = (1 if variable.is_image else FRAMES_PER_SHARD, *variable.shape)
@@ -155,7 +155,7 @@ class Store:
                 self._zarr.codecs.Crc32cCodec(),
             ],
             dimension_names=stated["dims"],
-            attributes=plain(attributes),
+            attributes=to_json(attributes),
             config=_ALL_CHUNKS,
         )
 

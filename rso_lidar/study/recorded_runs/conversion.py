@@ -12,8 +12,8 @@ import numpy as np
 
 from rso_lidar import orbit
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
-from rso_lidar.export.formats.czml import thinned, write_czml
-from rso_lidar.export.formats.truth_batches import Course, courses, source_of, whole
+from rso_lidar.export.formats.czml import choose_samples, write_czml
+from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, peek_source, read_truth_batches
 from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.files import free, path_of
@@ -63,7 +63,7 @@ def save(
     if wanted.writer and wanted.name != "csv":
         return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
     place = free(path, overwrite=overwrite)
-    source, frames = source_of(place, frames)
+    source, frames = peek_source(place, frames)
     if wanted.name == "csv":
         texts = _utc_formatter(source)
         return writer_for("csv")(place, frames, utc=texts, overwrite=overwrite, **options)
@@ -88,7 +88,7 @@ def _parse_start(source: Source) -> datetime.datetime:
 def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
     """Write the states of a body; a new segment begins at each impulse."""
     folder = _find_folder(frames)
-    batches = list(courses(frames))
+    batches = list(read_truth_batches(frames))
     name = _check_name(target, list(batches[0][0].states))
     time_s = _join_times(batches)
     states = BodyState(
@@ -104,7 +104,7 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
     """Write how axes are turned in inertial ones."""
     from scipy.spatial.transform import Rotation
 
-    batches = list(courses(frames))
+    batches = list(read_truth_batches(frames))
     name = _check_name(target, list(batches[0][0].poses))
     turned = np.concatenate(
         [
@@ -121,15 +121,17 @@ def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
     if isinstance(frames, Recording):
         frames = frames[:]
     if isinstance(frames, Frames):  # only those that are wanted are read
-        chosen = courses(Frames(frames.recording, [frames.places[k] for k in thinned(len(frames)).tolist()]))
-        truth, _ = whole(chosen)
+        chosen = read_truth_batches(
+            Frames(frames.recording, [frames.places[k] for k in choose_samples(len(frames)).tolist()])
+        )
+        truth, _ = join_batches(chosen)
     else:
-        truth, _ = whole(courses(frames), thinned)
+        truth, _ = join_batches(read_truth_batches(frames), choose_samples)
     targets = [one.name for one in source.targets]
     return write_czml(place, build_globe(source.title, _parse_start(source), targets, truth))
 
 
-def _join_times(batches: list[Course]) -> np.ndarray:
+def _join_times(batches: list[TruthBatch]) -> np.ndarray:
     return np.concatenate([truth.time_s for truth, _ in batches])
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import orbit
-from rso_lidar.export.formats.czml import Beam, Moving, packets
+from rso_lidar.export.formats.czml import CzmlBeam, CzmlBody, build_packets
 from rso_lidar.orbit.sky.earth_rotation import itrs_from_gcrs
 from rso_lidar.pose import ROOT, quaternion_xyzw
 from rso_lidar.records import Truth
@@ -22,17 +22,17 @@ def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], pl
     for name, state in place.states.items():
         turned = np.broadcast_to(place.pose(ROOT, name).rotation.as_matrix(), (time_s.size, 3, 3))
         itrs_from_body = np.einsum("kij,kjl->kil", fixed, turned)
-        bodies.append(Moving(name, state.position_m, _to_quaternion(itrs_from_body)))
+        bodies.append(CzmlBody(name, state.position_m, _to_quaternion(itrs_from_body)))
     beams = []
     if targets:
         nearest = np.min([np.linalg.norm(place.pose("lidar", name).translation, axis=-1) for name in targets], axis=0)
         ahead = np.zeros((time_s.size, 3))
         ahead[:, 2] = nearest
-        beams.append(Beam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
+        beams.append(CzmlBeam("boresight", "follower", place.pose(ROOT, "lidar").apply(ahead)))
     ends = orbit.Epochs(start_utc, np.array([0.0, time_s[-1]]))
     start, end = ends.skyfield_time().utc_iso(places=6)
     lines = [("follower", name) for name in targets]
-    return packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
+    return build_packets(title, time_s, bodies, str(start), str(end), lines=lines, beams=beams)
 
 
 def _to_quaternion(matrix: np.ndarray) -> np.ndarray:

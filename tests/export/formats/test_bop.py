@@ -10,7 +10,7 @@ from PIL import Image
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RsoLidarWarning
-from rso_lidar.export.formats.bop import depth_step, pinhole
+from rso_lidar.export.formats.bop import choose_depth_scale, fit_pinhole
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -102,15 +102,15 @@ def test_a_false_trigger_far_behind_costs_itself_and_no_precision(tmp_path):
 
 def test_steps_of_depth_reach_and_are_the_finest_that_do():
     for greatest_mm in (0.0, 6553.5, 6553.6, 3.0e5, 3.0e6, 3.2768e6, 1e9):
-        step = depth_step(greatest_mm)
+        step = choose_depth_scale(greatest_mm)
         assert step * 65535 >= greatest_mm
         assert step == 0.1 or step / 2.5 * 65535 < greatest_mm
-    assert depth_step(6553.5) == 0.1
+    assert choose_depth_scale(6553.5) == 0.1
 
 
 def test_camera_matrix_is_the_lens(tmp_path):
     focal_pixels = 20.0 * 12
-    camera, off_pixels = pinhole(tmp_path, make_frame().line_of_sight)
+    camera, off_pixels = fit_pinhole(tmp_path, make_frame().line_of_sight)
     np.testing.assert_allclose(camera, [[focal_pixels, 0, 4.5], [0, focal_pixels, 5.5], [0, 0, 1]], atol=1e-10)
     assert off_pixels < 1e-10
 
@@ -119,7 +119,7 @@ def test_camera_matrix_of_a_lens_that_looks_aside(tmp_path):
     """Focal lengths and the image of the axis come back where neither is in the middle nor alike across and down."""
     col, row = np.meshgrid(np.arange(10.0), np.arange(12.0))
     sight = np.stack([(col - 3.2) / 240.0, (row - 7.9) / 250.0, np.ones((12, 10))], axis=-1)
-    camera, off_pixels = pinhole(tmp_path, sight / np.linalg.norm(sight, axis=-1, keepdims=True))
+    camera, off_pixels = fit_pinhole(tmp_path, sight / np.linalg.norm(sight, axis=-1, keepdims=True))
     np.testing.assert_allclose(camera, [[240.0, 0, 3.2], [0, 250.0, 7.9], [0, 0, 1]], atol=1e-9)
     assert off_pixels < 1e-9
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats.czml import Beam, Moving, packets, thinned, write_czml
+from rso_lidar.export.formats.czml import CzmlBeam, CzmlBody, build_packets, choose_samples, write_czml
 
 START, END = "2024-09-17T12:00:00Z", "2024-09-17T13:30:00Z"
 RADIUS_M, RATE = 6928.137e3, 1.0949e-3  # a circular orbit at 550 km: 2 pi / 5739 s
@@ -23,9 +23,9 @@ def orbit(time_s):
 
 def document(time_s, most=2000, quaternion=None, names=("stage", "follower")):
     ahead = orbit(time_s)
-    bodies = [Moving(names[0], ahead, quaternion), Moving(names[1], orbit(time_s - 1.0))]
-    beams = [Beam("boresight", names[1], ahead)]
-    return packets("a pass", time_s, bodies, START, END, lines=[(names[1], names[0])], beams=beams, most=most)
+    bodies = [CzmlBody(names[0], ahead, quaternion), CzmlBody(names[1], orbit(time_s - 1.0))]
+    beams = [CzmlBeam("boresight", names[1], ahead)]
+    return build_packets("a pass", time_s, bodies, START, END, lines=[(names[1], names[0])], beams=beams, most=most)
 
 
 def test_the_document_has_the_structure_of_the_format():
@@ -85,7 +85,7 @@ def test_orientation_goes_over_half_a_turn_without_a_jump():
 
 
 def test_one_instant_is_a_constant():
-    made = packets("still", np.zeros(1), [Moving("a", orbit(np.zeros(1)))], START, START)
+    made = build_packets("still", np.zeros(1), [CzmlBody("a", orbit(np.zeros(1)))], START, START)
     assert made[1]["position"]["cartesian"] == [RADIUS_M, 0.0, 0.0]
 
 
@@ -95,8 +95,8 @@ def test_names_that_references_would_end_at_are_escaped():
 
 
 def test_thinning_keeps_both_ends():
-    assert thinned(5).tolist() == [0, 1, 2, 3, 4]
-    chosen = thinned(100_000)
+    assert choose_samples(5).tolist() == [0, 1, 2, 3, 4]
+    chosen = choose_samples(100_000)
     assert (len(chosen), chosen[0], chosen[-1]) == (2000, 0, 99_999)
 
 
@@ -105,17 +105,17 @@ def test_thinning_keeps_both_ends():
     [
         ({"bodies": []}, "no body"),
         ({"time_s": np.array([0.0, 2.0, 1.0])}, "do not rise"),
-        ({"bodies": [Moving("a", np.full((3, 3), np.nan))]}, "a: needs a finite position"),
-        ({"bodies": [Moving("a", np.ones((3, 3))), Moving("a", np.ones((3, 3)))]}, "one name"),
-        ({"bodies": [Moving("a", np.ones((3, 3)), np.ones((3, 3)))]}, "needs a quaternion"),
+        ({"bodies": [CzmlBody("a", np.full((3, 3), np.nan))]}, "a: needs a finite position"),
+        ({"bodies": [CzmlBody("a", np.ones((3, 3))), CzmlBody("a", np.ones((3, 3)))]}, "one name"),
+        ({"bodies": [CzmlBody("a", np.ones((3, 3)), np.ones((3, 3)))]}, "needs a quaternion"),
         ({"lines": [("a", "b")]}, "tied to 'b'"),
         ({"most": 1}, "too few"),
     ],
 )
 def test_what_no_globe_could_read_is_refused(change, words):
-    given = {"time_s": np.arange(3.0), "bodies": [Moving("a", np.ones((3, 3)))], "start_utc": START, "end_utc": END}
+    given = {"time_s": np.arange(3.0), "bodies": [CzmlBody("a", np.ones((3, 3)))], "start_utc": START, "end_utc": END}
     with pytest.raises(RecordingError, match=words):
-        packets("bad", **{**given, **change})
+        build_packets("bad", **{**given, **change})
 
 
 def test_the_file_is_the_document(tmp_path):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats.pcd import pcd, write_pcd
+from rso_lidar.export.formats.pcd import encode_pcd, write_pcd
 
 
 def parsed(data):
@@ -62,15 +62,15 @@ def test_another_library_reads_it_organised(folder):
 
 
 def test_labels_may_be_left_out():
-    head, values = parsed(pcd(make_frame(), labels=False))
+    head, values = parsed(encode_pcd(make_frame(), labels=False))
     assert head["FIELDS"] == ["x", "y", "z", "intensity"]
     assert values.shape == (120, 4)
 
 
 def test_viewpoint_is_the_lidar_as_the_target_sees_it():
     frame = make_frame(1)
-    assert parsed(pcd(frame))[0]["VIEWPOINT"] == ["0", "0", "0", "1", "0", "0", "0"]
-    x, y, z, qw, qx, qy, qz = map(float, parsed(pcd(frame, "tdrs"))[0]["VIEWPOINT"])
+    assert parsed(encode_pcd(frame))[0]["VIEWPOINT"] == ["0", "0", "0", "1", "0", "0", "0"]
+    x, y, z, qw, qx, qy, qz = map(float, parsed(encode_pcd(frame, "tdrs"))[0]["VIEWPOINT"])
     there = RigidTransform.from_components([x, y, z], Rotation.from_quat([qx, qy, qz, qw]))
     expected = frame.truth.pose("tdrs", "lidar")
     np.testing.assert_allclose(there.as_matrix(), expected.as_matrix(), rtol=1e-14, atol=1e-14)

@@ -5,7 +5,7 @@ import pytest
 from frames_for_tests import make_frame, make_frames
 
 from rso_lidar import export
-from rso_lidar.export.formats.ply import ply
+from rso_lidar.export.formats.ply import encode_ply
 
 
 def test_trimesh_reads_points_pixels_and_labels(tmp_path):
@@ -33,7 +33,7 @@ def test_a_frame_without_returns_is_a_whole_file(labels):
     dark = np.full(frame.range_m.shape, np.nan, "f4")
     reading = dataclasses.replace(frame.observation.reading, range_m=dark)
     frame = dataclasses.replace(frame, observation=dataclasses.replace(frame.observation, reading=reading))
-    data = ply(frame, labels=labels)
+    data = encode_ply(frame, labels=labels)
     assert data.endswith(b"end_header\n")
     assert b"element vertex 0\n" in data
     assert (b"property short target\n" in data) == labels

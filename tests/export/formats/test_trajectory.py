@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.formats.trajectory import stamp_ns, write_csv, write_kitti, write_tum
-from rso_lidar.export.formats.truth_batches import courses, whole
+from rso_lidar.export.formats.trajectory import to_stamp_ns, write_csv, write_kitti, write_tum
+from rso_lidar.export.formats.truth_batches import join_batches, read_truth_batches
 
 COUNT = 9
 FAR_M = 3e-7  # the tree's axes lie 4e7 m apart, and a recorded rotation is good to 2e-15, a few times in each pose
@@ -75,8 +75,8 @@ def test_frames_that_come_one_by_one_are_written_like_a_recording(recorded, tmp_
 def test_courses_of_many_batches_join(recorded, monkeypatch):
     monkeypatch.setattr("rso_lidar.export.formats.truth_batches._READ", 4)
     with export.open(recorded) as frames:
-        assert [truth.time_s.size for truth, _ in courses(frames)] == [4, 4, 1]
-        truth, angles = whole(courses(frames[::-1]))
+        assert [truth.time_s.size for truth, _ in read_truth_batches(frames)] == [4, 4, 1]
+        truth, angles = join_batches(read_truth_batches(frames[::-1]))
         for k, frame in enumerate(reversed(list(frames))):
             at = truth.at(k)
             assert at.time_s == frame.time_s and at.sunlit == frame.truth.sunlit
@@ -86,13 +86,13 @@ def test_courses_of_many_batches_join(recorded, monkeypatch):
 
 
 def test_stamps_are_whole_nanoseconds():
-    assert stamp_ns("2024-09-17T12:00:00Z", 0.0) == 1726574400 * 10**9
-    assert stamp_ns("2024-09-17T14:00:00.000001+02:00", 1e-9) == 1726574400 * 10**9 + 1001
+    assert to_stamp_ns("2024-09-17T12:00:00Z", 0.0) == 1726574400 * 10**9
+    assert to_stamp_ns("2024-09-17T14:00:00.000001+02:00", 1e-9) == 1726574400 * 10**9 + 1001
     # 20 Hz over 1e6 frames: no stamp is off by a nanosecond, and none comes twice.
-    stamps = [stamp_ns("2024-09-17T12:00:00Z", k / 20.0) for k in range(0, 1_000_000, 997)]
+    stamps = [to_stamp_ns("2024-09-17T12:00:00Z", k / 20.0) for k in range(0, 1_000_000, 997)]
     assert stamps == [1726574400 * 10**9 + 50_000_000 * k for k in range(0, 1_000_000, 997)]
     with pytest.raises(RecordingError, match="has no offset"):
-        stamp_ns("2024-09-17T12:00:00", 0.0)
+        to_stamp_ns("2024-09-17T12:00:00", 0.0)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.layout.checksum import fletcher32, is_intact
+from rso_lidar.export.layout.checksum import compute_fletcher32, is_intact
 
 RUN = "1a2b3c4d"
 DIGEST = "a8807a5ec78ee8992ffb0b9c234c5970105b8a61e2501be80f999e6eee5d6c58"  # by h5py alone, of all growing datasets
@@ -29,7 +29,7 @@ def test_fletcher32_is_that_of_hdf5(tmp_path):
                 )
                 file.flush()
                 _, stored = made.id.read_direct_chunk((0,))
-                assert stored == data + fletcher32(data), (kind, count)
+                assert stored == data + compute_fletcher32(data), (kind, count)
                 assert is_intact(stored)
 
 

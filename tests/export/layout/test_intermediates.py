@@ -340,7 +340,7 @@ def test_photons_are_summed_by_pixel():
         cluster=np.arange(4),
         cluster_pixel=[0, 4, 4, 5],
     )
-    found = intermediates.values({"photons": photons}, (2, 3))
+    found = intermediates.collect_arrays({"photons": photons}, (2, 3))
     assert found["photons/image"].tolist() == [[1, 0, 0], [0, 5, 4]]
     assert found.keys() == {"photons/image"}
 

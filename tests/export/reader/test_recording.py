@@ -98,8 +98,8 @@ def test_arrays_are_indexed_like_numpy_and_read_in_part(recording, monkeypatch):
     assert (recording.range_m.shape, recording.range_m.ndim, len(recording.range_m)) == ((9, 12, 10), 3, 9)
 
     read = []
-    real = export.Stored._read
-    monkeypatch.setattr(export.Stored, "_read", lambda view, frames: read.append(frames) or real(view, frames))
+    real = export.StoredArray._read
+    monkeypatch.setattr(export.StoredArray, "_read", lambda view, frames: read.append(frames) or real(view, frames))
     recording.range_m[2:4]
     recording.range_m[5, 3]
     assert read == [slice(2, 4, 1), slice(5, 6)]

@@ -9,7 +9,7 @@ from frames_for_tests import SOURCE, leave_unfinished, make_frame, make_frames
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError
-from rso_lidar.export.reader.status import growth
+from rso_lidar.export.reader.status import read_status
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows renames no open file and has no SIGKILL")
 
@@ -59,35 +59,35 @@ def one_more(child):
 def test_the_life_of_a_recording(start, tmp_path):
     output, temporary = tmp_path / "run.h5", tmp_path / "run.h5.tmp-1a2b3c4d"
     child = start()
-    seen = growth(output)
+    seen = read_status(output)
     assert (seen.running, seen.complete, seen.frames, seen.source) == (True, False, 0, None)
     for k in range(3):
         assert one_more(child) == k
         for name in (output, temporary):
-            seen = growth(name)
+            seen = read_status(name)
             assert (seen.output, seen.file) == (output, temporary)
             assert (seen.running, seen.complete, seen.frames, seen.time_s) == (True, False, k + 1, 0.1 * k)
             assert seen.source == SOURCE
     child.kill()
     child.wait()
-    seen = growth(output)
+    seen = read_status(output)
     assert (seen.file, seen.running, seen.complete, seen.frames) == (temporary, False, False, 3)
     child = start()  # a resumed run
-    assert growth(output).running
+    assert read_status(output).running
     assert one_more(child) == 3
     child.communicate()  # the end of its input
-    seen = growth(output)
+    seen = read_status(output)
     assert (seen.file, seen.running, seen.complete, seen.frames) == (output, False, True, 4)
-    assert growth(temporary).complete  # by the name that it had
+    assert read_status(temporary).complete  # by the name that it had
 
 
 @posix
 def test_a_run_under_way_counts_more_than_what_it_replaces(start, tmp_path):
     export.save(tmp_path / "run.h5", make_frames(5))
-    assert growth(tmp_path / "run.h5").complete
+    assert read_status(tmp_path / "run.h5").complete
     child = start()
     one_more(child)
-    seen = growth(tmp_path / "run.h5")
+    seen = read_status(tmp_path / "run.h5")
     assert (seen.running, seen.frames) == (True, 1)
 
 
@@ -95,7 +95,7 @@ def test_looking_does_not_disturb_a_writer(tmp_path):
     with export.Recorder(tmp_path / "run.h5", SOURCE, run_id="1a2b3c4d") as recorder:
         for k in range(20):
             recorder.write(make_frame(k))
-            assert growth(tmp_path / "run.h5").frames == k + 1
+            assert read_status(tmp_path / "run.h5").frames == k + 1
     with export.open(tmp_path / "run.h5") as frames:
         assert len(frames) == 20
 
@@ -106,8 +106,8 @@ def test_the_youngest_of_several_that_were_left(tmp_path):
     leave_unfinished(output, make_frames(2), "00000000")
     (tmp_path / "run.h5.tmp-00000002.starting").write_bytes(b"half")
     (tmp_path / "run.h5.txt").write_text("another")
-    assert growth(output).frames == 2
-    assert growth(tmp_path / "run.h5.tmp-00000001").frames == 4
+    assert read_status(output).frames == 2
+    assert read_status(tmp_path / "run.h5.tmp-00000001").frames == 4
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_what_cannot_be_looked_at(tmp_path, name, message):
     (tmp_path / "short.h5").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "folder.h5").mkdir()
     if "tmp" in name:
-        assert growth(tmp_path / name).complete  # the run of that name may have ended well
+        assert read_status(tmp_path / name).complete  # the run of that name may have ended well
         return
     with pytest.raises(RecordingError, match=message):
-        growth(tmp_path / name)
+        read_status(tmp_path / name)

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
-from rso_lidar.export.writer.deflate import deflate_planes, find_codes, largest_stream
+from rso_lidar.export.writer.deflate import bound_stream, deflate_planes, find_codes
 from rso_lidar.kernels import packed
 
 DTYPES = ("f8", "f4", "i4", "i2", "u2", "u1")
@@ -20,7 +20,7 @@ def planes(image):
 def deflated(image):
     data = packed(image.reshape(-1).view(np.uint8))
     words = data[: len(data) // 8 * 8].view(np.uint64)
-    out = np.zeros(largest_stream(len(data)), np.uint8)
+    out = np.zeros(bound_stream(len(data)), np.uint8)
     scratch = np.empty(len(data), np.int64), np.empty(len(data), np.uint16)
     return out[: deflate_planes(data, words, image.itemsize, *scratch, out)].tobytes()
 

@@ -9,7 +9,7 @@ from frames_for_tests import KEEP, make_frame, make_frames, read_arrays
 
 from rso_lidar import export
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.export.layout.datasets import values
+from rso_lidar.export.layout.datasets import collect_values
 from rso_lidar.export.writer import zarr_store
 
 HOW = {"returns": True, "keep": KEEP}
@@ -105,8 +105,8 @@ def test_it_opens_as_a_recording_like_the_file(tmp_path, monkeypatch):
             np.testing.assert_array_equal(store.range_m[key], file.range_m[key])
             np.testing.assert_array_equal(store.labels.target[key], file.labels.target[key])
         for ours, theirs in zip(store[2:], file[2:], strict=True):
-            there = values(theirs)
-            for name, value in values(ours).items():
+            there = collect_values(theirs)
+            for name, value in collect_values(ours).items():
                 np.testing.assert_array_equal(value, there[name], err_msg=name)
             assert ours.index == theirs.index and ours.source.scenario == theirs.source.scenario
         with pytest.raises(IndexError, match="it has 7"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.export.layout.targets import tables, targets
+from rso_lidar.export.layout.targets import read_targets, tabulate_targets
 from rso_lidar.records import TargetEntry
 from rso_lidar.scenario.mission.surfaces import find_taxonomy
 from rso_lidar.scene.library.catalogue import model
@@ -77,9 +77,9 @@ def test_taxonomy_is_the_catalogue_s_unless_given_and_survives_a_table():
     own = model("tdrs").taxonomy.replace(stabilisation="tumbling", rate_deg_s=(1.0, 2.0))
     assert find_taxonomy(tdrs(taxonomy=own)) == own
     entry = TargetEntry("tdrs", "tdrs", "0" * 64, ("bus",), ("lambertian",), 12, own)
-    assert targets(tables([entry])) == (entry,)
-    older = [{key: value for key, value in table.items() if key != "taxonomy"} for table in tables([entry])]
-    assert targets(older)[0].taxonomy is None
+    assert read_targets(tabulate_targets([entry])) == (entry,)
+    older = [{key: value for key, value in table.items() if key != "taxonomy"} for table in tabulate_targets([entry])]
+    assert read_targets(older)[0].taxonomy is None
     assert rl.Taxonomy(**{**own.model_dump(), "rate_deg_s": (0.0, 0.0)}).in_words.endswith("large, tumbling")
 
 
