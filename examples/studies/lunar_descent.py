@@ -44,7 +44,7 @@ def drifting(n_frames: int):
 
 def hazards(ground: ElevationMap) -> np.ndarray:
     """Return where a lander of the limits would meet a hazard."""
-    return find_hazards(ground.mended(), **LIMITS)
+    return find_hazards(ground.fill_holes(), **LIMITS)
 
 
 def table(found: ElevationMap, truth: ElevationMap) -> list[str]:
@@ -79,7 +79,7 @@ def figure(found: ElevationMap, truth: ElevationMap):
     light, ends = LightSource(azdeg=70, altdeg=30), {"vmin": low, "vmax": high}
     grounds = (
         (panels[0, 0], truth, "the ground", ""),
-        (panels[0, 1], found.mended(), "from 60 frames", "small holes filled"),
+        (panels[0, 1], found.fill_holes(), "from 60 frames", "small holes filled"),
     )
     for axes, ground, title, note in grounds:
         shown = axes.imshow(ground.height_m, cmap="cividis", **ends, **span)

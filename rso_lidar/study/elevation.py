@@ -1,4 +1,4 @@
-"""Elevation maps rebuilt from frames, against the ground that was there, and the hazards to a landing in both."""
+"""Elevation maps built from frames, their agreement with the true ground, and landing hazards."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from rso_lidar.records import Frame
 from rso_lidar.scene import Surface
 from rso_lidar.scene.surfaces.portrait import top_heights
 
-Pose = tuple[np.ndarray, np.ndarray]  # site_from_lidar: where the lidar is (xyz) [m], and the turn (3, 3)
+Pose = tuple[np.ndarray, np.ndarray]  # site_from_lidar: position (xyz) [m] and rotation matrix (3, 3)
 
 SAFE, HAZARD, UNKNOWN = 0, 1, -1
-_COARSE_M = 8.0  # squares in which a point is judged by its neighbours
-_APART_M = 8.0  # from their median, farther than which it is noise and no ground
-_ENOUGH = 5  # neighbours of a hole
-_SUB = 3  # points along each side of a cell at which true heights are averaged
-_ROWS = 64  # of a map, worked on together
+_COARSE_M = 8.0  # side of the squares in which a point is compared with its neighbours
+_APART_M = 8.0  # distance from their median beyond which a point is noise
+_ENOUGH = 5  # known neighbours that fill a hole
+_SUB = 3  # points along each side of a cell for the mean of true heights
+_ROWS = 64  # of a map in one batch
 
 
 @dataclass(frozen=True, eq=False)
 class ElevationMap:
-    """Heights on an even grid about a site's origin, row 0 in the north.
+    """Heights on a regular grid about a site's origin, row 0 in the north.
 
-    `height_m` (row, col) [m] is the mean over each cell, NaN where nothing is known; `points` (row, col) says how many
-    points of the lidar's went into it.
+    `height_m` (row, col) [m] is the mean over each cell, NaN where unknown. `points` (row, col) is the number of lidar
+    points in each cell.
     """
 
     cell_m: float
@@ -37,32 +37,32 @@ class ElevationMap:
 
     @property
     def east_m(self) -> np.ndarray:
-        """Return x of the middle of each column [m]."""
+        """East coordinate of the middle of each column [m]."""
         cols = self.height_m.shape[1]
         east: np.ndarray = (np.arange(cols) - 0.5 * (cols - 1)) * self.cell_m
         return east
 
     @property
     def north_m(self) -> np.ndarray:
-        """Return y of the middle of each row [m]."""
+        """North coordinate of the middle of each row [m]."""
         rows = self.height_m.shape[0]
         north: np.ndarray = (0.5 * (rows - 1) - np.arange(rows)) * self.cell_m
         return north
 
     @property
     def coverage(self) -> float:
-        """Return the share of cells that have a height."""
+        """Share of cells with a known height."""
         return float(np.isfinite(self.height_m).mean())
 
     @property
     def slope_deg(self) -> np.ndarray:
-        """Return the slope (row, col) [deg] between the neighbours of each cell, two cells apart."""
+        """Slope (row, col) [deg] between the neighbours of each cell, two cells apart."""
         down, right = np.gradient(self.height_m, self.cell_m)
         slope: np.ndarray = np.arctan(np.hypot(down, right)) / units.DEG
         return slope
 
-    def mended(self) -> ElevationMap:
-        """Return the map with small holes filled by the mean of their neighbours, where five of eight or more are known."""
+    def fill_holes(self) -> ElevationMap:
+        """Return the map with holes filled by the mean of their neighbours, where at least five of eight are known."""
         wide = np.pad(self.height_m, 1, constant_values=np.nan)
         about = np.lib.stride_tricks.sliding_window_view(wide, (3, 3)).reshape(*self.height_m.shape, 9)
         known = np.isfinite(about)
@@ -79,11 +79,23 @@ def build_elevation_map(
     cell_m: float,
     navigated: Callable[[Frame, Pose], Pose] | None = None,
 ) -> ElevationMap:
-    """Return the heights that frames saw of a square of a site, in the site's axes.
+    """Build a map of heights of a square site from frames, in the site's axes.
 
-    A point counts by the inverse square of its range, as its pixel's width on the ground does, so that what was seen from
-    near by stands. Points more than 8 m from the median of the 8 m about them are dropped: false triggers lie anywhere.
-    `navigated` gives the pose that a spacecraft believes in, from a frame and the true one (None: the true one).
+    The weight of a point is the inverse square of its range, because the width of its pixel on the ground grows with
+    range. Points more than 8 m from the median of the 8 m about them are rejected as false triggers.
+
+    Parameters
+    ----------
+    frames : a recording.
+    site : name of the axes.
+    size_m : side of the site [m].
+    cell_m : side of a cell [m].
+    navigated : function that returns the pose as navigated, from a frame and the true pose (None: the true pose).
+
+    Raises
+    ------
+    ValueError
+        For a cell larger than the site.
     """
     n = round(size_m / cell_m)
     if n < 1:
@@ -112,7 +124,15 @@ def build_elevation_map(
 
 
 def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) -> np.ndarray:
-    """Return which points are near the median height of the coarse square that they lie in."""
+    """Return a mask of points near the median height of their coarse square.
+
+    Parameters
+    ----------
+    cell : (point) index of the cell.
+    height : (point) height [m].
+    n : cells along a side of the map.
+    coarse : cells along a side of a coarse square.
+    """
     square = (cell // n) // coarse * n + (cell % n) // coarse
     order = np.lexsort((height, square))
     starts = np.flatnonzero(np.diff(square[order], prepend=-1))
@@ -124,7 +144,7 @@ def _reject_outliers(cell: np.ndarray, height: np.ndarray, n: int, coarse: int) 
 
 
 def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
-    """Return the true heights of a surface's topmost facets, averaged over each cell of a map like another."""
+    """Build the true map of a surface's topmost facets, averaged over the cells of another map."""
     part = ((np.arange(_SUB) + 0.5) / _SUB - 0.5) * like.cell_m
     east = (like.east_m[:, None] + part).ravel()
     north = (like.north_m[:, None] - part).ravel()
@@ -136,10 +156,10 @@ def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a map agrees with the truth where the ground slopes from `from_deg` to `to_deg`.
+    """Agreement of a map with the truth where the slope of the ground is `from_deg` to `to_deg`.
 
-    `coverage` is the share of those cells that have a height; `bias_m` and `rms_m` are of the map less the truth, `worst_m`
-    is what 95 % of the cells keep within.
+    `coverage` is the share of those cells with a known height. `bias_m` and `rms_m` are those of map minus truth. `worst_m`
+    is the 95 % quantile of the absolute error.
     """
 
     from_deg: float
@@ -154,7 +174,14 @@ class Agreement:
 def compare_maps(
     found: ElevationMap, truth: ElevationMap, slopes_deg: tuple[float, ...] = (0, 5, 10, 15, 20, 90)
 ) -> list[Agreement]:
-    """Return how a map agrees with the truth, over all slopes first, then from slope to slope [deg]."""
+    """Compare a map with the truth, over all slopes first, then in classes of slope.
+
+    Parameters
+    ----------
+    found : the map.
+    truth : the true map on the same grid.
+    slopes_deg : limits of the classes [deg].
+    """
     slope, apart = truth.slope_deg, found.height_m - truth.height_m
     known = np.isfinite(slope)
     spans = [(slopes_deg[0], slopes_deg[-1]), *pairwise(slopes_deg)]
@@ -162,20 +189,26 @@ def compare_maps(
     for low, high in spans:
         of = known & (slope >= low) & (slope < high)
         errors = apart[of & np.isfinite(apart)]
-        told = (np.nan, np.nan, np.nan)
+        figures = (np.nan, np.nan, np.nan)
         if len(errors):
-            told = float(errors.mean()), float(np.sqrt((errors**2).mean())), float(np.quantile(np.abs(errors), 0.95))
+            figures = float(errors.mean()), float(np.sqrt((errors**2).mean())), float(np.quantile(np.abs(errors), 0.95))
         cells = int(of.sum())
-        rows.append(Agreement(low, high, cells, len(errors) / cells if cells else 0.0, *told))
+        rows.append(Agreement(low, high, cells, len(errors) / cells if cells else 0.0, *figures))
     return rows
 
 
 def find_hazards(ground: ElevationMap, footprint_m: float, slope_deg: float, roughness_m: float) -> np.ndarray:
-    """Return what a lander would meet (row, col) about each cell: SAFE, HAZARD, or UNKNOWN.
+    """Classify each cell (row, col) as a landing site: SAFE, HAZARD or UNKNOWN.
 
-    A plane is laid by least squares through the cells of a square `footprint_m` wide; steeper than `slope_deg`, or with a
-    cell farther from it than `roughness_m`, is a hazard; where a cell has no height, or beyond the map's edge, nothing is
-    known.
+    A plane is fitted by least squares to the cells of the lander's footprint. A slope or a distance of a cell from the
+    plane above its limit is a hazard. The class is unknown where a cell has no height, and beyond the map's edge.
+
+    Parameters
+    ----------
+    ground : the map.
+    footprint_m : side of the lander's footprint [m].
+    slope_deg : greatest safe slope [deg].
+    roughness_m : greatest safe distance of a cell from the plane [m].
     """
     width = max(3, 2 * round(0.5 * (footprint_m / ground.cell_m - 1.0)) + 1)
     state = np.full(ground.height_m.shape, UNKNOWN, dtype=np.int8)
@@ -193,6 +226,7 @@ def find_hazards(ground: ElevationMap, footprint_m: float, slope_deg: float, rou
         south = (some * offset[:, None]).sum(axis=(2, 3), keepdims=True) / square
         rough = np.abs(some - mean - east * offset - south * offset[:, None]).max(axis=(2, 3))
         slope = np.arctan(np.hypot(east, south)[..., 0, 0]) / units.DEG
-        told = np.where((slope > slope_deg) | (rough > roughness_m), HAZARD, SAFE)
-        state[half + first : half + first + len(told), half : half + cols] = np.where(np.isfinite(slope), told, UNKNOWN)
+        judged = np.where((slope > slope_deg) | (rough > roughness_m), HAZARD, SAFE)
+        judged = np.where(np.isfinite(slope), judged, UNKNOWN)
+        state[half + first : half + first + len(judged), half : half + cols] = judged
     return state

@@ -1,4 +1,4 @@
-"""The materials that ship, in a line each: what they are, and how much light they send back at the lasers' wavelengths."""
+"""The list of shipped materials, with their reflectance at the lasers' wavelengths."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WAVELENGTHS_NM = (1064.0, 1570.0)
 
 @dataclass(frozen=True)
 class MaterialLine:
-    """A material: `kind` of BRDF, total reflectance at each of `WAVELENGTHS_NM`, and how well the numbers are known."""
+    """A material: kind of BRDF, total reflectance at each of `WAVELENGTHS_NM`, and confidence in the numbers."""
 
     name: str
     kind: str
@@ -23,7 +23,7 @@ class MaterialLine:
 
 
 def list_materials() -> list[MaterialLine]:
-    """Return the materials of the catalogue in its order.
+    """List the materials of the catalogue in its order.
 
     >>> [line.reflectance for line in list_materials() if line.name == "mli_gold"]
     [(0.8, 0.87)]
@@ -41,7 +41,7 @@ def list_materials() -> list[MaterialLine]:
 
 
 def _total_reflectance(table: Mapping[str, Any]) -> float:
-    """Return the share of the light that comes back, in all directions together."""
+    """Return the total reflectance over all directions."""
     if table["type"] == "lambertian":
         total = table["reflectance"]
     elif table["type"] == "retro_reflector":

@@ -1,4 +1,4 @@
-"""One model on one page: how it looks from four sides, what it is made of, and how much light it sends back."""
+"""The card of a model: views from four sides, materials, and the light that it returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
 _Direction = tuple[float, float, float]
-# What is seen, from which direction in body axes, and which axis points up in the picture.
+# Views: direction in body axes from which the model is seen, and the axis that points up in the picture.
 SIDES: dict[str, tuple[_Direction, _Direction]] = {
     "from +x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
     "from +y": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
@@ -33,7 +33,7 @@ SIDES: dict[str, tuple[_Direction, _Direction]] = {
     "oblique": ((1.0, 0.8, 0.7), (0.0, 0.0, 1.0)),
 }
 CAMERA = "gsfl_1064"
-WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, the energy kept
+WAVELENGTHS_NM = (1064.0, 1570.0)  # of its laser, with the energy unchanged
 RANGE_M = 1000.0
 _CELLS = 640  # along a side of each picture
 _GREY = (0.62, 0.62, 0.62)
@@ -41,7 +41,7 @@ _GREY = (0.62, 0.62, 0.62)
 
 @dataclass(frozen=True)
 class SideReturn:
-    """What one flash of the seed's camera gets back from a side of a model: photons in all and in the brightest pixel."""
+    """Light that one flash of the camera of Fuller et al. returns from a side: in all, and in the brightest pixel."""
 
     wavelength_nm: float
     side: str
@@ -52,7 +52,7 @@ class SideReturn:
 
 @dataclass(frozen=True)
 class PartBounds:
-    """A part, what it is of, and the corners (xyz) [m] of the box about it, in body axes."""
+    """A part with its material and its bounding box: corners (xyz) [m] in body axes."""
 
     name: str
     material: str
@@ -62,7 +62,7 @@ class PartBounds:
 
 @dataclass(frozen=True, eq=False)
 class ModelCard:
-    """A model as it stands in the catalogue or a file: `what` and `lines` in words, `returns` its light from `RANGE_M`."""
+    """A model of the catalogue or a file: `what` and `lines` describe it, `returns` is its light from `RANGE_M`."""
 
     name: str
     what: str
@@ -72,13 +72,13 @@ class ModelCard:
     returns: tuple[SideReturn, ...]
 
     def figure(self) -> Any:
-        """Return the page, a matplotlib Figure: four sides by part, four by material, and tables of what it is."""
+        """Return a matplotlib Figure: four views by part, four by material, and tables."""
         return model_card_figure(self.name, self.views, self.lines, self.light_table())
 
     def light_table(self) -> list[list[str]]:
-        """Return the photons of each side as rows of cells, heads first: in all, and in the brightest pixel.
+        """Return the photons of each side, in all and in the brightest pixel, as rows of cells with the heads first.
 
-        The body's middle is on the boresight, where four pixels meet: a body smaller than a pixel lights all four.
+        The body's middle is on the boresight, where four pixels meet. A body smaller than a pixel illuminates all four.
         """
         if not self.returns:
             return []
@@ -91,12 +91,19 @@ class ModelCard:
         return rows
 
     def save(self, path: str | Path) -> Path:
-        """Return the path of the page, as .png, .pdf or .svg, written whole or not at all."""
+        """Write the page as .png, .pdf or .svg, and return its path."""
         return save_figure(self.figure(), path, dpi=110)
 
 
 def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: bool = True) -> ModelCard:
-    """Return the card of a model of the catalogue, or of the mesh that `name`, with a suffix or a slash, is the path of."""
+    """Make the card of a model of the catalogue, or of a mesh file.
+
+    Parameters
+    ----------
+    name : of the model; with a suffix or a slash, the path of a mesh.
+    file : finds a mesh file by its name.
+    returns : whether to simulate the light that the model returns.
+    """
     target = Target(name="model", model=name, motion=Fixed(position_m=(0.0, 0.0, 0.0)))
     if target.is_path:
         target = target.replace(center_of_mass_m=(0.0, 0.0, 0.0))
@@ -132,7 +139,13 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
 
 
 def _view_width_m(surface: Surface, toward: _Direction, up: _Direction) -> float:
-    """Return twice the distance [m] of the farthest corner from the middle, up, down or sideways in a picture."""
+    """Return the width [m] of a square view that contains the surface, centred on its bounding sphere.
+
+    Parameters
+    ----------
+    surface : the surface.
+    toward, up : (xyz) directions in body axes: from where it is seen, and up in the view.
+    """
     from_middle = surface.corners.reshape(-1, 3) - surface.sphere[0]
     right, down, _ = viewer_axes(toward, up)
     return 2.0 * max(float(np.abs(from_middle @ axis).max()) for axis in (right, down))
@@ -165,7 +178,14 @@ def _simulate_side(target: Target, file: Callable[[str], Path], wavelength_nm: f
 
 
 def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> RigidTransform:
-    """Return lidar_from_body of a body `range_m` [m] ahead that shows the side `toward` (xyz, body), `up` upward."""
+    """Return lidar_from_body of a body on the boresight.
+
+    Parameters
+    ----------
+    toward : (xyz) direction in body axes from which it is seen.
+    up : (xyz) direction in body axes that points up in the image.
+    range_m : its range [m].
+    """
     from scipy.spatial.transform import RigidTransform, Rotation
 
     turn = Rotation.from_matrix(viewer_axes(toward, up))
@@ -173,7 +193,7 @@ def _lidar_from_body(toward: _Direction, up: _Direction, range_m: float) -> Rigi
 
 
 def _format_photons(photons: float) -> str:
-    """Return a number of photons in three digits, with commas.
+    """Format a number of photons in three digits, with commas.
 
     >>> _format_photons(2_796_000.0), _format_photons(281.7), _format_photons(0.01234)
     ('2,800,000', '282', '0.0123')
@@ -192,7 +212,7 @@ def _describe_model(target: Target, surface: Surface) -> list[str]:
     )
     if not target.is_path:
         entry = model(target.shape)
-        if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # nobody says them of a user's own model
+        if entry.mass_kg is not None and entry.inertia_kg_m2 is not None:  # a user's own model has neither
             inertia = ", ".join(f"{one:,.4g}" for one in np.linalg.eigvalsh(np.array(entry.inertia_kg_m2)))
             lines.append(f"{entry.mass_kg:,.4g} kg, principal inertia {inertia} kg m² (estimated)")
         if entry.hinges:

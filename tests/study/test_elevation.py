@@ -75,7 +75,7 @@ def test_small_holes_are_mended_and_large_ones_are_not():
     ground = flat(9, height_m=5.0)
     ground.height_m[4, 4] = np.nan
     ground.height_m[:3, :3] = np.nan
-    mended = ground.mended().height_m
+    mended = ground.fill_holes().height_m
     assert mended[4, 4] == 5.0
     assert np.isnan(mended[0, 0])
 

@@ -1,4 +1,4 @@
-"""What a link budget is asked about: camera, ranges, materials, angles and target, checked; and what it leaves out."""
+"""Inputs of a link budget, checked: camera, ranges, materials, angles and target; and what the budget omits."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete
 from rso_lidar.scene.library.catalogue import materials
 
 _RANGES = 121
-_SPAN = 50.0  # greatest range over least, where none is asked for
+_SPAN = 50.0  # default of the greatest range over the least
 _FARTHEST_M = 1e9
 _GATED_TO_M = 50_000.0
 
 
 def select_camera(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | None, str]:
-    """Return a camera, the scenario that it is of, and its name."""
+    """Return the camera, the scenario that it belongs to, and its name."""
     if isinstance(camera, Scenario):
         return camera.instrument.at(0.0), camera, camera.name
     if isinstance(camera, Lidar):
@@ -44,14 +44,21 @@ def select_camera(camera: Lidar | Scenario | str) -> tuple[Lidar, Scenario | Non
 
 
 def check_positive(what: str, value: Any) -> float:
-    """Return a number that is finite and above 0."""
+    """Return a number, or raise `ScenarioError` where it is not finite and above 0."""
     if not isinstance(value, Real) or isinstance(value, bool) or not 0.0 < float(value) < math.inf:
         raise ScenarioError(f"{what}: {value}: is no size; give a finite number above 0")
     return float(value)
 
 
 def check_angles_deg(what: str, given: Sequence[float] | float, least: float, most: float) -> tuple[float, ...]:
-    """Return angles [deg], each once, within two others."""
+    """Return distinct angles [deg], or raise `ScenarioError` for those outside the limits.
+
+    Parameters
+    ----------
+    what : name of the angles in error messages.
+    given : one or several angles [deg].
+    least, most : limits [deg].
+    """
     values = tuple(dict.fromkeys(float(value) for value in np.atleast_1d(np.asarray(given, dtype=float))))
     if not values:
         raise ScenarioError(f"{what}: is empty; give at least one angle")
@@ -62,12 +69,12 @@ def check_angles_deg(what: str, given: Sequence[float] | float, least: float, mo
 
 
 def change_divergence(lidar: Lidar, divergence_deg: float) -> Lidar:
-    """Return a camera with another beam."""
+    """Return a camera with another beam divergence [deg]."""
     return lidar.replace(laser=lidar.laser.replace(divergence_deg=divergence_deg))
 
 
 def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
-    """Return rising ranges [m]: those given, or 121 in equal ratios between two."""
+    """Return ascending ranges [m]: those given, or 121 in equal ratios between the nearest and the farthest."""
     if given is None:
         traits = detector.traits
         far = _GATED_TO_M if traits.is_gated else min(traits.sees_to_m, _FARTHEST_M)
@@ -80,8 +87,8 @@ def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
         or not np.all(values > 0.0)
         or not np.all(np.diff(values) > 0.0)
     ):
-        told = ", ".join(f"{value:g}" for value in values[:4])
-        raise ScenarioError(f"range_m: {told}: are no ranges; give a near and a farther one, above 0")
+        shown = ", ".join(f"{value:g}" for value in values[:4])
+        raise ScenarioError(f"range_m: {shown}: are no ranges; give a near and a farther one, above 0")
     if values[-1] > _FARTHEST_M:
         raise ScenarioError(f"range_m: {values[-1]:g}: is beyond {_FARTHEST_M:g} m; give a nearer one")
     return np.geomspace(values[0], values[1], _RANGES) if len(values) == 2 else values
@@ -89,10 +96,10 @@ def choose_ranges_m(given: Any, detector: AnyDetector) -> np.ndarray:
 
 @dataclass(frozen=True)
 class BudgetTarget:
-    """The target of a budget: `words` that name it, its sides [m], its silhouette [m²], and the square that fits inside it.
+    """The target of a budget: its name in words, its sides [m], its silhouette [m²], and the square inside that.
 
-    `square_m` is None where no target was asked for: then pixels are counted on a square of a metre, and nothing has to
-    fill the pixel.
+    `square_m` is the side of that square. It is None where no target was asked for: pixels are then counted on a square of
+    one metre, and the target need not fill a pixel.
     """
 
     words: str
@@ -102,11 +109,11 @@ class BudgetTarget:
 
 
 def choose_target(given: Sequence[float] | float | None, scenario: Scenario | None) -> BudgetTarget:
-    """Return the target of a budget: a square or a box as given, or the scenario's first target as the lidar sees it.
+    """Choose the target of a budget: a square or a box as given, or the scenario's first target as the lidar sees it.
 
-    One side is that of a square that faces the lidar. Of a box, as of any convex body, the mean silhouette is a quarter of
-    its surface (Cauchy 1841), and the square inside it is about its middle side. Of a scenario's target both are cast in the
-    attitudes of the run: the mean silhouette, and the median of the squares.
+    One side is that of a square that faces the lidar. The mean silhouette of a convex body is a quarter of its
+    surface (Cauchy 1841). The square inside that of a box is about as wide as its middle side. A scenario's target is
+    cast in the attitudes of the run, which gives the mean silhouette and the median of the squares.
     """
     if given is None and scenario is not None and scenario.target:
         with unwarned():
@@ -114,7 +121,7 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))
         name = scenario.target[0].name
-        if not areas_m2.size:  # the lidar is at the target's origin all the time
+        if not areas_m2.size:  # the lidar is always at the target's origin
             return BudgetTarget(f"target: {name}", sides, max(sides) ** 2, None)
         area_m2, square_m = float(areas_m2.mean()), float(np.median(squares_m))
         return BudgetTarget(f"target: {name}, {area_m2:.3g} m² in silhouette", sides, area_m2, square_m)
@@ -134,7 +141,14 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
 def choose_materials(
     given: Sequence[str | float | Material] | None, scenario: Scenario | None, wavelength_m: float
 ) -> list[tuple[str, Scatterer]]:
-    """Return the materials asked for by name, as light of `wavelength_m` [m] sees them."""
+    """Choose the materials of a budget, each with a name.
+
+    Parameters
+    ----------
+    given : names, reflectances, tables or materials (None: dimmest and brightest of the scenario's first target).
+    scenario : the scenario of the camera, if any.
+    wavelength_m : of the laser [m].
+    """
     if given is not None:
         if isinstance(given, str | float | int | Material):
             given = [given]
@@ -145,7 +159,9 @@ def choose_materials(
     if scenario is None or not scenario.target:
         return [("lambertian 0.3", Lambertian())]
     found = {material for surface in scenario.surfaces_of(0) for material in surface.materials}
-    found = {material for material in found if not material.is_retro} or found  # those are far smaller than a pixel
+    found = {
+        material for material in found if not material.is_retro
+    } or found  # retro-reflectors are far smaller than a pixel
     facing = sorted(found, key=lambda one: float(one.mean_brdf_per_sr(np.array(1.0))))
     ends = dict.fromkeys([facing[0], facing[-1]])
     return [(_name_material(one, wavelength_m), one) for one in ends]
@@ -173,7 +189,7 @@ def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[
 
 
 def _read_brdf_table(file: Path) -> TableBrdf:
-    """Return the BRDF that a file tabulates: incidence_deg, brdf_per_sr, a heading allowed."""
+    """Read a BRDF table with the columns incidence_deg and brdf_per_sr; a heading is allowed."""
     text = read_text(file, MOST_BYTES, ScenarioError, "table (incidence_deg, brdf_per_sr)")
     try:
         rows = [row for row in csv.reader(text.splitlines()) if row]
@@ -184,8 +200,8 @@ def _read_brdf_table(file: Path) -> TableBrdf:
         degrees, values = zip(*columns, strict=True)
         return TableBrdf(incidence_deg=degrees, measured_per_sr=values)
     except ValidationError as error:
-        told = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise ScenarioError(f"{file}: {told}; columns are incidence_deg, brdf_per_sr") from None
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ScenarioError(f"{file}: {reason}; columns are incidence_deg, brdf_per_sr") from None
     except ScenarioError as error:
         raise ScenarioError(f"{file}: {error}") from None
     except ValueError:
@@ -201,7 +217,7 @@ def _is_number(text: str) -> bool:
 
 
 def _name_material(material: Scatterer, wavelength_m: float) -> str:
-    """Return what the catalogue calls a material, or its type and reflectance."""
+    """Return the catalogue's name of a material, or its type and reflectance."""
     for name in materials():
         if material_named(name, wavelength_m) == material and name != "lambertian_30":
             return name
@@ -211,13 +227,20 @@ def _name_material(material: Scatterer, wavelength_m: float) -> str:
 
 
 def has_retros(scenario: Scenario | None) -> bool:
-    """Return whether the first target has retro-reflectors, which `materials_of` leaves out unless asked for them."""
+    """Return whether the first target has retro-reflectors, which `choose_materials` omits by default."""
     seen = scenario.surfaces_of(0) if scenario is not None and scenario.target else []
     return len({material.is_retro for surface in seen for material in surface.materials}) > 1
 
 
 def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = False) -> tuple[str, ...]:
-    """Return in words how many false alarms there are, and what of camera and target the closed form does not count."""
+    """Describe the false alarms, and the effects of camera and target that the closed form omits.
+
+    Parameters
+    ----------
+    lidar : the camera.
+    false_alarms : false alarms of a frame in the dark.
+    retros : whether retro-reflectors of the target are omitted.
+    """
     laser, receiver = lidar.laser, lidar.receiver
     dropped = ["retro-reflectors of the target"] * retros
     dropped += [name for name in ("psf", "distortion") if getattr(receiver, name) is not None]

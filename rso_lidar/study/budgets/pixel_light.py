@@ -1,8 +1,8 @@
-"""The light of one pixel, by following the energy of a pulse: a second way to what the ray-traced chain adds up.
+"""Light of one facet on one pixel in closed form, independent of the ray-traced chain.
 
-Of the pulse a share falls onto the patch that the pixel sees; the patch sends ρ cos α of it into each unit of solid angle;
-the lens is π D²/4R² of that, and the optics pass η. Nothing here calls the radiometry of the chain: it reads the parts'
-numbers, and a material's BRDF.
+A share of the pulse falls onto the patch that the pixel sees. The patch scatters ρ cos α of it into each unit of solid
+angle. The lens covers π D²/4R² of that, and the optics transmit η. This module uses the parts' numbers and a material's
+BRDF only, so that it can verify the radiometry of the chain.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from rso_lidar.optics import Laser, Receiver
 from rso_lidar.optics.tables.laser_profiles import read_pattern
 from rso_lidar.scene import Scatterer
 
-_SLICES = 256  # of a pixel, where the rim of a round beam crosses it
+_SLICES = 256  # of a pixel that the edge of a round beam crosses
 
 
 def pixel_width_m(receiver: Receiver, range_m: np.ndarray) -> np.ndarray:
-    """Return how wide a pixel on the boresight is at these ranges [m], across the line of sight."""
+    """Return the width [m] of a pixel on the boresight at some ranges [m], across the line of sight."""
     width: np.ndarray = np.asarray(range_m, dtype=float) * (receiver.pixel_pitch_m / receiver.focal_length_m)
     return width
 
@@ -33,11 +33,24 @@ def compute_photons(
     range_m: np.ndarray,
     facet_m2: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the photons on a pixel centred on the boresight (range), and which share of it the facet fills (range).
+    """Compute the photons on a pixel centred on the boresight, and the share of the pixel that the facet fills.
 
-    The facet is flat, lies on the boresight, and is tilted by `tilt_rad` [rad] against it. It fills the pixel and its
-    neighbours, or is a square of `facet_m2` [m²]: where the pixel is larger than that, photons fall with R⁻⁴. A laser beside
-    the lens lights the facet from there; its distance and angle count as the lens's own, right to offset / range.
+    The facet is flat and lies on the boresight. Where the pixel is larger than the facet, photons fall with R⁻⁴. A laser
+    beside the lens illuminates the facet from its own place. Its distance and angle are taken as those of the lens, an
+    approximation good to offset / range.
+
+    Parameters
+    ----------
+    laser, receiver : the camera.
+    material : of the facet.
+    tilt_rad : angle between the facet's normal and the boresight [rad].
+    range_m : (range) ranges of the facet [m].
+    facet_m2 : area of a square facet [m²] (None: it fills the pixel and its neighbours).
+
+    Returns
+    -------
+    photons : (range) expected photons on the pixel.
+    fill : (range) share of the pixel that the facet fills.
 
     >>> from rso_lidar.scene import Lambertian
     >>> photons, _ = compute_photons(Laser(), Receiver(fov_deg=2.5, f_number=2.8), Lambertian(), 0.0, np.array([3000.0]))
@@ -61,14 +74,29 @@ def compute_photons(
 
 
 def depth_spread_s(receiver: Receiver, tilt_rad: float, range_m: np.ndarray, fill: np.ndarray) -> np.ndarray:
-    """Return for how long light returns from a tilted facet in one pixel (range) [s]: 2 w tan α / c, w the width seen."""
+    """Return the time (range) [s] over which light returns from a tilted facet in one pixel: 2 w tan α / c.
+
+    Parameters
+    ----------
+    receiver : the lens and the focal plane.
+    tilt_rad : angle between the facet's normal and the boresight [rad].
+    range_m : (range) ranges of the facet [m].
+    fill : (range) share of the pixel that the facet fills, which gives the visible width w.
+    """
     seen_m = pixel_width_m(receiver, range_m) * np.sqrt(fill)
     spread: np.ndarray = seen_m * math.tan(tilt_rad) / units.RANGE_PER_DELAY_M_S
     return spread
 
 
 def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) -> np.ndarray:
-    """Return the share of the pulse's energy that falls onto a square of width `across_m` on the boresight (range)."""
+    """Return the share of the pulse's energy that falls onto a square on the boresight.
+
+    Parameters
+    ----------
+    laser : the laser.
+    across_m : (range) width of the square [m].
+    range_m : (range) its range [m].
+    """
     right_m, down_m, ahead_m = laser.offset_m
     before = range_m > ahead_m
     depth_m = np.where(before, range_m - ahead_m, 1.0)
@@ -76,9 +104,7 @@ def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) 
     half = 0.5 * across_m / depth_m / t  # all in units of the beam's half width
     x, y = -right_m / depth_m / t, -down_m / depth_m / t
     if laser.footprint in ("square", "as_printed"):
-        energy = (
-            4.0 if laser.footprint == "as_printed" else 1.0
-        )  # eq. 7 of Fuller et al. as printed sends four times its energy
+        energy = 4.0 if laser.footprint == "as_printed" else 1.0  # Fuller et al., eq. 7, as printed has a factor of 4
         share = energy * 0.25 * _overlap(x, half) * _overlap(y, half)
     elif laser.footprint == "gaussian":
         share = _gaussian_share(x, half) * _gaussian_share(y, half)
@@ -91,13 +117,19 @@ def _illuminated_share(laser: Laser, across_m: np.ndarray, range_m: np.ndarray) 
 
 
 def _overlap(middle: np.ndarray, half: np.ndarray, low: float = -1.0, high: float = 1.0) -> np.ndarray:
-    """Return how much of [low, high] lies within `half` of `middle`."""
+    """Return the length of the part of an interval that lies within `half` of `middle`.
+
+    Parameters
+    ----------
+    middle, half : middle and half width of the other interval.
+    low, high : ends of the interval.
+    """
     length: np.ndarray = np.maximum(np.minimum(middle + half, high) - np.maximum(middle - half, low), 0.0)
     return length
 
 
 def _gaussian_share(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return the share of a normal law within `half` of `middle`: exp(−2x²), of which 1 is the 1/e² half width."""
+    """Return the share of the Gaussian exp(−2x²), whose 1/e² half width is 1, within `half` of `middle`."""
     from scipy.special import ndtr
 
     share: np.ndarray = ndtr(2.0 * (middle + half)) - ndtr(2.0 * (middle - half))
@@ -105,7 +137,13 @@ def _gaussian_share(middle: np.ndarray, half: np.ndarray) -> np.ndarray:
 
 
 def _circle_share(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return the share of the unit circle inside a square, slice by slice."""
+    """Return the share of the unit circle inside a square, summed over slices.
+
+    Parameters
+    ----------
+    x, y : middle of the square.
+    half : half of its side.
+    """
     place = (np.arange(_SLICES) + 0.5) / _SLICES * 2.0 - 1.0
     across = x[..., None] + half[..., None] * place
     chord = np.sqrt(np.maximum(1.0 - across**2, 0.0))
@@ -116,7 +154,14 @@ def _circle_share(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
 
 
 def _pattern_share(pattern: np.ndarray, x: np.ndarray, y: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return the share of a measured pattern (row, col), its cells evenly lit, inside a square."""
+    """Return the share of a measured pattern inside a square.
+
+    Parameters
+    ----------
+    pattern : (row, col) share of the energy in each cell, uniform within the cell.
+    x, y : middle of the square in units of the pattern's half width.
+    half : half of its side.
+    """
     rows, cols = pattern.shape
     shares = []
     for at_x, at_y, reach in np.broadcast(x, y, half):

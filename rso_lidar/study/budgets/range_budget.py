@@ -1,4 +1,4 @@
-"""The link budget of a filled pixel: light, detection and precision against range, in closed form; pixels on a target."""
+"""The link budget of a pixel: light, detection and precision against range, in closed form; pixels on a target."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from rso_lidar.study.budgets.pixel_light import compute_photons, depth_spread_s,
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 _MOST_CURVES = 200
 _MOST_DRAWN = 12
-_SCANNED = 64  # ranges at which the greatest range is looked for before it is solved for
+_SCANNED = 64  # ranges that bracket the greatest range before it is solved for
 _FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class BudgetCurve:
-    """One material at one tilt under one divergence: numbers (range) along `range_m`.
+    """Results (range) along `range_m` for one material at one tilt and one divergence.
 
-    `detection_probability` counts false alarms that come first as misses, and is 0 where the camera is not armed;
-    `false_alarm_probability` is theirs. `range_precision_m` is 1 sigma of a detected return. `pixels_on_target` is the
-    target's lit area over a pixel's, `pixels_across` its longest side over a pixel's. `max_range_m` is the greatest range
-    of the wanted probability, NaN where it is never reached; with `armed_limits` the armed window ends there, not the light;
-    with `fill_limits` the target fills a pixel no farther. `target_fills_pixel` says where it does: light and detection are
-    those of a filled pixel, and hold for the target there only.
+    `detection_probability` counts earlier false alarms as misses, and is 0 where the camera is not armed.
+    `false_alarm_probability` is that of such a false alarm. `range_precision_m` is 1 sigma of a detected return.
+    `pixels_on_target` is the target's illuminated area over that of a pixel, `pixels_across` its longest side over that of
+    a pixel. `max_range_m` is the greatest range with the wanted probability, NaN where none has it. `armed_limits` states
+    that the armed window ends there, `fill_limits` that the target fills no pixel beyond. Light and detection are those of
+    a filled pixel: they hold for the target only where `target_fills_pixel`.
     """
 
     material: str
@@ -91,11 +91,11 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """What one pixel of a camera can do against range: a pixel that a facet fills, or one facet of `facet_m2`.
+    """Performance of one pixel of a camera against range: a pixel that a facet fills, or one facet of `facet_m2`.
 
-    `target` names in words what pixels are counted on: the scenario's target, a square that faces the lidar or a box that
-    tumbles. `target_m` are its sides, and `target_area_m2` is its silhouette, the mean over attitudes. `filled_to_m` is the
-    range to which it fills a pixel, infinite where no target was asked for, or a facet was. `notes` say what is not counted.
+    `target` describes what pixels are counted on: the scenario's target, a square that faces the lidar, or a tumbling box.
+    `target_m` are its sides, and `target_area_m2` is its mean silhouette over attitudes. `filled_to_m` is the range to which
+    it fills a pixel, infinite for a facet and without a target. `notes` describe omitted effects.
     """
 
     camera: str
@@ -111,11 +111,11 @@ class Budget:
     notes: tuple[str, ...]
 
     def range_of_pixels(self, pixels: float) -> float:
-        """Return the range [m] at which the target covers so many pixels, all of it in the field and lit."""
+        """Return the range [m] at which the target covers some pixels, all of it in the field and illuminated."""
         return math.sqrt(self.target_area_m2 / check_positive("pixels", pixels)) / self.pixel_rad
 
     def csv_text(self) -> str:
-        """Return all curves as one table of CSV, a row for each range; names end in their unit."""
+        """Return all curves as one CSV table with a row for each range; column names end in their unit."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["material", "tilt_deg", "divergence_deg", *COLUMNS])
@@ -151,14 +151,14 @@ class Budget:
         return budget_figure(lines, f"Link budget of {self.camera}", self.about(), self.probability, self.notes)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Return the path of the budget written whole or not at all: a table (.csv) or a picture (.png, .pdf, .svg)."""
+        """Write the budget as a table (.csv) or a picture (.png, .pdf, .svg), and return its path."""
         place = free(path, SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place)
         return write_text(place, self.csv_text(), overwrite=overwrite)
 
     def names(self) -> list[str]:
-        """Return what tells each curve from the others, in words."""
+        """Return labels that distinguish the curves."""
         several = [
             len({getattr(c, name) for c in self.curves}) > 1 for name in ("material", "tilt_deg", "divergence_deg")
         ]
@@ -167,16 +167,16 @@ class Budget:
         names = []
         for curve in self.curves:
             words = (curve.material, f"tilt {curve.tilt_deg:g}°", f"beam {curve.divergence_deg:.4g}°")
-            names.append(", ".join(word for word, told_apart in zip(words, several, strict=True) if told_apart))
+            names.append(", ".join(word for word, differs in zip(words, several, strict=True) if differs))
         return names
 
     def about(self) -> str:
-        """Return in words what the curves are of."""
+        """Describe the facet and the target of the curves."""
         what = "a pixel that a facet fills" if self.facet_m2 is None else f"a facet of {self.facet_m2:g} m²"
         return f"{what}, on the boresight   ·   {self.target}"
 
     def table(self) -> str:
-        """Return the greatest range of each curve, and what is seen there, as lines of text."""
+        """Return a text table of the greatest range of each curve, with photons, precision and pixels there."""
         heads = [
             "material",
             "tilt",
@@ -226,20 +226,31 @@ def budget(
     target_m: Sequence[float] | float | None = None,
     facet_m2: float | None = None,
 ) -> Budget:
-    """Return photons, detection, precision and pixels against range, for each material, tilt and divergence.
+    """Compute photons, detection, precision and pixels against range for each material, tilt and divergence.
 
     Parameters
     ----------
     camera : a lidar, a scenario (its instrument at the start), or the name of a shipped camera.
-    range_m : from and to, or three or more ranges [m]; None: a fiftieth of the detector's reach to all of it.
-    materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials; None: the
-        dimmest and the brightest of the scenario's first target, or Lambertian 0.30.
-    tilt_deg : of the facet against the boresight [deg].
-    divergence_deg : full angles of the beam [deg]; None: the laser's own.
-    probability : of detection that the greatest ranges are solved for [1].
-    target_m : side of a square, or three sides of a box [m]; None: the scenario's first target, or else pixels are counted
-        on a square of 1 m. Of a target, greatest ranges end where it no longer fills a pixel.
-    facet_m2 : area of a facet that may be smaller than a pixel [m²]; None: it fills the pixel.
+    range_m : nearest and farthest range, or three or more ranges [m] (None: from a fiftieth of the detector's reach to its
+        reach).
+    materials : names of the catalogue, reflectances, BRDF tables (.csv: incidence_deg, brdf_per_sr), or materials (None: the
+        dimmest and the brightest of the scenario's first target, or Lambertian 0.30).
+    tilt_deg : angles between the facet's normal and the boresight [deg].
+    divergence_deg : full angles of the beam [deg] (None: that of the laser).
+    probability : detection probability for which the greatest ranges are solved [1].
+    target_m : side of a square, or three sides of a box [m] (None: the scenario's first target, or a square of 1 m on which
+        pixels are counted). With a target, greatest ranges end where it no longer fills a pixel.
+    facet_m2 : area of a facet that may be smaller than a pixel [m²] (None: it fills the pixel).
+
+    Returns
+    -------
+    Budget
+        One curve for each combination of material, tilt and divergence.
+
+    Raises
+    ------
+    ScenarioError
+        For values outside their limits, and for too many curves.
 
     >>> paper = budget("gsfl_1064")
     >>> round(paper.curves[0].max_range_m, -1)
@@ -294,7 +305,7 @@ def budget(
 
 
 def _describe_filled_limit(to_m: float) -> tuple[str, ...]:
-    """Return in words to which range the law of a filled pixel holds for the target."""
+    """Describe the range to which the budget of a filled pixel holds for the target."""
     if not math.isfinite(to_m):
         return ()
     return (
@@ -354,7 +365,7 @@ def _compute_curve(
 
 
 def _footprint_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
-    """Return the area of the footprint (range) [m²]; of a Gaussian one within 1/e²."""
+    """Return the area of the laser's footprint (range) [m²]; a Gaussian one ends at 1/e²."""
     half_m = range_m * math.tan(0.5 * lidar.laser.divergence_deg * units.DEG)
     round_ = lidar.laser.footprint in ("circle", "gaussian")
     area: np.ndarray = (math.pi if round_ else 4.0) * half_m**2
@@ -362,7 +373,7 @@ def _footprint_m2(lidar: Lidar, range_m: np.ndarray) -> np.ndarray:
 
 
 def _armed_span_m(detector: AnyDetector) -> tuple[float, float]:
-    """Return from where to where [m] light may be waited for; a gate is put about the target, wherever that is."""
+    """Return the range limits [m] of detection; a gate is assumed to be placed about the target at any range."""
     traits = detector.traits
     if traits.is_gated:
         return 1.0, _FARTHEST_M
@@ -376,7 +387,14 @@ def _is_armed(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
 
 
 def _find_greatest_range_m(probability: Any, low_m: float, high_m: float, wanted: float) -> tuple[float, bool]:
-    """Return the greatest range [m] between two at which the wanted probability is reached, and whether it is the last."""
+    """Find the greatest range [m] with the wanted probability, and whether it is the upper limit; NaN without any.
+
+    Parameters
+    ----------
+    probability : function of ranges (range) [m] that returns detection probabilities.
+    low_m, high_m : limits of the search [m].
+    wanted : the wanted probability.
+    """
     from scipy.optimize import brentq
 
     scanned = np.geomspace(low_m, high_m, _SCANNED)

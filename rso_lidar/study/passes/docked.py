@@ -1,4 +1,4 @@
-"""Docked craft: objects that element sets do not separate from the follower over the whole span of a screening."""
+"""Docked craft: objects that element sets cannot separate from the follower over the whole span of a screening."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
 
-# One standard deviation of a set at its epoch, radial and across the track [m]: Flohrer, Krag & Klinkrad, Assessment and
-# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). The values are as remembered and were not looked
-# up in the paper: low confidence. Two sets of one object at successive epochs agree with them: in 340 pairs of ISS and CSS
-# of 2026, 90 % stay within 85 m, radial and across, over a revolution.
+# One standard deviation of a set at its epoch, radial and cross-track [m]: Flohrer, Krag & Klinkrad, Assessment and
+# Categorization of TLE Orbit Errors for the US SSN Catalogue (AMOS 2008). Low confidence: the values are quoted from memory
+# and were not checked in the paper. Sets of one object at successive epochs support them: 90 % of 340 pairs of ISS and CSS
+# of 2026 agree within 85 m, radial and cross-track, over a revolution.
 _RADIAL_M = {"leo": 102.0, "meo": 71.0, "geo": 359.0, "heo": 2252.0, "other": 102.0}
 _ACROSS_M = {"leo": 126.0, "meo": 95.0, "geo": 83.0, "heo": 1421.0, "other": 126.0}
-# Along the track an error grows with age: 1 km at the epoch, up to 3 km a day (docs/orbits.md).
+# The along-track error grows with age: 1 km at the epoch, and up to 3 km per day (docs/orbits.md).
 _ALONG_M, _ALONG_M_DAY = 1e3, 3e3
 _STEP_S = 120.0
 _NEAR_M = 20e3  # a closest approach beyond this is never attributed to errors of the sets
@@ -29,20 +29,20 @@ _NEAR_M = 20e3  # a closest approach beyond this is never attributed to errors o
 def fold_docked(screened: ScreeningResult, rows: Sequence[Encounter]) -> list[Encounter]:
     """Merge the encounters of each docked object into one row with the reason, after all other rows.
 
-    An object counts as docked where the difference to the follower, in the follower's rtn axes, stays within the errors of
-    both sets at every instant of the span: along the track within 1 km and 3 km a day of each, radial and across within one
-    standard deviation of the difference, or within three where the catalogue gives both the same elements for a part of the
-    span. A formation with an ellipse of some hundred metres (TerraSAR-X and TanDEM-X) is not within.
+    An object counts as docked where its position relative to the follower stays within the errors of both sets over the
+    whole span. Along-track errors are 1 km and 3 km per day for each set. Radial and cross-track errors are one standard
+    deviation of the difference. They are three standard deviations where the catalogue gives both the same elements for a
+    part of the span. A formation with an ellipse of some hundred metres (TerraSAR-X and TanDEM-X) does not count.
 
     Parameters
     ----------
-    screened : what was searched, with the element sets that fly
-    rows : its encounters, in any order
+    screened : the screening, with the element sets in use.
+    rows : its encounters, in any order.
 
     Returns
     -------
     list of Encounter
-        the others as they were, then one for each docked object, its closest; what a lidar would see of it is NaN
+        The others unchanged, then the closest one of each docked object, with NaN for what a lidar would see.
     """
     reasons: dict[int, str | None] = {}
     others: list[Encounter] = []
@@ -79,7 +79,7 @@ def _merge_stays(stays: Sequence[Encounter], reason: str) -> Encounter:
 
 
 def _explain_docking(screened: ScreeningResult, which: int) -> str | None:
-    """Return in words why an object counts as docked with the follower, or None."""
+    """Explain why an object counts as docked with the follower; None where it does not."""
     lead, objects = screened.follower, screened.objects
     time_s = np.append(np.arange(0.0, objects.duration_s, _STEP_S), objects.duration_s)
     own, there = np.zeros(len(time_s), dtype=int), np.full(len(time_s), which)

@@ -1,4 +1,4 @@
-"""What one encounter offers to a lidar: light, background, and for how long range, slew and exclusions let it look."""
+"""Geometry of single passes: light, background, and the time in which range, slew and exclusion angles allow a look."""
 
 from __future__ import annotations
 
@@ -25,34 +25,35 @@ from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 from rso_lidar.scenario import Constraints, Corridor, Lidar
 
-REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the seed's target, of a square metre
-SMALL_M2 = 0.01  # a side of a CubeSat of one unit
-_EACH_SIDE = 100  # instants looked at before and after the closest approach, twice
-_APART_S = 60.0  # and no farther apart than this: in a formation the line of sight turns once an orbit
+REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the Lambertian target of Fuller et al., one square metre
+SMALL_M2 = 0.01  # a side of a 1U CubeSat
+_EACH_SIDE = 100  # epochs before and after the closest approach, on each of two grids
+_APART_S = 60.0  # greatest step: in a formation the line of sight turns once per orbit
 TOGETHER_M = 1e-3
-_AT_ONCE = 400_000  # instants of encounters looked at together
-_SKY_STEP_S = 600.0  # between instants at which Sun and Moon are asked for: straight between them to 1e-6 rad
+_AT_ONCE = 400_000  # epochs of encounters in one batch
+_SKY_STEP_S = 600.0  # step of Sun and Moon; linear interpolation between is good to 1e-6 rad
 
 
 @dataclass(frozen=True)
 class Encounter:
-    """One stay of an object within the limit; what has no span of its own holds at the closest approach.
+    """One pass of an object within the distance limit. Values without a span hold at the closest approach.
 
-    `minima` counts the minima of range in the stay, of which the least is the closest approach; `switches` how often
-    one of the two changes to another of its element sets in it, and jumps; `elements` and `follower` are the sets that
-    fly at the closest approach. `entered` and `left` are False where the days asked for begin or end inside. Angles:
-    `phase_deg` at the object between Sun and follower (0: the Sun is behind the follower), `sun_angle_deg` from the
-    line of sight to the Sun, `earth_limb_deg` from it to the Earth's limb (negative: the Earth is behind the object),
-    `moon_angle_deg` to the Moon's centre, `beta_deg` of the Sun over the follower's orbit. `slew_deg_s` and
-    `turning_deg_s2` are rate and acceleration of the line of sight in inertial axes, `peak_turning_deg_s2` the
-    greatest acceleration in the stay. `lidar_s` is the time in the lidar's reach, `slew_s` that within the slew limit,
-    `clear_s` that in which all exclusion angles are kept by a boresight at the object, `usable_s` that within all of
-    them (to about 1 %).
+    `minima` counts the minima of range in the pass; the least one is the closest approach. `switches` counts changes of
+    either object to another of its element sets, where the range jumps. `elements` and `follower` are the sets in use at
+    the closest approach. `entered` and `left` are False where the searched span begins or ends inside the pass.
 
-    `docked` says why the two count as docked, or as one object, and is empty where they do not.
+    `phase_deg` is the angle at the object between Sun and follower (0: the Sun is behind the follower). `sun_angle_deg`,
+    `moon_angle_deg` and `earth_limb_deg` are angles from the line of sight to the Sun, the Moon and the Earth's limb
+    (negative: the Earth is behind the object). `beta_deg` is the Sun's elevation over the follower's orbit plane.
+    `slew_deg_s` and `turning_deg_s2` are rate and acceleration of the line of sight in inertial axes.
+    `peak_turning_deg_s2` is the greatest acceleration in the pass.
 
-    What is asked by constraints is `kept` or not, None where it is not asked or does not apply. `corridor_angle_deg` is
-    that, at the object, between a corridor's axis and the follower, in the object's rtn axes.
+    `lidar_s` is the time within the lidar's reach, and `slew_s` that within the slew limit. `clear_s` is the time in which
+    a boresight at the object keeps all exclusion angles. `usable_s` is the time within all three limits (to about 1 %).
+
+    `docked` explains why the two count as docked or as one object, and is empty where they do not. Each `…_kept` states
+    whether a constraint is kept, None where it is not asked or does not apply. `corridor_angle_deg` is the angle at the
+    object between a corridor's axis and the follower, in the object's rtn axes.
     """
 
     name: str
@@ -98,27 +99,38 @@ class Encounter:
 
     @property
     def label(self) -> str:
-        """Return the object's name, or its catalogue number where it has none."""
+        """Name of the object, or its catalogue number where it has none."""
         return self.name or f"NORAD {self.norad_id}"
 
     @property
     def breaks(self) -> tuple[str, ...]:
-        """Return in words which constraints are broken at the closest approach."""
+        """Names of the constraints that are violated at the closest approach."""
         kept = (self.sun_kept, self.moon_kept, self.earth_kept, self.keep_out_kept, self.corridor_kept)
         names = ("Sun", "Moon", "Earth", "keep-out", "corridor")
         return tuple(name for name, held in zip(names, kept, strict=True) if held is False)
 
     @classmethod
     def columns(cls) -> list[str]:
-        """Return the names of what is tabulated; those with a unit end in it."""
+        """Return the names of the columns of a table; those with a unit end in it."""
         return [entry.name for entry in fields(cls) if not entry.metadata.get("private")]
 
 
 def reach_m(lidar: Lidar, plate_m2: float = PLATE_M2) -> tuple[float, float]:
-    """Return from where to where [m] a lidar sees a plate of `plate_m2` [m²], Lambertian 0.30, that faces it.
+    """Return the nearest and the farthest range [m] at which a lidar sees a facing Lambertian plate of reflectance 0.30.
 
-    The near end is the detector's. The far end is the detector's too, or where the light of the whole plate, in one pixel
-    (filled up to where the pixel is larger than the plate, then with its share), is the threshold of detection [photons].
+    The nearest range is that of the detector. The farthest is the detector's too, or the range at which the plate's light
+    in one pixel equals the detection threshold. Beyond the range where the pixel is larger than the plate, only the
+    plate's share of the pixel counts.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    plate_m2 : area of the plate [m²].
+
+    Returns
+    -------
+    tuple of float
+        Nearest and farthest range [m].
     """
     detector, receiver = lidar.detector.traits, lidar.receiver
     at_1_m = filled_pixel_photons(lidar.laser, receiver, REFLECTANCE / math.pi, 1.0) / detector.threshold_photons
@@ -134,7 +146,15 @@ def build_encounters(
     max_slew_deg_s: float,
     constraints: Constraints | None = None,
 ) -> list[Encounter]:
-    """Return one encounter for each stay, in the order of the stays."""
+    """Build one encounter for each close approach of a screening, in its order.
+
+    Parameters
+    ----------
+    screened : the screening.
+    reach : nearest and farthest range of the lidar [m].
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    constraints : exclusion angles, keep-out sphere and corridors.
+    """
     sky = _ExclusionAngles(screened, constraints)
     each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
     each = [2 ** math.ceil(math.log2(number / _EACH_SIDE)) * _EACH_SIDE for number in each]
@@ -151,18 +171,18 @@ def build_encounters(
 
 
 def select_rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
-    """Return the corridors that an element set can be held to: those in the rtn axes of their target."""
+    """Select the corridors that apply to element sets: those in the rtn axes of their target."""
     return [corridor for corridor in constraints.corridor if corridor.axes == "rtn"] if constraints else []
 
 
 def keep_out_radius_m(constraints: Constraints | None) -> float | None:
-    """Return the radius [m] of the sphere about each object that is kept out of: of several, the largest."""
+    """Return the radius [m] of the keep-out sphere about each object: the largest of several."""
     radius_m = constraints.keep_out_m if constraints else None
     return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
 
 
 class _ExclusionAngles:
-    """Sun and Moon in TEME axes over the span of a screening, and how near to them and to the Earth one may look."""
+    """Exclusion angles about Sun, Moon and Earth over the span of a screening, in TEME axes."""
 
     def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
         self.constraints = constraints
@@ -173,12 +193,14 @@ class _ExclusionAngles:
         self._sun_m = rotate_vectors(teme_from_gcrs, sun_position_m(epochs))
         self._moon_m = rotate_vectors(teme_from_gcrs, moon_position_m(epochs))
 
-    def excluded(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
-        """Return by how much (stay, instant) [rad] a line of sight breaks the worst exclusion; not above 0 where none is.
+    def compute_excess_rad(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
+        """Return the excess (stay, instant) [rad] of the worst violated exclusion angle; 0 or less where all are kept.
 
         Parameters
         ----------
-        line, position_m : (stay, instant, 3) from the follower to the object, and the follower's place, TEME axes.
+        time_s : (stay, instant) times [s since the start].
+        line, position_m : (stay, instant, 3) vectors from the follower to the object, and positions of the follower [m], in
+            TEME axes.
         """
         asked, worst = self.constraints, np.full(time_s.shape, -np.pi)
         if asked is None:
@@ -186,7 +208,7 @@ class _ExclusionAngles:
         if asked.sun_exclusion_deg is not None:
             sun_m = self._at(self._sun_m, time_s)
             near = asked.sun_exclusion_deg * units.DEG - angle_rad(line, sun_m - position_m)
-            worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # in the umbra the Sun is not seen
+            worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # the Sun is invisible in the umbra
         if asked.moon_exclusion_deg is not None:
             moon_m = self._at(self._moon_m, time_s)
             near = asked.moon_exclusion_deg * units.DEG - angle_rad(line, moon_m - position_m)
@@ -233,7 +255,7 @@ def _build_batch(
         "time_s": time_s,
     }
     for name in ("phase_deg", "sun_angle_deg", "moon_angle_deg", "earth_limb_deg"):
-        table[name][range_m < TOGETHER_M] = np.nan  # the same elements twice, as of docked craft: no line of sight
+        table[name][range_m < TOGETHER_M] = np.nan  # docked craft have the same elements: there is no line of sight
     looked, spans = _integrate_stays(screened, stays, speed, reach, max_slew_deg_s, sky, each_side)
     table |= looked
     place_m = rotate_vectors(np.swapaxes(rtn_matrix(target.position_m, target.velocity_m_s)[0], -1, -2), -line)
@@ -272,7 +294,13 @@ def _check_constraints(
 ) -> dict[str, list[Any]]:
     """Return whether (row) each constraint is kept at the closest approach, and the angle [deg] off a corridor's axis.
 
-    `place_m` (row, 3) is the follower's in the rtn axes of each object. Of several corridors the worst that applies counts.
+    The worst of several corridors that apply counts.
+
+    Parameters
+    ----------
+    asked : the constraints.
+    table : columns (row) of the encounters by name.
+    place_m : (row, 3) position of the follower in the rtn axes of each object [m].
     """
     count = len(place_m)
     sun_deg, moon_deg, earth_deg, radius_m = (None,) * 4
@@ -283,7 +311,7 @@ def _check_constraints(
     unseen = table["follower_sunlit_fraction"] <= 0.0
     together = table["range_m"] < TOGETHER_M
 
-    def held(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
+    def check_limit(limit: float | None, kept: np.ndarray, applies: np.ndarray) -> list[bool | None]:
         return [bool(one) if limit is not None and there else None for one, there in zip(kept, applies, strict=True)]
 
     angle_deg, inside, applies, within = (np.full(count, value) for value in (math.nan, True, False, False))
@@ -297,11 +325,11 @@ def _check_constraints(
         within |= corridor.margin_m(place_m) >= 0.0
     angle_deg[together] = math.nan
     return {
-        "sun_kept": held(sun_deg, unseen | (table["sun_angle_deg"] >= (sun_deg or 0.0)), ~together),
-        "moon_kept": held(moon_deg, table["moon_angle_deg"] >= (moon_deg or 0.0), ~together),
-        "earth_kept": held(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
-        "keep_out_kept": held(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
-        "corridor_kept": held(0.0, inside, applies),
+        "sun_kept": check_limit(sun_deg, unseen | (table["sun_angle_deg"] >= (sun_deg or 0.0)), ~together),
+        "moon_kept": check_limit(moon_deg, table["moon_angle_deg"] >= (moon_deg or 0.0), ~together),
+        "earth_kept": check_limit(earth_deg, table["earth_limb_deg"] >= (earth_deg or 0.0), ~together),
+        "keep_out_kept": check_limit(radius_m, within | (table["range_m"] >= (radius_m or 0.0)), np.full(count, True)),
+        "corridor_kept": check_limit(0.0, inside, applies),
         "corridor_angle_deg": angle_deg.tolist() if corridors else [None] * count,
     }
 
@@ -321,9 +349,19 @@ def _integrate_stays(
     sky: _ExclusionAngles,
     each_side: int,
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
-    """Return what needs the whole stay, and from when to when [s] the lidar reaches around the nearest (NaN: never).
+    """Compute what depends on the whole stay, and the span [s] of reach about the closest approach (NaN: never in reach).
 
-    Instants crowd toward the closest approach, where the line of sight turns fastest, on the scale of range over speed.
+    Times are dense about the closest approach, where the line of sight turns fastest, on the scale of range over speed.
+
+    Parameters
+    ----------
+    screened : the screening.
+    stays : the close approaches.
+    speed_m_s : (stay) relative speed at the closest approach [m/s].
+    reach : nearest and farthest range of the lidar [m].
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    sky : the exclusion angles.
+    each_side : epochs on each side of the closest approach.
     """
     nearest = np.array([stay.time_s for stay in stays])
     range_m = np.array([stay.range_m for stay in stays])
@@ -341,13 +379,13 @@ def _integrate_stays(
     there, here = objects.at(which, time_s.ravel()), lead.at(own, time_s.ravel())
     line, rate = ((a - b).reshape(*shape, 3) for a, b in zip(there, here, strict=True))
     square = np.maximum(np.einsum("nti,nti->nt", line, line), 1e-6)
-    turning = np.cross(line, rate) / square[..., None]  # the rate of the line of sight [rad/s]
+    turning = np.cross(line, rate) / square[..., None]  # rate of the line of sight [rad/s]
     slew = np.sqrt(np.einsum("nti,nti->nt", turning, turning))
     step = np.diff(time_s, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         change = np.diff(turning, axis=1) / step[..., None]
-    sets = objects.number(which, time_s.ravel()) + lead.number(own, time_s.ravel())  # each only grows with time
-    smooth = (step > 1e-6) & (np.diff(sets.reshape(shape), axis=1) == 0)  # no rate of turning across a jump
+    sets = objects.number(which, time_s.ravel()) + lead.number(own, time_s.ravel())  # both numbers never decrease
+    smooth = (step > 1e-6) & (np.diff(sets.reshape(shape), axis=1) == 0)  # no acceleration across a jump between sets
     change = np.where(smooth[..., None], change, 0.0)
     acceleration = np.sqrt(np.einsum("nti,nti->nt", change, change))
     middle = np.argmin(np.abs(offset), axis=1)
@@ -356,11 +394,11 @@ def _integrate_stays(
     apart = np.sqrt(square)
     too_far = np.maximum(apart / reach[1], reach[0] / np.maximum(apart, 1e-3)) - 1.0
     too_fast = slew / (max_slew_deg_s * units.DEG) - 1.0
-    excluded = sky.excluded(time_s, line, here[0].reshape(line.shape))
+    excluded = sky.compute_excess_rad(time_s, line, here[0].reshape(line.shape))
     spans = []
     for k in range(len(stays)):
         out = np.flatnonzero(too_far[k] > 0.0)
-        first = int(out[out < middle[k]].max(initial=-1)) + 1  # the run of instants in reach around the nearest
+        first = int(out[out < middle[k]].max(initial=-1)) + 1  # the epochs in reach about the closest approach
         last = int(out[out > middle[k]].min(initial=shape[1])) - 1
         never = bool(too_far[k, middle[k]] > 0.0)
         spans.append((math.nan, math.nan) if never else (float(time_s[k, first]), float(time_s[k, last])))
@@ -376,7 +414,7 @@ def _integrate_stays(
 
 
 def _time_below(value: np.ndarray, step_s: np.ndarray) -> np.ndarray:
-    """Return for how long (row) [s] values (row, instant), straight between instants, are not above zero."""
+    """Return the time (row) [s] in which values (row, instant), interpolated linearly, are zero or less."""
     low, high = np.minimum(value[:, :-1], value[:, 1:]), np.maximum(value[:, :-1], value[:, 1:])
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(high <= 0.0, 1.0, np.where(low > 0.0, 0.0, -low / (high - low)))

@@ -1,4 +1,4 @@
-"""The scenario file of one encounter: both element sets inline, the pan-tilt unit on the object, ready to run."""
+"""The scenario file of one encounter, with both element sets inline and the PTU pointed at the object."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250
 _MARGIN_S = 5.0
 
-# By words in an object's name; the model is a guess, and the file says so.
+# Patterns of an object's name. The model is a guess, as the file states.
 _HINTS = (
     (r"\bDEB\b|DEBRIS|\bFRAG", "debris_plate"),
     (r"\bSL-16\b|ZENIT", "zenit_stage"),
@@ -40,11 +40,26 @@ _HINTS = (
 
 
 def scenario_text(table: Encounters, number: int) -> str:
-    """Return the scenario file (TOML) of the encounter in row `number` (from 1) of a table.
+    """Write the scenario file (TOML) of one encounter.
 
-    It lasts while the object is in the lidar's reach, or else while it is within the limit, 20 minutes at most about the
-    closest approach. The follower is turned in its rtn axes so that its +x looks at the object at the closest approach
-    and its pan axis is the one about which the line of sight turns.
+    The scenario covers the time in the lidar's reach, or else the time within the distance limit. It lasts at most 20
+    minutes about the closest approach. The follower's +x points at the object at the closest approach. Its pan axis
+    is then the axis about which the line of sight turns.
+
+    Parameters
+    ----------
+    table : the encounters.
+    number : row of the encounter, from 1.
+
+    Returns
+    -------
+    str
+        TOML, which `Scenario.loads` reads.
+
+    Raises
+    ------
+    ScenarioError
+        For a row that does not exist, and for objects that are docked to the follower.
     """
     if not table.rows:
         raise ScenarioError(
@@ -62,7 +77,7 @@ def scenario_text(table: Encounters, number: int) -> str:
     model, why = _guess_model(row.name)
     title = f"{row.label} past {table.follower.name or table.follower.label}, {row.range_m / units.KM:.3g} km"
     lines = [
-        *map(make_printable, _write_facts(table, number)),  # names were written by others: a comment stays in its line
+        *map(make_printable, _write_facts(table, number)),  # a foreign name must not end a comment's line
         *map(make_printable, _write_warnings(table, row)),
         "version = 1",
         f"name    = {_write_value(title)}",
@@ -95,7 +110,7 @@ def scenario_text(table: Encounters, number: int) -> str:
 
 
 def _check_separate(table: Encounters, number: int) -> None:
-    """Refuse an encounter of what is docked, or has the follower's own elements at the closest approach."""
+    """Raise `ScenarioError` for a docked object, and for one with the follower's elements at the closest approach."""
     row = table.rows[number - 1]
     whom = f"{row.label} and {table.follower.name or table.follower.label}"
     if row.docked:
@@ -108,7 +123,7 @@ def _check_separate(table: Encounters, number: int) -> None:
 
 
 def _write_facts(table: Encounters, number: int) -> list[str]:
-    """Return the comments that say which encounter this is, and how good."""
+    """Write the comments that describe the encounter and its accuracy."""
     row = table.rows[number - 1]
     light = "in sunlight" if row.sunlit_fraction >= 0.5 else "in the Earth's shadow"
     phase = "" if math.isnan(row.phase_deg) else f", {row.phase_deg:.0f} deg between Sun and follower at the object"
@@ -127,7 +142,7 @@ def _write_facts(table: Encounters, number: int) -> list[str]:
 
 
 def _format_age(days: float) -> str:
-    """Return how long before or after an instant an epoch lies, from the age of its elements there."""
+    """Format the age of elements as days before or after."""
     return f"{abs(days):.1f} days {'before' if days >= 0.0 else 'after'}"
 
 
@@ -186,7 +201,7 @@ def _write_warnings(table: Encounters, row: Encounter) -> list[str]:
 
 
 def _write_constraints(table: Encounters, name: str) -> list[str]:
-    """Return the table of what is asked, of this target; corridors in axes that an element set cannot tell are left out."""
+    """Write the constraints for this target, without corridors in axes that an element set does not determine."""
     if table.constraints is None:
         return []
     import tomli_w
@@ -202,7 +217,7 @@ def _write_constraints(table: Encounters, name: str) -> list[str]:
 
 
 def _write_motion(elements: ElementSet) -> str:
-    """Return the inline table of a motion by an element set: its two lines, or the fields of its message."""
+    """Write the inline table of a motion: the two lines of its element set, or the fields of its message."""
     if elements.line1 and elements.line2:
         named = f", name = {_write_value(elements.name)}" if elements.name else ""
         first, second = _write_value(elements.line1), _write_value(elements.line2)
@@ -222,7 +237,7 @@ def _write_lidar(table: Encounters) -> str:
 
 
 def _guess_model(name: str) -> tuple[str, str]:
-    """Return a model of the catalogue for an object, and why."""
+    """Return a model of the catalogue for an object, and the reason for it."""
     for pattern, model in _HINTS:
         if re.search(pattern, name.upper()):
             return model, "guessed from the object's name"
@@ -244,7 +259,7 @@ _TAKEN = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
 def _write_value(value: Any) -> str:
-    """Return a value as TOML."""
+    """Write a value as TOML."""
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.UTC).isoformat().replace("+00:00", "Z")
     return json.dumps(make_printable(value) if isinstance(value, str) else value, ensure_ascii=False)

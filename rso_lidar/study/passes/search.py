@@ -1,4 +1,4 @@
-"""Encounters: every close approach of one object of a catalogue to all others, as a table."""
+"""The search for encounters: every close approach of one object of a catalogue to all others, as a table."""
 
 from __future__ import annotations
 
@@ -46,9 +46,10 @@ NOTE = (
 
 @dataclass(frozen=True, eq=False)
 class Encounters:
-    """The encounters of one follower, sorted; `rejected` says of objects why they were not flown, or not to the end.
+    """The encounters of one follower, sorted.
 
-    `follower` is its element set nearest to the start; `switching` counts whom another set takes over on the way.
+    `follower` is its element set nearest to the start. `rejected` lists objects that were not propagated to the end, with
+    the reason. `switching` counts objects that change to another element set within the span.
     """
 
     rows: tuple[Encounter, ...]
@@ -70,7 +71,7 @@ class Encounters:
 
     @property
     def title(self) -> str:
-        """Return one line that says what was asked."""
+        """One line that describes the search."""
         return (
             f"{self.follower.label} within {self.within_m / units.KM:g} km of {format_count(self.screened, 'object')}, "
             f"{self.start_utc.astimezone(datetime.UTC):%Y-%m-%dT%H:%M:%SZ} + {self.span}"
@@ -78,11 +79,11 @@ class Encounters:
 
     @property
     def span(self) -> str:
-        """Return in words how long was looked."""
+        """Length of the searched span in words."""
         return format_count(self.days, "day")
 
     def cells(self) -> tuple[list[str], list[list[str]]]:
-        """Return heads and rows of text, as they are shown; `csv` has more columns."""
+        """Return the heads and rows of the text table; `csv` has more columns."""
         heads = ["#", "object", "norad", "closest approach, UTC", "range, km", "speed, m/s", "inside, s"]
         heads += ["lidar, s", "slew, deg/s", *(["clear, s"] if self._excludes else []), "usable, s"]
         heads += ["phase, deg", "Moon, deg", "limb, deg", "light", "age, d"]
@@ -115,7 +116,7 @@ class Encounters:
 
     @property
     def _excludes(self) -> list[str]:
-        """Return in words the angles from the line of sight that are asked for."""
+        """Descriptions of the exclusion angles."""
         asked = self.constraints
         if asked is None:
             return []
@@ -127,7 +128,7 @@ class Encounters:
         return [text.format(angle) for text, angle in angles if angle is not None]
 
     def notes(self) -> list[str]:
-        """Return the lines that belong under the table."""
+        """Return the notes below the table."""
         limits = f"usable: in reach, and the line of sight turns at most {self.max_slew_deg_s:g} deg/s"
         small_m = reach_m(self.lidar, SMALL_M2)[1]
         lines = [
@@ -135,10 +136,10 @@ class Encounters:
             f"reflectance 0.30); {limits}{', and clear' if self._excludes else ''}",
             f"in reach and usable are those of 1 m2, whatever the object is: a plate of {SMALL_M2:g} m2, as a side of a "
             f"CubeSat, is seen to {small_m:,.0f} m only",
-            *self._asked(),
+            *self._describe_constraints(),
             NOTE,
         ]
-        lines += self._docked()
+        lines += self._explain_docked()
         if self.switching:
             several = format_count(self.switching, "object")
             lines.append(
@@ -151,8 +152,8 @@ class Encounters:
             lines.append(f"{len(self.rejected)} not flown, or not to the end: {first}{more}")
         return lines
 
-    def _docked(self) -> list[str]:
-        """Return the lines that say why objects count as docked with the follower, one for each reason."""
+    def _explain_docked(self) -> list[str]:
+        """Explain why objects count as docked with the follower, in one line for each reason."""
         reasons: dict[str, list[str]] = {}
         for row in self.rows:
             if row.docked:
@@ -162,8 +163,8 @@ class Encounters:
             for reason, labels in reasons.items()
         ]
 
-    def _asked(self) -> list[str]:
-        """Return the lines that say what the constraints were held to."""
+    def _describe_constraints(self) -> list[str]:
+        """Describe how the constraints were applied."""
         asked = self.constraints
         if asked is None:
             return []
@@ -207,7 +208,7 @@ class Encounters:
         return "\n".join([self.title, *lines, *self.notes()])
 
     def csv(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Return the path of all rows and columns written as CSV; names end in their unit."""
+        """Write all rows and columns as CSV, whose names end in their unit, and return the path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         names = Encounter.columns()
@@ -232,21 +233,36 @@ def encounters(
     sort: Order = "range",
     limit: int | None = None,
 ) -> Encounters:
-    """Return every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
+    """Find every encounter of `follower` with the other objects of a catalogue, each refined to the millisecond.
 
-    An encounter is one stay within `within_m` [m]; all objects are flown by SGP4, whose element sets are good to about a
-    kilometre. Of several sets of one object, and of the follower, the nearest in epoch is flown at each instant. Objects
-    that element sets do not separate from the follower over the whole span count as docked: each has one row, the last.
+    An encounter is one pass within `within_m`. All objects are propagated by SGP4, whose element sets are good to about a
+    kilometre. Of several sets of one object, the one nearest in epoch is used at each time. Objects that element sets
+    cannot separate from the follower over the whole span count as docked: each has one row, after all others.
 
     Parameters
     ----------
-    catalog : file of element sets, a catalogue, or element sets
-    follower : catalogue number, name, or an element set of its own
-    start_utc, days : span looked at; the start with an offset
-    lidar : instrument whose reach is asked for; the preset ``long_range_1064`` if None
-    constraints : exclusion angles of a boresight at the object, keep-out sphere, corridors; each object is held to them
-    sunlit : only where the object is in sunlight at the closest approach
-    min_duration_s : only stays at least so long [s]
+    catalog : file of element sets, a catalogue, or element sets.
+    follower : catalogue number, name, or an element set of its own.
+    within_m : greatest distance of an encounter [m].
+    start_utc, days : start, with an offset, and length of the searched span.
+    lidar : instrument whose reach counts (None: the preset ``long_range_1064``).
+    lidar_name : its name in the notes (empty: the name of its preset).
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    constraints : exclusion angles of a boresight at the object, keep-out sphere and corridors, for every object.
+    sunlit : whether to keep only objects that are in sunlight at the closest approach.
+    min_duration_s : least duration of an encounter [s].
+    sort : order of the rows.
+    limit : greatest number of rows (None: all).
+
+    Returns
+    -------
+    Encounters
+        The table, with notes.
+
+    Raises
+    ------
+    ScenarioError
+        For limits and spans without meaning, and for a follower that is not in the catalogue.
     """
     check_span(within_m, start_utc, days, max_slew_deg_s)
     if sort not in _KEYS:
@@ -294,7 +310,14 @@ def encounters(
 
 
 def check_span(within_m: float, start_utc: datetime.datetime, days: float, max_slew_deg_s: float) -> None:
-    """Refuse limits and spans that mean nothing, each with its cure."""
+    """Raise `ScenarioError` for limits and spans without meaning.
+
+    Parameters
+    ----------
+    within_m : greatest distance of an encounter [m].
+    start_utc, days : start, with an offset, and length of the searched span.
+    max_slew_deg_s : greatest rate of the line of sight [deg/s].
+    """
     for what, unit, value in (("within", "m", within_m), ("days", "days", days), ("max_slew", "deg/s", max_slew_deg_s)):
         _check_number(what, unit, value)
     if not isinstance(start_utc, datetime.datetime):
@@ -315,12 +338,12 @@ def _check_number(what: str, unit: str, value: Any) -> None:
 
 
 def format_count(number: float, noun: str) -> str:
-    """Return a number with its noun, in the plural where it is not one."""
+    """Format a number with its noun, in the plural where it is not one."""
     return f"{number:,.10g} {noun}{'' if number == 1 else 's'}"
 
 
 def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[ElementSet], list[tuple[str, str]]]:
-    """Return the element sets of a catalogue, and what is wrong with others."""
+    """Return the element sets of a catalogue, and the problems of those that cannot be used."""
     if isinstance(catalog, str | Path):
         catalog = Catalog.from_file(catalog)
     if isinstance(catalog, bytes) or not isinstance(catalog, Iterable):
@@ -330,22 +353,29 @@ def _read_sets(catalog: str | Path | Iterable[ElementSet]) -> tuple[list[Element
         if not isinstance(entry, ElementSet):
             raise CatalogError(f"catalogue: {quote(entry)} in it is no element set: read them with Catalog")
     bad = [(entry.label, entry.problem) for entry in sets if entry.problem is not None]
-    told = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
-    return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in told]
+    other = (problem.rpartition(": ") for problem in getattr(catalog, "problems", ()))
+    return [entry for entry in sets if entry.problem is None], bad + [(place, what) for place, _, what in other]
 
 
 def _find_follower(sets: list[ElementSet], wanted: int | str, catalog: Any) -> list[ElementSet]:
-    """Return the element sets of the follower, by number or name."""
+    """Find the element sets of the follower, or raise `CatalogError`.
+
+    Parameters
+    ----------
+    sets : element sets of the catalogue.
+    wanted : catalogue number or name.
+    catalog : the catalogue, for error messages.
+    """
     text = str(wanted).strip()
     where = str(catalog) if isinstance(catalog, str | Path) else "catalogue"
 
-    def is_meant(entry: ElementSet) -> bool:
+    def matches(entry: ElementSet) -> bool:
         return entry.norad_id == int(text) if text.isdigit() else entry.name.casefold() == text.casefold()
 
-    meant = [entry for entry in sets if is_meant(entry)]
+    meant = [entry for entry in sets if matches(entry)]
     if not meant:
         read = read_element_sets(catalog) if isinstance(catalog, str | Path) else []
-        for entry in filter(is_meant, read):
+        for entry in filter(matches, read):
             raise CatalogError(f"follower: {entry.problem}")
         known = {(str(entry.norad_id) if text.isdigit() else entry.name.casefold()): entry for entry in sets}
         guess = did_you_mean(text.casefold(), filter(None, known))

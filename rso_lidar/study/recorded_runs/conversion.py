@@ -1,4 +1,4 @@
-"""Frames written in any format: those of `export`, and those that need time scales and the Earth."""
+"""Frames written in any format: those of `export`, and those that require time scales and the Earth."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from rso_lidar.toml_text import parse_toml
 def save(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
 ) -> Path:
-    """Write frames to a file or folder, one at a time as they come, and return its path.
+    """Write frames to a file or folder as they arrive, and return its path.
 
-    The suffix picks the format: .h5 and .nc are recordings that `open` reads and that hold all the frames have; what the
-    others keep stands in docs/exports.md. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. What is written appears under
-    its name when it is complete. `rso-lidar export` knows the same suffixes.
+    The suffix selects the format. .h5 and .nc are recordings that `open` reads and that hold everything in the frames;
+    docs/exports.md lists the contents of the others. .zarr, .pcd, .ply, .bop and .rosbag2 name folders. The file appears
+    under its name when it is complete. `rso-lidar export` has the same suffixes.
 
     Parameters
     ----------
     path : of the file or folder.
     frames : from `simulate` or `open`.
-    overwrite : whether an older file or export may be replaced.
-    format : name of the format, where the suffix does not say it.
+    overwrite : whether an existing file or folder may be replaced.
+    format : name of the format, where the suffix does not give it.
 
     Other Parameters
     ----------------
@@ -76,7 +76,7 @@ def save(
 
 
 def _utc_formatter(source: Source) -> Any:
-    """Return a function that turns times [s since the start] into ISO UTC texts to the microsecond, leap seconds counted."""
+    """Return a function that formats times [s since the start] as ISO UTC texts to the microsecond, with leap seconds."""
     start_utc = _parse_start(source)
     return lambda time_s: np.array(orbit.Epochs(start_utc, time_s).skyfield_time().utc_iso(places=6))
 
@@ -86,7 +86,15 @@ def _parse_start(source: Source) -> datetime.datetime:
 
 
 def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
-    """Write the states of a body; a new segment begins at each impulse."""
+    """Write the states of a body as an OEM, with a new segment at each impulse.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    target : name of the body (None: the follower).
+    """
     folder = _find_folder(frames)
     batches = list(read_truth_batches(frames))
     name = _check_name(target, list(batches[0][0].states))
@@ -101,7 +109,15 @@ def _write_oem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
 
 def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str | None = None) -> Path:
-    """Write how axes are turned in inertial ones."""
+    """Write the attitude of axes relative to inertial axes as an AEM.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    target : name of the axes (None: the follower's).
+    """
     from scipy.spatial.transform import Rotation
 
     batches = list(read_truth_batches(frames))
@@ -117,10 +133,17 @@ def _write_aem(place: Path, frames: Iterable[Frame], source: Source, target: str
 
 
 def _write_czml(place: Path, frames: Iterable[Frame], source: Source) -> Path:
-    """Write bodies, lines of sight and boresight for a globe, thinned to what a viewer plays smoothly."""
+    """Write bodies, lines of sight and boresight for a globe, reduced to a number of epochs that viewers play smoothly.
+
+    Parameters
+    ----------
+    place : path of the file.
+    frames : the recording.
+    source : of the recording.
+    """
     if isinstance(frames, Recording):
         frames = frames[:]
-    if isinstance(frames, Frames):  # only those that are wanted are read
+    if isinstance(frames, Frames):  # so that no other frame is read
         chosen = read_truth_batches(
             Frames(frames.recording, [frames.places[k] for k in choose_samples(len(frames)).tolist()])
         )
@@ -136,7 +159,7 @@ def _join_times(batches: list[TruthBatch]) -> np.ndarray:
 
 
 def _check_name(name: str | None, known: list[str]) -> str:
-    """Return a body or axes by name, the follower if none is given."""
+    """Return the name of a body or of axes, by default the follower's, or raise `RecordingError`."""
     wanted = "follower" if name is None else name
     if wanted not in known:
         guess = did_you_mean(wanted, known)
@@ -147,17 +170,25 @@ def _check_name(name: str | None, known: list[str]) -> str:
 
 
 def _find_folder(frames: Iterable[Frame]) -> Path | None:
-    """Return the folder of a recording, in which files that its scenario names are looked up; None without a file."""
+    """Return the folder of a recording, which holds the files that its scenario names; None without a file."""
     recording = frames.recording if isinstance(frames, Frames) else frames
     return recording.path.parent if isinstance(recording, Recording) else None
 
 
 def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path | None) -> list[float]:
-    """Return the instants [s] of impulses between frames that have two frames on either side."""
+    """Find the times [s] of impulses with at least two frames on either side.
+
+    Parameters
+    ----------
+    source : of the recording.
+    name : of the body.
+    time_s : (time) times of the frames [s].
+    folder : folder of the files that the scenario names.
+    """
     try:
         with unwarned():
             planned = sorted(find_velocity_jumps_s(load_scenario(source, folder), name))
-    except (RsoLidarError, OSError):  # a body that is no body of the scenario, or files that are not here
+    except (RsoLidarError, OSError):  # axes without a motion, or missing files
         planned = []
     edges: list[float] = []
     low = 0

@@ -27,12 +27,12 @@ _FILMS = (".gif", ".mp4")
 _PICTURES = (*FIGURE_SUFFIXES, *_FILMS)
 _SHEET = "_view_sheet.png"
 _SHEET_FRAMES = 16
-_BESIDE = ("_view.png", _SHEET, "_view.gif")  # what is written beside a recording
+_BESIDE = ("_view.png", _SHEET, "_view.gif")  # ends of the files beside a recording
 
 
 @dataclass(frozen=True)
 class ViewerChoice:
-    """How a recording is shown: by which of `TOOLS`, why, in words, and the files that are written; none, a window opens."""
+    """The way a recording is shown: one of `TOOLS`, the reason in words, and the files to write (none: a window opens)."""
 
     tool: str
     why: str
@@ -46,14 +46,19 @@ def choose_viewer(
     recording: Path | None = None,
     overwrite: bool = False,
 ) -> ViewerChoice:
-    """Return how a recording is shown best here, or as asked, once that is sure to be possible.
+    """Choose how to show a recording on this machine, and check that it is possible.
 
     Parameters
     ----------
-    tool : one of `TOOLS` (None: the first that is there and has a display; the suffix of `output` says it too).
+    tool : one of `TOOLS` (None: the first that is available, or the one that the suffix of `output` implies).
     output : a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    recording : the file beside which is written what has no name (None: nothing is).
-    overwrite : whether what is there already is replaced.
+    recording : file of the recording, beside which files without a name are written (None: none are).
+    overwrite : whether existing files are replaced.
+
+    Raises
+    ------
+    RecordingError
+        For a tool that is unknown or not available, and for files that exist already.
     """
     if tool is not None and tool not in TOOLS:
         raise RecordingError(f"view: nothing is called '{tool}'{did_you_mean(tool, TOOLS)} (known: {', '.join(TOOLS)})")
@@ -82,16 +87,27 @@ def view(
     overwrite: bool = False,
     folder: Path | None = None,
 ) -> ViewerChoice:
-    """Return how a recording was shown, after its window is closed: in Rerun, else matplotlib's window, else files.
+    """Show a recording in Rerun, in a window of matplotlib or in files; return when its window is closed.
 
     Parameters
     ----------
-    frames : a recording, or some of one: ``recording[::10]``.
-    tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: what is there; without a display, files beside the recording).
+    frames : a recording, or a part of one such as ``recording[::10]``.
+    tool : ``"rerun"``, ``"window"`` or ``"files"`` (None: the first that is available; without a display, files beside the
+        recording).
     colour : of the points, ``"range"`` or ``"intensity"``.
-    output : what to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
-    overwrite : whether files that are there already are replaced.
-    folder : where mesh files lie that the scenario names (None: beside the recording).
+    output : file to write instead: a scene (.rrd), a picture of the window (.png, .pdf, .svg) or an animation (.gif, .mp4).
+    overwrite : whether existing files are replaced.
+    folder : folder of the mesh files that the scenario names (None: that of the recording).
+
+    Returns
+    -------
+    ViewerChoice
+        How it was shown.
+
+    Raises
+    ------
+    RecordingError
+        For a recording without frames, a tool that is not available, and files that exist already.
     """
     path = _find_path(frames)
     chosen = choose_viewer(tool, output, recording=path, overwrite=overwrite)
@@ -107,16 +123,22 @@ def show(
     folder: Path | None = None,
     each: Iterable[Frame] | None = None,
 ) -> tuple[str, ...]:
-    """Return which frames each file shows, in words, once frames are shown in the way chosen; nothing without a file.
+    """Show frames in the chosen way, and describe the frames that each file shows.
 
-    `each` are the same frames, where somebody counts them as a scene is written.
+    Parameters
+    ----------
+    chosen : the way.
+    frames : a recording, or a part of one.
+    colour : of the points.
+    folder : folder of the mesh files that the scenario names.
+    each : iterator over the same frames that reports progress while a scene is written (None: `frames`).
     """
     if colour not in COLOURS:
         raise RecordingError(f"view: no colour '{colour}'{did_you_mean(colour, COLOURS)} (known: {', '.join(COLOURS)})")
     if not len(frames):
         raise RecordingError("view: the recording holds no frames; record some")
     suffixes = {path.suffix.lower() for path in chosen.paths}
-    needless = bool(suffixes) and suffixes <= {*_FILMS}  # in a film no mesh is drawn
+    needless = bool(suffixes) and suffixes <= {*_FILMS}  # animations show no mesh
     shapes = [] if needless else load_true_shapes(frames[0].source, folder)
     if chosen.tool == "window":
         play(frames, shapes, colour)
@@ -138,24 +160,32 @@ def _count_frames(count: int) -> str:
 def _write_pictures(
     paths: Sequence[Path], frames: Sequence[Frame], shapes: Sequence[Shape], colour: Colour
 ) -> list[str]:
-    """Return which frames each picture shows, once they are written, by their names."""
-    count, told = len(frames), []
+    """Write pictures by the suffix of their names, and describe the frames that each shows.
+
+    Parameters
+    ----------
+    paths : of the pictures.
+    frames : a recording, or a part of one.
+    shapes : meshes to draw.
+    colour : of the points.
+    """
+    count, contents = len(frames), []
     for path in paths:
         if path.suffix.lower() in _FILMS:
             picture.animate(frames, path)
-            told.append(_count_frames(count))
+            contents.append(_count_frames(count))
         elif len(paths) > 1 and path.name.endswith(_SHEET):
             picture.contact_sheet(frames, path)
-            told.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
+            contents.append(f"{_SHEET_FRAMES} of {count} frames" if count > _SHEET_FRAMES else _count_frames(count))
         else:
             best = frames[find_fullest_frame(frames)]
             save_view([best], path, shapes, colour)
-            told.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
-    return told
+            contents.append(f"frame {best.index}" + f" alone, of {count}, for its many returns" * (count > 1))
+    return contents
 
 
 def load_true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
-    """Return the meshes that were recorded, each in its axes of the truth; none, with a warning, where one is not here."""
+    """Load the recorded meshes, each with the name of its axes; none, with a warning, where one is missing."""
     shapes: list[Shape] = []
     try:
         scenario = load_scenario(source, folder)
@@ -169,12 +199,19 @@ def load_true_shapes(source: Source, folder: Path | None = None) -> list[Shape]:
 
 
 def has_display() -> bool:
-    """Return whether there is a screen: always by macOS and Windows, else as DISPLAY or WAYLAND_DISPLAY say."""
+    """Return whether there is a screen: always on macOS and Windows, else if DISPLAY or WAYLAND_DISPLAY is set."""
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> ViewerChoice:
-    """Return the way that writes one file, by its suffix."""
+    """Choose the way that writes one file, by its suffix, or raise `RecordingError`.
+
+    Parameters
+    ----------
+    tool : the tool that writes it, if asked for.
+    output : path of the file.
+    overwrite : whether an existing file is replaced.
+    """
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
         raise RecordingError(f"{output}: a window writes nothing; leave the name out, or choose rerun or files")
@@ -186,7 +223,15 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
 
 
 def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwrite: bool) -> ViewerChoice:
-    """Return the way that writes beside a recording."""
+    """Choose files beside a recording, or raise `RecordingError`.
+
+    Parameters
+    ----------
+    tool : the tool that writes them.
+    why : reason for writing files.
+    recording : file of the recording.
+    overwrite : whether existing files are replaced.
+    """
     if recording is None:
         raise RecordingError(f"view: {why or 'files'}: these frames have no file to write beside; give output")
     names = (_SCENE,) if tool == "rerun" else _BESIDE
@@ -200,6 +245,6 @@ def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwri
 
 
 def _find_path(frames: Sequence[Frame]) -> Path | None:
-    """Return the file that frames are read from, None of those made in memory."""
+    """Return the file that frames are read from; None for frames in memory."""
     recording = frames.recording if isinstance(frames, Frames) else frames
     return recording.path if isinstance(recording, Recording) else None

@@ -1,4 +1,4 @@
-"""From a recording back to what was flown: its scenario, and the surfaces of its targets, once they are the same."""
+"""The scenario of a recording, and the surfaces of its targets."""
 
 from __future__ import annotations
 
@@ -11,13 +11,26 @@ from rso_lidar.scene import Surface
 
 
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
-    """Return the scenario that a recording holds; `folder` is where mesh files lie that it names (None: as for any)."""
+    """Load the scenario of a recording; `folder` holds the mesh files that it names (None: the working folder)."""
     with unwarned():
         return Scenario.loads(source.scenario, folder=folder, where="recording")
 
 
 def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str) -> tuple[Surface, ...]:
-    """Return the surfaces of one target by number, its body's first, of the mesh that was recorded and no other."""
+    """Load the surfaces of one target, that of its body first, if its mesh is the recorded one.
+
+    Parameters
+    ----------
+    scenario : of the recording.
+    source : of the recording.
+    number : index of the target.
+    asked_by : start of error messages.
+
+    Raises
+    ------
+    RecordingError
+        For another mesh than the recorded one.
+    """
     with unwarned():
         surfaces = scenario.surfaces_of(number)
     sha256 = source.targets[number].mesh_sha256

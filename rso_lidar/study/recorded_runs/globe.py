@@ -15,7 +15,15 @@ from rso_lidar.records import Truth
 
 
 def build_globe(title: str, start_utc: datetime.datetime, targets: list[str], place: Truth) -> list[dict[str, Any]]:
-    """Return a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight."""
+    """Build a CZML document: bodies with their orientation, lines of sight to targets, and the lidar's boresight.
+
+    Parameters
+    ----------
+    title : name of the document.
+    start_utc : start of the run.
+    targets : names of the targets.
+    place : truth, batched over epochs.
+    """
     time_s = place.time_s
     fixed = itrs_from_gcrs(orbit.Epochs(start_utc, time_s))
     bodies = []

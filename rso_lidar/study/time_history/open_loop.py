@@ -1,4 +1,4 @@
-"""A scenario flown with the shutter closed: where everything is, and where the PTU points, without rendering a frame."""
+"""The truth of an open-loop run, PTU included, without rendering a frame."""
 
 from __future__ import annotations
 
@@ -18,11 +18,21 @@ from rso_lidar.viewing_geometry import tabulate_truth
 def fly_open_loop(
     scenario: Scenario, frames: slice | Iterable[int] | None = None, *, drive: bool = True
 ) -> tuple[Truth, tuple[PtuAngles, ...]]:
-    """Return the truth at some frames (None: all) as one batch, ptu and lidar in it, and the PTU's angles frame by frame.
+    """Compute the truth of an open-loop run as one batch, with PTU and lidar, and the PTU's angles frame by frame.
 
-    It is the truth that the frames of an open-loop run carry, jitter and encoder noise included. The PTU's drive is stepped
-    at 1 ms up to the last frame, some 2 s of work for each hour flown; with `drive` = False the PTU stands on
-    its demand and the angles are left out, as they are without a PTU.
+    It equals the truth of the frames of such a run, including jitter and encoder noise. The PTU's drive is integrated in
+    steps of 1 ms up to the last frame, which takes about 2 s per hour of run.
+
+    Parameters
+    ----------
+    scenario : what to fly.
+    frames : which frames, as a slice or indices (None: all).
+    drive : whether to simulate the drive. Otherwise the PTU stands on its demand, and there are no angles.
+
+    Returns
+    -------
+    truth : batch over the frames, with ptu and lidar.
+    angles : of the PTU, one for each frame; empty without a PTU.
     """
     numbers = frame_numbers(scenario, frames)
     ptu, mount = scenario.ptu, scenario.lidar.mount
@@ -51,19 +61,26 @@ def _pointing(scenario: Scenario, numbers: np.ndarray, time_s: np.ndarray, asked
 
 
 def tabulate_run(scenario: Scenario, truth: Truth, angles: tuple[PtuAngles, ...] = ()) -> dict[str, np.ndarray]:
-    """Return the truth as columns (time) by name, as `tabulate_truth` names them."""
+    """Tabulate the truth of a run as columns (time) by name, as `tabulate_truth` names them.
+
+    Parameters
+    ----------
+    scenario : what was flown.
+    truth : batch over the frames.
+    angles : of the PTU, one for each frame.
+    """
     return tabulate_truth(
         truth, [target.name for target in scenario.target], format_utc(scenario, truth.time_s), angles
     )
 
 
 def format_utc(scenario: Scenario, time_s: np.ndarray) -> np.ndarray:
-    """Return the instants [s since start_utc] as ISO UTC text to the microsecond."""
+    """Format times [s since start_utc] as ISO UTC texts to the microsecond."""
     return np.array(orbit.Epochs(scenario.time.start_utc, time_s).skyfield_time().utc_iso(places=6))
 
 
 def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
-    """Return the plan that the follower flies about `target`; None for a motion without one."""
+    """Return the plan of the follower's proximity operation about `target`; None for another motion."""
     follower = scenario.bodies[-1]
     if motion.chief_of(follower.motion) != target:
         return None
@@ -71,15 +88,25 @@ def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
         return motion.plan_of(follower, scenario.bodies, scenario.time.start_utc)
 
 
-_BESIDE_S = 1e-3  # before an impulse: what is left out of an ephemeris there
+_BESIDE_S = 1e-3  # step before an impulse at which an ephemeris ends
 
 
 def sample_between_impulses(
     scenario: Scenario, name: str, time_s: np.ndarray
 ) -> tuple[orbit.Epochs, BodyState, list[float]]:
-    """Return epochs, GCRS states of a body there, and the instants [s] of its impulses and of those it moves about.
+    """Compute the states of a body at some times, and just before and at each impulse.
 
-    The epochs are those asked for and, so that each stretch between impulses has its ends, those at the impulses.
+    Parameters
+    ----------
+    scenario : what is flown.
+    name : of the body.
+    time_s : (time) ascending times [s since start_utc].
+
+    Returns
+    -------
+    epochs : those times and the ends of each stretch between impulses.
+    states : GCRS states of the body at the epochs.
+    impulses_s : times of the impulses of the body and of the bodies that its motion is relative to [s since start_utc].
     """
     breaks = find_velocity_jumps_s(scenario, name)
     inside = sorted(at for at in breaks if time_s[0] + _BESIDE_S < at < time_s[-1])
@@ -91,7 +118,7 @@ def sample_between_impulses(
 
 
 def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
-    """Return the instants [s] at which the velocity of a body jumps: its impulses, and those of what it moves about."""
+    """Find the times [s] of velocity jumps of a body: its impulses, and those of bodies that its motion is relative to."""
     by_name = {body.name: body for body in scenario.bodies}
     chain: list[Any] = [by_name[name]]
     while (relative_to := motion.chief_of(chain[-1].motion)) is not None:
@@ -105,7 +132,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
 
 
 def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
-    """Return by body in orbit when it is wholly in the Earth's shadow, from and to [s]; for runs of up to 30 days."""
+    """Find by body in orbit the spans [s] in the Earth's umbra; nothing for runs of more than 30 days."""
     if scenario.local or scenario.span[1] > 30.0 * units.DAY_S:
         return {}
     ends = orbit.Epochs(scenario.time.start_utc, np.array([0.0, max(scenario.span[1], 1.0)]))

@@ -1,4 +1,4 @@
-"""Light on a target at some frames of a run, from rays but without a detector; and the detector as one curve."""
+"""Detection opportunities: the expected light of a target at some frames, and the probability of detecting it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.returns import cast_target
 
-_MOST_RAYS = 40_000_000  # in all casts together, shared evenly: beyond, the grid in a pixel is made coarser
-_LEVELS, _DECADES = 145, (0.0, 6.0)  # of photons, at which a detector is tried
+_MOST_RAYS = 40_000_000  # in all casts together; beyond this the grid within a pixel becomes coarser
+_LEVELS, _DECADES = 145, (0.0, 6.0)  # levels of photons at which a detector is tried
 _TRIALS, _FEWEST = 200, 10  # pixels for each level
-_MOST_SAMPLES = 8_000_000  # that all trials together may take, so that a long gate is tried in seconds
+_MOST_SAMPLES = 8_000_000  # in all trials together, so that a detector with a long gate is tried in seconds
 
 
 @dataclass(frozen=True)
 class DetectionOpportunity:
-    """What one flash sends back of one target, in expectation."""
+    """Expected light and detections of one target in one flash."""
 
     target_pixels: int  # pixels with any light of the target
     filled_pixels: float  # area of the target in the image
@@ -45,7 +45,7 @@ class DetectionCurve:
     probability: np.ndarray
 
     def __call__(self, photons: np.ndarray) -> np.ndarray:
-        """Return the probability (…) at so many expected photons (…)."""
+        """Return the probability (…) for expected photons (…)."""
         logs = np.log10(np.maximum(photons, 1e-12))
         low = self.probability[0] * np.minimum(photons / 10.0 ** self.log_photons[0], 1.0)
         found: np.ndarray = np.where(
@@ -55,10 +55,10 @@ class DetectionCurve:
 
 
 def find_detection_curve(lidar: Lidar) -> DetectionCurve:
-    """Return how a lidar's detector finds returns: the empirical one by its formula, the full chain by trial.
+    """Compute the detection curve of a lidar in the dark: by the detector's formula where it has one, else by trials.
 
-    The chain meets a plate of 1 to a million photons, 200 pixels at each of 145 levels (fewer under a long gate), in the
-    dark; isotonic regression then keeps the curve from falling. The binomial error of a level is at most 0.035.
+    Trials use a plate at 145 levels of 1 to a million photons, with 200 pixels for each (fewer for a long gate). Isotonic
+    regression then makes the curve monotonic. The binomial error of a level is at most 0.035.
     """
     from scipy.optimize import isotonic_regression
 
@@ -79,10 +79,17 @@ def find_detection_curve(lidar: Lidar) -> DetectionCurve:
 def find_opportunities(
     scenario: Scenario, truth: Truth, rows: Sequence[int], target: int, box_pixels: np.ndarray
 ) -> list[DetectionOpportunity]:
-    """Return what the flashes at some rows of a truth batched over epochs send back of the target of that number.
+    """Find the detection opportunities of a target at some epochs.
 
-    `box_pixels` (time) is the area of all targets' bounds in the field, by which the grid of rays is chosen. Light spreads,
-    bends and is blocked as in a rendered frame; there is no detector, no pulse-to-pulse jitter, and sunlight is left out.
+    Light is spread, distorted and blocked as in a rendered frame, without pulse-to-pulse jitter and without sunlight.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    truth : batch over epochs.
+    rows : indices of the epochs.
+    target : index of the target.
+    box_pixels : (time) area of all targets' bounds in the field, which determines the grid of rays [pixels].
     """
     _ = scenario.surfaces
     curve = find_detection_curve(scenario.instrument)
@@ -109,7 +116,7 @@ def _evaluate_flash(
     watched = seen.hits.target[light.hit] == target
     watched &= (range_m >= detector.traits.sees_from_m) & (range_m <= detector.traits.sees_to_m)
     n_pixels = light.shape[0] * light.shape[1]
-    gain = array_load(detector, light).gain[seen.pixel]  # less of it is less signal, as of fewer photons
+    gain = array_load(detector, light).gain[seen.pixel]  # a lower gain reduces the signal like fewer photons do
     found = curve(gain * np.bincount(light.pixel[watched], light.photons[watched], n_pixels)[seen.pixel])
     return DetectionOpportunity(
         target_pixels=int(seen.pixel.size),

@@ -1,8 +1,7 @@
 """One encounter frame by frame: geometry, light and pointing over time, without rendering the frames.
 
-Geometry is exact at every frame. What comes back is worked out from rays at up to some hundred frames spread evenly, as a
-share of the target's projected bounds and of the light of a filled white pixel, and carried to the frames between by these
-closed forms.
+Geometry is exact at every frame. Light is computed from rays at up to some hundred frames. Between them it is
+interpolated relative to the target's projected bounds and to the light of a filled white pixel.
 """
 
 from __future__ import annotations
@@ -27,21 +26,21 @@ from rso_lidar.study.time_history.open_loop import find_umbras, fly_open_loop, f
 from rso_lidar.study.time_history.opportunities import DetectionOpportunity, find_opportunities
 from rso_lidar.viewing_geometry import compute_viewing_geometry
 
-CASTS = 300  # frames at most of which rays are cast
+CASTS = 300  # greatest number of frames at which rays are cast
 _WHITE_PER_SR = 1.0 / np.pi
-_EPOCHS = 2000  # whose hulls are projected at once
-_RATE_S = 2e-3  # step of the central difference by which the demand's rate is found
+_EPOCHS = 2000  # in one batch of projected hulls
+_RATE_S = 2e-3  # step of the central difference for the rate of the demand
 SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
-_AT_LIMIT = 1e-3  # so near to a greatest rate, as a share of it, a drive stands at it
+_AT_LIMIT = 1e-3  # relative distance to the greatest rate within which a drive counts as at its limit
 
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """One encounter over time: `table` holds columns (time) by name, units in the names.
+    """One encounter over time: `table` holds columns (time) by name, with units in the names.
 
-    ``cast`` is 1 where rays were cast, 0 where light is carried over from the frames beside. `travel_rad` are the ends of
-    pan and of tilt and `max_rate_rad_s` the greatest rate of the PTU, infinite without limits; `shadow_s` the spans [s] in
-    which the Earth hides the Sun from the target whole (None: as `sunlit_fraction` has it).
+    The column ``cast`` is 1 where rays were cast, and 0 where light is interpolated. `travel_rad` are the limits of pan and
+    tilt, and `max_rate_rad_s` is the greatest rate of the PTU, infinite without a limit. `shadow_s` are the spans [s] in
+    which the target is in the umbra (None: those of `sunlit_fraction`).
     """
 
     title: str
@@ -53,7 +52,7 @@ class Timeline:
     shadow_s: tuple[tuple[float, float], ...] | None = None
 
     def figure(self) -> Any:
-        """Return the picture, a matplotlib Figure: panels over one axis of time, shaded in shadow and out of the field."""
+        """Return a matplotlib Figure: panels over one time axis, shaded in shadow and out of the field."""
         return timeline_figure(
             self.table,
             self.target,
@@ -65,7 +64,7 @@ class Timeline:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Return the path of the table (.csv) or of the picture (.png, .pdf or .svg), written whole or not at all."""
+        """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
         place = free(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
@@ -75,14 +74,24 @@ class Timeline:
 def timeline(
     scenario: Scenario, target: str | None = None, *, every_s: float | None = None, casts: int = CASTS
 ) -> Timeline:
-    """Return an encounter with a target frame by frame: where it is, in what light, and what the lidar gets of it.
+    """Compute an encounter with a target frame by frame: geometry, illumination, pointing and expected returns.
 
     Parameters
     ----------
     scenario : what to fly, in open loop.
-    target : a name (None: the first).
-    every_s : seconds [s] from row to row, in whole frames; the last frame is always there (None: every frame).
-    casts : frames at most of which rays are cast, spread evenly over those asked for.
+    target : name of the target (None: the first).
+    every_s : time from row to row [s], rounded to whole frames; the last frame is always included (None: every frame).
+    casts : greatest number of frames at which rays are cast, spread evenly.
+
+    Returns
+    -------
+    Timeline
+        The table, which can draw itself.
+
+    Raises
+    ------
+    ScenarioError
+        For a scenario without targets, a name that is not known, and values outside their limits.
     """
     require_scenario(scenario, "timeline")
     number = _find_target(scenario, target)
@@ -112,7 +121,7 @@ def timeline(
 
 
 def count_frames_between(scenario: Scenario, every_s: float | None) -> int:
-    """Return how many frames lie from row to row, `every_s` [s] apart."""
+    """Return the number of frames from row to row for rows `every_s` [s] apart."""
     if every_s is None:
         return 1
     if not 0.0 < every_s < np.inf:
@@ -135,7 +144,7 @@ def _find_target(scenario: Scenario, target: str | None) -> int:
 
 
 def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
-    """Return how the target is seen: range, directions, their rates, and the Sun."""
+    """Tabulate range, directions and their rates, and the Sun's angles."""
     seen = compute_viewing_geometry(truth, name)
     table = {"range_m": seen.range_m, "range_rate_m_s": seen.range_rate_m_s}
     shape = (seen.time_s.size, 3)
@@ -145,7 +154,7 @@ def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
     )
     turning = np.broadcast_to(truth.rates(ROOT, "lidar")[1], shape)
     squared = np.where(seen.range_m > 0.0, seen.range_m, np.inf) ** 2
-    unturned = velocity_m_s + cross(turning, line_m)  # as axes that do not turn see it
+    unturned = velocity_m_s + cross(turning, line_m)  # relative velocity in axes that do not rotate
     table["line_of_sight_rate_rad_s"] = np.linalg.norm(cross(line_m, unturned), axis=-1) / squared
     table["azimuth_rad"], table["elevation_rad"] = seen.azimuth_rad, seen.elevation_rad
     link = truth.poses.link("follower", name)
@@ -166,7 +175,14 @@ def _tabulate_geometry(truth: Truth, name: str) -> dict[str, np.ndarray]:
 
 
 def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[PtuAngles, ...]) -> dict[str, np.ndarray]:
-    """Return what the PTU is asked, how it answers, and where it stands at a limit; nothing without a PTU."""
+    """Tabulate demand and response of the PTU, and where it is at a limit; nothing without a PTU.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    time_s : (time) times of the frames [s].
+    angles : of the PTU, one for each frame.
+    """
     if scenario.ptu is None:
         return {}
     response = scenario.ptu.response
@@ -197,7 +213,15 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
 
 
 def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -> dict[str, np.ndarray]:
-    """Return bounds and light of the target: bounds at every frame, light cast at some and carried to the others."""
+    """Tabulate bounds and light of the target: light is cast at some frames and interpolated at the others.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    truth : batch over the frames.
+    number : index of the target.
+    casts : greatest number of frames at which rays are cast.
+    """
     time_s = truth.time_s
     lidars = [scenario.instrument.at(float(at)) for at in time_s]
     edge = np.array([lidar.receiver.field_edge for lidar in lidars])
@@ -233,7 +257,16 @@ def _tabulate_light(scenario: Scenario, truth: Truth, number: int, casts: int) -
 def _interpolate_opportunities(
     made: list[DetectionOpportunity], cast: np.ndarray, time_s: np.ndarray, box_pixels: np.ndarray, white: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return what the casts saw at all frames: as shares of bounds and of a white pixel's light, linear in time between."""
+    """Interpolate opportunities to all frames, relative to bounds and to a white pixel's light, linearly in time.
+
+    Parameters
+    ----------
+    made : opportunities at the frames of `cast`.
+    cast : indices of those frames.
+    time_s : (time) times of all frames [s].
+    box_pixels : (time) area of the target's bounds in the field [pixels].
+    white : (time) photons of a filled white pixel at the target's range.
+    """
     seen = {
         field: np.array([getattr(one, field) for one in made], dtype=float)
         for field in DetectionOpportunity.__dataclass_fields__
@@ -258,7 +291,14 @@ def _interpolate_opportunities(
 
 
 def in_field_fraction(scenario: Scenario, truth: Truth, number: int) -> np.ndarray:
-    """Return the share (time) of a target's projected bounds that is in the field; 0 where nothing of them is."""
+    """Return the share (time) of a target's projected bounds that is in the field; 0 where none of it is.
+
+    Parameters
+    ----------
+    scenario : what is flown.
+    truth : batch over epochs.
+    number : index of the target.
+    """
     edge = np.array([scenario.instrument.at(float(at)).receiver.field_edge for at in truth.time_s])
     sides, inside = _clip_bounds(*_project_bounds(scenario, truth, number), edge)
     sides = np.where(np.isfinite(sides), sides, 2.0 * edge)
@@ -267,9 +307,18 @@ def in_field_fraction(scenario: Scenario, truth: Truth, number: int) -> np.ndarr
 
 
 def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return least and greatest x/z and y/z (time, 2) of a target, or of all (None); low > high where it is behind.
+    """Project the bounds of a target, or of all targets, onto the tangent plane.
 
-    They are infinite where the lidar is beside the target, so that it reaches from ahead to behind.
+    Parameters
+    ----------
+    scenario : what is flown.
+    truth : batch over epochs.
+    number : index of the target (None: all).
+
+    Returns
+    -------
+    low, high : (time, 2) least and greatest x/z and y/z. Low exceeds high where the target is behind the lidar. They are
+        infinite where a target close to the lidar extends from ahead to behind.
     """
     n = truth.time_s.size
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
@@ -291,14 +340,26 @@ def _project_bounds(scenario: Scenario, truth: Truth, number: int | None) -> tup
 
 
 def _is_near(surface: Surface, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return at which epochs (time) the lidar is within a radius of the sphere about a surface."""
+    """Return whether (time) the lidar is within a radius of the sphere about a surface.
+
+    Parameters
+    ----------
+    surface : the surface.
+    place, turn : (time, 3) and (time, 3, 3) lidar_from_surface.
+    """
     centre, radius_m = surface.sphere
     near: np.ndarray = np.linalg.norm(rotate_vectors(turn, centre) + place, axis=-1) < 2.0 * radius_m
     return near
 
 
 def _clip_bounds(low: np.ndarray, high: np.ndarray, edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sides (time, 2) of bounds, and of what of them is in the field: both 0 where nothing is."""
+    """Return the sides (time, 2) of bounds, and those of their part in the field; 0 where there is none.
+
+    Parameters
+    ----------
+    low, high : (time, 2) bounds.
+    edge : (time, 2) half field.
+    """
     with np.errstate(invalid="ignore"):
         sides = np.where(low <= high, high - low, 0.0)
     inside = np.where(low <= high, np.maximum(np.minimum(high, edge) - np.maximum(low, -edge), 0.0), 0.0)

@@ -1,4 +1,4 @@
-"""The follower's own burns, as it knows them: by the plan of its proximity operation."""
+"""Burns that the follower knows of itself, from the plan of its proximity operation."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from rso_lidar import motion
 from rso_lidar.rpo.plans.plan import Impulse, Plan
 from rso_lidar.scenario import Scenario
 
-_LEAST_M_S = 1e-9  # of thrust between two instants; less is free flight
+_LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
 
 
 def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, int]]:
-    """Return the follower's burns after the first of some rising instants (time) [s], each with the place of one near.
+    """List the follower's burns after the first of some ascending times (time) [s], each with the index of the next time.
 
-    They are in the rtn axes of the body that it approaches, which are the follower's own but for separation over radius.
-    Thrust that holds to a path is one impulse half way between two instants, by the acceleration there. A follower that
-    flies no plan has none: what a table, a state-space model or a controller makes of it is not known.
+    Burns are in the rtn axes of the approached body. These differ from the follower's own by separation over radius only.
+    Continuous thrust along a path becomes one impulse half way between two times, from the acceleration there. A follower
+    without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
     plan = motion.plan_of(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:
@@ -28,7 +28,7 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impul
 
 
 def _sample_control(plan: Plan, time_s: np.ndarray) -> list[Impulse]:
-    """Return what thrust along a path gives from each instant to the next."""
+    """Return the velocity change of thrust along a path from each time to the next, as impulses."""
     step_s = np.diff(time_s)
     middle_s = time_s[:-1] + 0.5 * step_s
     given = plan.control_m_s2(middle_s) * step_s[:, None]

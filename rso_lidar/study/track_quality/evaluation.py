@@ -1,7 +1,7 @@
-"""Reference trackers run on a recording, from its points and the model mesh that it names, with their errors against truth.
+"""Reference trackers run on a recording, with their errors against the truth.
 
-A tracker is told what a spacecraft knows of itself: the PTU's encoders, its own attitude (a star tracker's), its own
-orbit and its own burns. Of the target it is told nothing but the mesh; truth of the target is used for the errors alone.
+A tracker receives the points of the frames and what a spacecraft knows of itself: the PTU's encoders, its attitude (from
+a star tracker), its orbit and its burns. Of the target it receives the mesh only; the truth is used for the errors alone.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ SUFFIXES = (*FIGURE_SUFFIXES, ".csv")
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """What the reference trackers made of a recording: `table` holds columns (time) by name, units in the names.
+    """Estimates and errors of the reference trackers: `table` holds columns (time) by name, with units in the names.
 
-    `tracks` are the filters, ``cv`` in axes that do not turn and, in orbit, ``cw`` in the follower's rtn axes, both from
-    its origin; `hinges` those of the target, which ICP takes as they stand in its mesh. Errors are estimate less truth of
-    the target's origin, in lidar axes.
+    `tracks` are the filters: ``cv`` in axes that do not rotate and, in orbit, ``cw`` in the follower's rtn axes, both with
+    the follower's origin. `hinges` are those of the target, which ICP assumes at the angles of the mesh. Errors are
+    estimate minus truth of the target's origin, in lidar axes.
     """
 
     title: str
@@ -52,12 +52,12 @@ class Tracking:
     hinges: tuple[str, ...] = ()
 
     def figure(self) -> Any:
-        """Return the picture, a matplotlib Figure: errors of centroid and filters, NIS with its bounds, and ICP's errors."""
+        """Return a matplotlib Figure: errors of centroid and filters, NIS with its bounds, and errors of ICP."""
         note = f"range noise {self.range_noise_m:.3g} m, process noise {self.acceleration_m_s2_rthz:g} m/s²/√Hz"
         return tracking_figure(self.table, tuple(self.tracks), self.target, self.title, note)
 
     def save(self, path: str | Path) -> Path:
-        """Return the path of the table (.csv) or of the picture (.png, .pdf or .svg), written whole or not at all."""
+        """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
         place = free(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
@@ -75,20 +75,30 @@ def tracking(
     poses: bool = True,
     each: Iterable[Frame] | None = None,
 ) -> Tracking:
-    """Return what centroid, Kalman filters and ICP make of a recording.
+    """Run centroid, Kalman filters and ICP on a recording.
 
     Parameters
     ----------
     frames : a recording, or frames of one scenario in the order of time.
-    target : a name (None: the first); other targets in the field confuse these trackers.
-    folder : where mesh files that the scenario names lie (None: as for any scenario).
-    range_noise_m : standard deviation of one range [m] (None: the recording's own returns, tried again on its detector).
+    target : name of the target (None: the first); other targets in the field disturb these trackers.
+    folder : folder of the mesh files that the scenario names (None: the working folder).
+    range_noise_m : standard deviation of one range [m] (None: from the recorded returns, simulated again on the detector).
     acceleration_m_s2_rthz : process noise of the filters, each axis [m/s²/√Hz].
-    shape : whether the filters take the target's shape into account: by how far, over all directions to look from, the
-        middle of what is seen lies before the target's origin, and how that wanders. It wanders slowly, and so is no white
-        noise: NIS is then below 3 at most frames. Without, they follow the middle of what is seen.
+    shape : whether the filters correct for the target's shape. They then use the mean and the spread of the distance
+        between the visible middle and the target's origin, over all directions. That error varies slowly and is not white
+        noise, so that NIS is below 3 at most frames. Otherwise the filters follow the visible middle.
     poses : whether ICP runs.
-    each : the same frames, where somebody counts them as they are read (None: `frames`).
+    each : iterator over the same frames that reports progress (None: `frames`).
+
+    Returns
+    -------
+    Tracking
+        Table of estimates and errors.
+
+    Raises
+    ------
+    RecordingError
+        For a recording without frames or without the target, and for another mesh than the recorded one.
     """
     if not len(frames):
         raise RecordingError("track: the recording holds no frames; record some")
@@ -133,14 +143,20 @@ def _find_target(names: list[str], target: str | None) -> int:
 
 
 def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
-    """Return the target's model, hinges unturned, and its greatest extent [m]."""
-    load_surfaces(scenario, source, number, "track")  # or the mesh is another one
+    """Sample the target's model with all hinges at zero, and return its greatest extent [m] too.
+
+    Parameters
+    ----------
+    scenario, source : of the recording.
+    number : index of the target.
+    """
+    load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
     model = sampled(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
 
 
 def _choose_filters(first: Frame, *, local: bool) -> dict[str, float | None]:
-    """Return the filters by name with their mean motion [rad/s]: of the follower's own orbit."""
+    """Return the filters by name, each with the mean motion [rad/s] of the follower's orbit, None for none."""
     if local:
         return {"cv": None}
     own = first.truth.states["follower"]
@@ -153,10 +169,10 @@ def _choose_filters(first: Frame, *, local: bool) -> dict[str, float | None]:
 
 @dataclass(frozen=True, eq=False)
 class _EvaluatedFrame:
-    """One frame: what was measured, how the lidar is placed in a filter's axes, and the truth of the target there.
+    """One frame: the measurement, the pose of the lidar in each filter's axes, and the truth of the target there.
 
-    `middle_m` (xyz) and `covariance_m2` (3, 3) in lidar axes are what the filters measure; `seat` is follower_from_lidar
-    by the encoders; `turns` axes_from_follower, `true_m` and `true_m_s` (xyz) by filter.
+    `middle_m` (xyz) and `covariance_m2` (3, 3) in lidar axes are the measurement of the filters. `seat` is
+    follower_from_lidar from the encoders. `turns` (axes_from_follower), `true_m` and `true_m_s` (xyz) are by filter.
     """
 
     time_s: float
@@ -172,15 +188,15 @@ class _EvaluatedFrame:
     found: Alignment | None
 
     def lidar_from(self, kind: str) -> Rotation:
-        """Return how a filter's axes are turned into the lidar's."""
+        """Return the rotation lidar_from_axes of a filter's axes."""
         return (self.turns[kind] * self.seat.rotation).inv()
 
     def from_rtn(self, kind: str) -> Rotation:
-        """Return how the follower's rtn axes are turned into a filter's."""
+        """Return the rotation axes_from_rtn, from the follower's rtn axes into a filter's."""
         return self.turns[kind] * self.turns["cw"].inv()
 
     def place_m(self, kind: str) -> np.ndarray:
-        """Return the measured position (xyz) [m] from the follower's origin in a filter's axes; NaN without one."""
+        """Return the measured position (xyz) [m] relative to the follower, in a filter's axes; NaN without one."""
         place: np.ndarray = self.turns[kind].apply(self.seat.apply(self.middle_m))
         return place
 
@@ -230,7 +246,7 @@ def _evaluate_frame(
 
 
 def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
-    """Return follower_from_lidar, by the encoders where there is a PTU."""
+    """Return follower_from_lidar, from the encoders where there is a PTU."""
     alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
     measured = frame.observation.pan_tilt_rad
     angles = np.zeros(2) if measured is None else measured
@@ -238,7 +254,7 @@ def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
 
 
 def _pointing_error_rad(scenario: Scenario) -> float:
-    """Return how well the encoders tell where the lidar looks [rad], one standard deviation of each axis."""
+    """Return the pointing error of the encoders [rad], one standard deviation of each axis."""
     if scenario.ptu is None:
         return 0.0
     errors = scenario.ptu.errors
@@ -246,7 +262,7 @@ def _pointing_error_rad(scenario: Scenario) -> float:
 
 
 def _tabulate(rows: Sequence[_EvaluatedFrame], model: Model) -> dict[str, np.ndarray]:
-    """Return the columns (time) of what was measured, and of the poses found, with their errors."""
+    """Tabulate measurements and estimated poses (time) with their errors."""
     middle = np.array([np.full(3, np.nan) if row.fix is None else row.fix.position_m for row in rows])
     true = np.array([row.true_pose.translation for row in rows])
     table = {
@@ -260,17 +276,24 @@ def _tabulate(rows: Sequence[_EvaluatedFrame], model: Model) -> dict[str, np.nda
     if not any(row.found for row in rows):
         return table
     nothing = np.full(11, np.nan)
-    told = np.array(
+    columns = np.array(
         [nothing if row.found is None else _compare_alignment(row.found, row.true_pose, model) for row in rows]
     )
-    table |= _vector_columns("icp", told[:, :3], "_m")
-    table |= {f"icp_quaternion_{axis}": told[:, 3 + k] for k, axis in enumerate("xyzw")}
+    table |= _vector_columns("icp", columns[:, :3], "_m")
+    table |= {f"icp_quaternion_{axis}": columns[:, 3 + k] for k, axis in enumerate("xyzw")}
     names = ("icp_rms_m", "icp_error_m", "icp_error_rad", "icp_long_axis_error_rad")
-    return table | {column: told[:, 7 + k] for k, column in enumerate(names)}
+    return table | {column: columns[:, 7 + k] for k, column in enumerate(names)}
 
 
 def _compare_alignment(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
-    """Return place and quaternion of lidar_from_body, its rms [m], and the errors of place [m], turn and long axis [rad]."""
+    """Return position and quaternion of lidar_from_body, the rms [m], and errors of position [m], turn and long axis [rad].
+
+    Parameters
+    ----------
+    found : the estimate.
+    true : lidar_from_body of the truth.
+    model : the target's model.
+    """
     place, rotation = found.pose.translation, found.pose.rotation
     ours, theirs = rotation.apply(model.long_axis), true.rotation.apply(model.long_axis)
     axis_rad = np.arctan2(np.linalg.norm(np.cross(ours, theirs)), np.dot(ours, theirs))
@@ -284,7 +307,14 @@ def _vector_columns(name: str, values: np.ndarray, unit: str) -> dict[str, np.nd
 
 
 def _tabulate_errors(kind: str, made: Track, rows: Sequence[_EvaluatedFrame]) -> dict[str, np.ndarray]:
-    """Return a filter's estimates in its own axes, its errors in the lidar's, and its NIS."""
+    """Tabulate a filter's estimates in its own axes, its errors in lidar axes, and its NIS.
+
+    Parameters
+    ----------
+    kind : name of the filter.
+    made : its track.
+    rows : the frames.
+    """
     table = {}
     for values, word, unit, true in (
         (made.position_m, "", "_m", [row.true_m[kind] for row in rows]),

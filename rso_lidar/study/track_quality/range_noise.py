@@ -1,4 +1,4 @@
-"""Range noise of a recording: its own returns, simulated again with the detector that took them."""
+"""The range noise of a recording, from a simulation of its returns with its detector."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
     """Estimate the standard deviation of one range [m] in a recording.
 
     Some of its frames are converted back into light: a return for each range, with the photons that give its intensity. A
-    trial of these returns has the recording's distribution of intensities, the current that its flashes drew, and the
-    number of its pixels that latched together.
+    trial of these returns reproduces the recording's distribution of intensities, the array current of its flashes, and
+    the number of pixels that trigger together.
 
     Parameters
     ----------
@@ -69,7 +69,14 @@ def _ranges_m(readings: Sequence[Reading]) -> np.ndarray:
 
 
 def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Return the mean intensity [counts] of a plate at each level of photons, never falling."""
+    """Return the mean intensity [counts] of a plate at each level of photons, made monotonic.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    range_m : range of the plate [m].
+    rng : generator of all noise.
+    """
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
     laser = lidar.laser
@@ -83,13 +90,20 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
 
 
 def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Photons:
-    """Return the light that gives a reading: one return for each range."""
+    """Return the light that would give a reading, with one return for each range.
+
+    Parameters
+    ----------
+    lidar : the instrument.
+    reading : of one frame.
+    answers : (level) mean intensity at each level of photons [counts].
+    """
     pixel = np.flatnonzero(np.isfinite(reading.range_m))
     counts = reading.intensity_counts.ravel()[pixel].astype(float)
-    # One level for each intensity; of those that clip, the dimmest.
+    # Intensities that clip take the dimmest level that clips.
     first = np.flatnonzero(np.diff(answers, prepend=0.0) > 0.0)
     photons = np.exp(np.interp(counts, answers[first], np.log(_LEVELS[first])))
     range_m = reading.range_m.ravel()[pixel].astype(float)
-    # The intensities of the reading hold its speckle, which is not drawn a second time.
+    # The recorded intensities include speckle, which must not be drawn again.
     laser, shape = lidar.laser, reading.range_m.shape
     return point_returns(shape, laser.pulse, laser.pulse_fwhm_s, pixel, range_m, photons, coherence_cells=np.inf)

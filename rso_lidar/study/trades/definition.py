@@ -1,4 +1,4 @@
-"""What a trade study asks: which fields of a scenario take which values, and what is worked out at each point."""
+"""The definition of a trade study: which fields of a scenario take which values, and how points are evaluated."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _check_finite(value: Any) -> None:
 
 
 def _check_frames(given: Any) -> Any:
-    """Return frames as text ``A:B:STEP``, or as numbers."""
+    """Check frames, given as text ``A:B:STEP`` or as indices."""
     if given is None or (isinstance(given, str) and re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", given)):
         return given
     if isinstance(given, list | tuple) and given and all(type(one) is int and one >= 0 for one in given):
@@ -77,23 +77,23 @@ class Grid(Part):
 
 
 class Random(Part):
-    """Points drawn at random, each axis evenly over its values or its span."""
+    """Points drawn at random, uniformly over the values or the span of each axis."""
 
     type: Literal["random"] = "random"
     points: Count = Field(description="Number of points.")
 
 
 class LatinHypercube(Part):
-    """Points drawn so that of as many equal strata of each axis every one holds one point (McKay et al. 1979)."""
+    """Points of a Latin hypercube: each axis has n equal strata with one point each (McKay et al. 1979)."""
 
     type: Literal["latin_hypercube"] = "latin_hypercube"
     points: Count = Field(description="Number of points, and of strata along each axis.")
 
 
 class Axis(Part):
-    """One axis: a field of the scenario, or several that change together, and what values it takes.
+    """One axis: a field of the scenario, or several that change together, and their values.
 
-    Either `values`, or `low` and `high`; of a grid these with `count`.
+    An axis has either `values`, or `low` and `high`. A grid needs `count` with the latter.
     """
 
     field: Annotated[
@@ -148,21 +148,21 @@ class Axis(Part):
 
     @property
     def size(self) -> int | None:
-        """Return how many values a grid takes; None without a number of them."""
+        """Number of values of a grid; None where it is not given."""
         return self.count if self.values is None else len(self.values)
 
     @property
     def name(self) -> str:
-        """Return the first field: what the axis is called."""
+        """Name of the axis: its first field."""
         return self.field[0]
 
     @property
     def numeric(self) -> bool:
-        """Return whether all values are numbers."""
+        """Whether all values are numbers."""
         return self.values is None or all(type(value) in (int, float) for value in self.values)
 
     def at(self, share: np.ndarray) -> list[Any]:
-        """Return the values at shares (point) of the axis, 0 to below 1."""
+        """Return the values at relative positions (point) along the axis, from 0 to below 1."""
         if self.values is not None:
             return [self.values[int(one * len(self.values))] for one in share.tolist()]
         assert self.low is not None
@@ -182,13 +182,13 @@ class Axis(Part):
         return tuple(self.at(share))
 
     def settings(self, value: Any) -> dict[str, str]:
-        """Return by field the TOML text of a value."""
+        """Return the TOML text of a value by field."""
         each = value if len(self.field) > 1 and isinstance(value, list) else [value] * len(self.field)
         return {field: write_toml_value(one) for field, one in zip(self.field, each, strict=True)}
 
 
 class Report(Part):
-    """What the report shows beside plots and tables."""
+    """Contents of the report beside plots and tables."""
 
     pictures: Annotated[Whole, Field(ge=0, le=24)] = Field(
         default=4,
@@ -251,13 +251,26 @@ class Study(Part):
 
     @classmethod
     def load(cls, path: str | Path) -> Study:
-        """Return the study of a TOML file; the scenario that it names is looked up from its folder."""
+        """Load a study from a TOML file; the path of its scenario is relative to the file's folder.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that cannot be read, and for content that is not a valid study.
+        """
         path = path_of(path, ScenarioError)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name)
 
     @classmethod
     def loads(cls, text: str, *, folder: Path | None = None, where: str = "study") -> Study:
-        """Return the study of a TOML text; `where` is its name in errors."""
+        """Load a study from a TOML text.
+
+        Parameters
+        ----------
+        text : the TOML.
+        folder : start of relative paths (None: the working folder).
+        where : name of the text in error messages.
+        """
         study = validate_toml(cls, text, where)
         study._folder, study._where = folder, where
         return study
@@ -293,27 +306,27 @@ class Study(Part):
 
     @property
     def n_rows(self) -> int:
-        """Return how many runs there are."""
+        """Number of runs."""
         n = math.prod(axis.size or 1 for axis in self.axis) if isinstance(self.sampling, Grid) else self.sampling.points
         return n * self.seeds
 
     @property
     def judged_by(self) -> tuple[str, ...]:
-        """Return the figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
+        """Figures of merit of a row: those asked for, and the detection fraction where one depends on it."""
         return list_evaluated(self.merits)
 
     @property
     def where(self) -> str:
-        """Return the study's name in errors."""
+        """Name of the study in error messages."""
         return self._where
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Return all fields that change, in the order of the axes."""
+        """All fields that change, in the order of the axes."""
         return tuple(field for axis in self.axis for field in axis.field)
 
     def scenario_file(self) -> Path:
-        """Return where the scenario lies."""
+        """Find the scenario file, or raise `ScenarioError`."""
         folder = self._folder or Path()
         path = folder / expanded(self.scenario)
         if not path.is_file():
@@ -323,7 +336,7 @@ class Study(Part):
         return path
 
     def base(self) -> Scenario:
-        """Return the scenario before any axis changes it, once target and frames are found in it."""
+        """Load the scenario before any axis changes it, and check target and frames."""
         with placed(self._where):
             scenario = Scenario.load(self.scenario_file(), self.set)
             self.number(scenario)
@@ -332,7 +345,7 @@ class Study(Part):
         return scenario
 
     def number(self, scenario: Scenario) -> int:
-        """Return which target is asked about."""
+        """Return the index of the evaluated target, or raise `ScenarioError`."""
         names = [one.name for one in scenario.target]
         if not names:
             raise ScenarioError("target: the scenario has none to look at; add [[target]]")
@@ -342,14 +355,14 @@ class Study(Part):
         return 0 if self.target is None else names.index(self.target)
 
     def numbers(self, scenario: Scenario) -> np.ndarray:
-        """Return which frames are flashed."""
+        """Return the indices of the frames that are simulated."""
         if isinstance(self.frames, str):
             return frame_numbers(scenario, slice(*(int(word) if word else None for word in self.frames.split(":"))))
         return frame_numbers(scenario, self.frames)
 
 
 def write_toml_value(value: Any) -> str:
-    """Return a value as TOML on one line; a number without a fraction as a whole one, which every field of numbers takes.
+    """Write a value as TOML on one line. Numbers without a fraction become integers, which every numeric field accepts.
 
     >>> write_toml_value([0.5, 2.0, True, "a", {"type": "gsfl"}])
     '[0.5, 2, true, "a", { type = "gsfl" }]'

@@ -1,4 +1,4 @@
-"""A trade study worked through: one run of a scenario for each point, side by side, kept as they come, and a table."""
+"""The execution of a trade study: one run for each point and seed, in parallel, saved one by one."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from rso_lidar.study.trades.results import TradeTable
 
 
 def identify(plan: TradePlan, base: Scenario) -> str:
-    """Return eight hex digits that name a study: SHA-256 of it, of its scenario as resolved, and of the version.
+    """Return eight hex digits that identify a study: SHA-256 of it, of its resolved scenario, and of the version.
 
-    What its points name counts by content: files beside the scenario, and models of the user's own library.
+    Files and models of the user's own library that points name are included with their content.
     """
     version = importlib.metadata.version("rso-lidar"), base.source.versions["arithmetic"]
     named = [
@@ -42,7 +42,7 @@ def identify(plan: TradePlan, base: Scenario) -> str:
 
 
 def _iterate_texts(value: Any) -> Iterator[str]:
-    """Return the texts in a value of an axis, down through its lists and tables."""
+    """Yield all texts in a value of an axis, including those in its lists and tables."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
@@ -54,7 +54,7 @@ def _iterate_texts(value: Any) -> Iterator[str]:
 
 
 def _hash_content(word: str, folder: Path) -> str:
-    """Return what a text names, as far as it names a file or a model that may change; else nothing."""
+    """Return a hash of the file or the user's model that a text names; empty for another text."""
     own = own_models().get(word)
     place = folder / word
     with suppress(OSError, ValueError):
@@ -63,7 +63,7 @@ def _hash_content(word: str, folder: Path) -> str:
 
 
 class RowFile:
-    """Rows kept in a file as they come, one JSON text a line: what was cut off goes on after its last whole line."""
+    """A file of finished rows, one JSON text per line. An interrupted study continues after the last complete line."""
 
     def __init__(self, path: Path, count: int) -> None:
         self.path, self._count = path, count
@@ -72,7 +72,7 @@ class RowFile:
 
     @contextmanager
     def opened(self) -> Iterator[RowFile]:
-        """Read what is there and keep others away; the file stays when the context ends."""
+        """Read existing rows and lock the file; it remains when the context ends."""
         with hold_lock(self.path.with_name(f".{self.path.name}.lock")):
             try:
                 with self._written():
@@ -92,7 +92,7 @@ class RowFile:
                     self._file.close()
 
     def add(self, row: Row) -> None:
-        """Keep a row; when this returns, a kill no longer loses it."""
+        """Save a row; when this returns, it survives a kill of the process."""
         assert self._file is not None
         with self._written():
             self._file.write((json.dumps(row) + "\n").encode())
@@ -102,23 +102,23 @@ class RowFile:
 
     @contextmanager
     def _written(self) -> Iterator[None]:
-        """Say of what the system refuses that it was this file."""
+        """Turn errors of the system into a `RunError` that names this file."""
         try:
             yield
         except OSError as error:
-            told, cure = error.strerror or error, write_cure(error.errno)
+            reason, cure = error.strerror or error, write_cure(error.errno)
             if error.errno == errno.ELOOP:
-                told, cure = "it is a symbolic link", "remove it"
-            raise RunError(f"{self.path}: cannot be written ({told}); {cure} and run again") from error
+                reason, cure = "it is a symbolic link", "remove it"
+            raise RunError(f"{self.path}: cannot be written ({reason}); {cure} and run again") from error
 
 
 def _open_no_link(path: str, flags: int) -> int:
-    """Open a file whose name others can guess; a link there is an error."""
+    """Open a file without following a symbolic link, because others can guess its name."""
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def _parse_row(line: bytes, count: int) -> Row | None:
-    """Return the row of a line; None where it was cut off."""
+    """Parse the row of a line; None for an incomplete line."""
     try:
         row = json.loads(line)
     except ValueError:
@@ -128,7 +128,14 @@ def _parse_row(line: bytes, count: int) -> Row | None:
 
 
 def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None) -> Iterator[Row]:
-    """Yield the rows that are not known yet, as they are done; a row depends on the plan and its number only."""
+    """Run the rows that are not known yet, and yield each when it is finished.
+
+    Parameters
+    ----------
+    plan : the plan. A row depends on the plan and on its number only.
+    known : finished rows by number.
+    workers : number of processes (None: this process alone).
+    """
     left = [number for number in range(plan.study.n_rows) if number not in known]
     if workers is None or workers < 2 or len(left) < 2:
         yield from map(plan.row, left)
@@ -148,10 +155,10 @@ def run_rows(plan: TradePlan, known: dict[int, Row], workers: int | None = None)
 
 
 class Trade(TradeTable):
-    """A trade study worked through: its table, and how to write it and its report."""
+    """A finished trade study, which writes its table and its report."""
 
     def save(self, path: str | Path) -> Path:
-        """Return the path of the table (.csv, .parquet) or of the report (.html), written whole or not at all."""
+        """Write the table (.csv, .parquet) or the report (.html), and return its path."""
         return save_trade(self, Path(path))
 
 
@@ -162,16 +169,28 @@ def trade(
     working: str | Path | None = None,
     on_row: Callable[[int, int], None] | None = None,
 ) -> Trade:
-    """Return a trade study worked through: a table of figures of merit, one row for each point and seed.
+    """Run a trade study: a table of figures of merit with one row for each point and seed.
 
     Parameters
     ----------
-    study : what is asked, or the TOML file that says so.
-    workers : how many processes work through points at once, in place of threads; a script that asks for them keeps its own
-        work under ``if __name__ == "__main__":``. It does not change a bit.
-    working : a file in which rows are kept as they come; with the same one a study that was cut off goes on. Its name gets
-        eight hex digits of what is asked, so another study does not go on from it; it stays until you delete it.
-    on_row : called with how many rows there are, and of how many, at the start and after each.
+    study : the study, or its TOML file.
+    workers : number of processes that run points in parallel, instead of threads. The result does not depend on it. A
+        script that uses workers keeps its own code under ``if __name__ == "__main__":``.
+    working : file in which finished rows are saved. An interrupted study continues from it. Its name is extended by eight
+        hex digits that identify the study, so that another study does not use it. It remains until you delete it.
+    on_row : called with the number of finished rows and that of all rows, at the start and after each row.
+
+    Returns
+    -------
+    Trade
+        The table.
+
+    Raises
+    ------
+    ScenarioError
+        For a study that is not valid, and where no point is a valid scenario.
+    RunError
+        For a file of rows that cannot be written.
     """
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise ScenarioError(f"workers: needs a whole number from 1, not {workers!r}; or leave it out")
@@ -194,12 +213,24 @@ def trade(
 
 
 def place_row_file(place: Path, plan: TradePlan, base: Scenario) -> Path:
-    """Return the file in which rows are kept that go to `place` in the end."""
+    """Return the path of the file of rows for a table that is written to `place`.
+
+    Parameters
+    ----------
+    place : path of the table.
+    plan, base : plan and scenario of the study.
+    """
     return place.with_name(f"{place.name}.tmp-{identify(plan, base)}")
 
 
 def tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Trade:
-    """Return the table of all rows, in their order."""
+    """Build the table of all rows, in their order.
+
+    Parameters
+    ----------
+    plan, base : plan and scenario of the study.
+    known : finished rows by number.
+    """
     study = plan.study
     rows = [known[number] for number in range(study.n_rows)]
     table = {"row": np.array([row["row"] for row in rows]), "seed": np.array([row["seed"] for row in rows])}
@@ -218,7 +249,14 @@ def tabulate_rows(plan: TradePlan, base: Scenario, known: dict[int, Row]) -> Tra
 
 
 def _tabulate_field(axis: Axis, values: list[Any], column: int) -> np.ndarray:
-    """Return the values of one field: as numbers where all are, else as TOML."""
+    """Return the values of one field: as numbers where all of them are, else as TOML.
+
+    Parameters
+    ----------
+    axis : the axis of the field.
+    values : (row) values of the axis.
+    column : index of the field in the axis.
+    """
     linked = len(axis.field) > 1
     own = [value[column] if linked and isinstance(value, list) else value for value in values]
     if all(type(value) in (int, float) for value in own):

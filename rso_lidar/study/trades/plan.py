@@ -1,4 +1,4 @@
-"""The plan of a trade study: what each row of its table sets and what it is judged by, checked before anything is flown."""
+"""The plan of a trade study: settings and evaluation of each row, checked before the first run."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.merits import evaluate
 from rso_lidar.study.trades.sampling import list_points, list_settings
 
-_TRIED = 300  # points at most that are tried before anything is flown
-_OF_AN_AXIS = 50  # values of one axis, alone
+_TRIED = 300  # greatest number of points that are checked before the first run
+_OF_AN_AXIS = 50  # greatest number of values of one axis that are checked alone
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
 class TradePlan:
-    """All that a row depends on but its number: it travels to other processes."""
+    """All inputs of the rows, which worker processes receive."""
 
     study: Study
     points: tuple[tuple[Any, ...], ...]
@@ -33,19 +33,19 @@ class TradePlan:
     threads: int | None = None
 
     def scenario(self, row: int) -> Scenario:
-        """Return the scenario of a row, or raise `ScenarioError`."""
+        """Load the scenario of a row, or raise `ScenarioError`."""
         changes = tuple(f"{field}={text}" for field, text in self.settings(row).items())
         return Scenario.loads(
             self.text, folder=self.folder, where=self.where, settings=(*self.study.set, *changes), trust_code=True
         )
 
     def settings(self, row: int) -> dict[str, str]:
-        """Return by field what a row sets, as TOML text."""
+        """Return the TOML text of each field that a row sets."""
         chosen = list_settings(self.study, self.points[row // self.study.seeds])
         return chosen | ({"seed": str(self.seed + row % self.study.seeds)} if self.study.seeds > 1 else {})
 
     def row(self, number: int) -> Row:
-        """Return one row: merits, or why there are none."""
+        """Run one row: its figures of merit, or the reason for their absence."""
         study, merits = self.study, dict.fromkeys(self.study.judged_by, float("nan"))
         seed, why = self.seed, ""
         with unwarned():
@@ -62,7 +62,7 @@ class TradePlan:
 
 
 def make_plan(study: Study, threads: int | None = None) -> tuple[TradePlan, Scenario]:
-    """Return the plan of a study and its scenario, once every field that it changes is known to be one."""
+    """Make the plan of a study and load its scenario, after a check of every field that changes."""
     base, path = study.base(), study.scenario_file()
     plan = TradePlan(study, tuple(list_points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
     with unwarned():
@@ -72,7 +72,7 @@ def make_plan(study: Study, threads: int | None = None) -> tuple[TradePlan, Scen
 
 
 def _check_fields(plan: TradePlan) -> None:
-    """Raise where an axis names no field of the scenario, or gives values of another type."""
+    """Raise `ScenarioError` for an axis that names no field of the scenario, or has values of another type."""
     for k, axis in enumerate(plan.study.axis):
         tried = {repr(point[k]): point[k] for point in plan.points}
         for value in list(tried.values())[:_OF_AN_AXIS]:
@@ -93,7 +93,7 @@ def _check_field(plan: TradePlan, place: str, field: str, text: str) -> None:
 
 
 def _find_misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
-    """Return which key of an axis is wrong for every point, and whether one is: no such field, or another type."""
+    """Return the key of an axis that is wrong at every point, and whether there is one: no such field, or another type."""
     if isinstance(error, SettingError):
         return "field", True
     steps = field.replace("[", ".").replace("]", "").split(".")
@@ -107,7 +107,7 @@ def _find_misfit(error: ScenarioError, field: str) -> tuple[str, bool]:
 
 
 def _check_points(plan: TradePlan) -> None:
-    """Raise where no point is a scenario that can be flown."""
+    """Raise `ScenarioError` where no point is a valid scenario."""
     n = len(plan.points)
     first = None
     for point in dict.fromkeys(np.linspace(0, n - 1, min(n, _TRIED)).round().astype(int).tolist()):

@@ -1,4 +1,4 @@
-"""What a trade study has found: a table of runs, and the means of its points."""
+"""The results of a trade study: a table of runs, and the means of its points."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rso_lidar.study.trades.plan import TradePlan
 
 @dataclass(frozen=True, eq=False)
 class TradeTable:
-    """A trade study and its answers: `table` holds columns (row) by name: row, seed, fields, figures of merit, error.
+    """A trade study and its results: `table` holds columns (row) by name: row, seed, fields, figures of merit, error.
 
-    Where a figure of merit depends on detection, also ``detection_fraction``, ``detected`` (1 where the point's mean over
-    seeds is at least ``min_detection_fraction``), and that limit.
+    Where a figure of merit depends on detection, there are also ``detection_fraction``, ``detected`` and
+    ``min_detection_fraction``. ``detected`` is 1 where the point's mean over seeds reaches that limit.
     """
 
     study: Study
@@ -27,23 +27,23 @@ class TradeTable:
 
     @property
     def needs_detection(self) -> bool:
-        """Return whether a figure of merit depends on detection: points then need a least detection fraction."""
+        """Whether a figure of merit depends on detection, so that points need a minimum detection fraction."""
         return any(MERITS[name].of_detected for name in self.study.merits)
 
     @property
     def detected(self) -> np.ndarray:
-        """Return a mask (point) of those whose detection fraction, mean over seeds, reaches the study's minimum."""
+        """Mask (point) of points whose detection fraction, averaged over seeds, reaches the study's minimum."""
         mean = self.of_points(DETECTION)[0]
         enough: np.ndarray = np.isfinite(mean) & (mean >= self.study.min_detection_fraction)
         return enough
 
     def ranked(self, name: str) -> np.ndarray:
-        """Return a mask (point) of those that a figure of merit ranks: it has a value there, and enough is detected."""
+        """Return a mask (point) of points that a figure of merit ranks: with a value, and with enough detections."""
         known: np.ndarray = np.isfinite(self.of_points(name)[0])
         return np.logical_and(known, self.detected) if MERITS[name].of_detected else known
 
     def of_points(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean and standard deviation (point) of a figure of merit over its seeds; NaN where none has one."""
+        """Return mean and standard deviation (point) of a figure of merit over the seeds; NaN where no seed has a value."""
         values = self.table[name].reshape(-1, self.study.seeds)
         known = np.isfinite(values)
         count = known.sum(axis=1)

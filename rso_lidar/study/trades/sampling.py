@@ -1,4 +1,4 @@
-"""The points of a trade study: which values its axes take together."""
+"""The points of a trade study: combinations of values of its axes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rso_lidar.study.trades.definition import Grid, Random, Study
 
 
 def list_points(study: Study) -> list[tuple[Any, ...]]:
-    """Return the points of a study, each one value for each axis; drawn points depend on the study's seed alone."""
+    """List the points of a study, each with one value per axis; random points depend on the study's seed alone."""
     if isinstance(study.sampling, Grid):
         return list(itertools.product(*(axis.grid() for axis in study.axis)))
     share = draw_shares(study)
@@ -19,7 +19,7 @@ def list_points(study: Study) -> list[tuple[Any, ...]]:
 
 
 def draw_shares(study: Study) -> np.ndarray:
-    """Return where drawn points lie (point, axis), as shares of each axis, 0 to below 1."""
+    """Draw the relative positions (point, axis) of random points along each axis, from 0 to below 1."""
     assert not isinstance(study.sampling, Grid)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(study.seed)))
     n, dimensions = study.sampling.points, len(study.axis)
@@ -32,7 +32,7 @@ def draw_shares(study: Study) -> np.ndarray:
 
 
 def list_settings(study: Study, point: tuple[Any, ...]) -> dict[str, str]:
-    """Return by field what a point sets, as TOML text."""
+    """List the TOML text of each field at a point."""
     return {
         field: text
         for axis, value in zip(study.axis, point, strict=True)
