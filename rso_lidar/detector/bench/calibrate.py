@@ -76,7 +76,7 @@ def solve(noise_electrons: float | None, repeats: int = 24) -> tuple[float, floa
     return noise, threshold
 
 
-def measured(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
+def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
     """Return a trial of so many photons at the reference state, over several flashes of a camera."""
     rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
     seen = plate(photons, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
@@ -90,7 +90,7 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
     from scipy.special import ndtr
 
     levels = np.array(_LEVELS, dtype=float)
-    trials = [measured(gsfl, level) for level in _LEVELS]
+    trials = [run_reference_trial(gsfl, level) for level in _LEVELS]
     probability = np.array([one.probability for one in trials])
     still = gsfl.replace(timing=gsfl.timing.replace(pixel_jitter_ns=0.0))
     quantum, s = gsfl.quantum_efficiency, REFERENCE_FWHM_S / units.FWHM_PER_SIGMA
@@ -104,7 +104,7 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
 
     found = least_squares(lambda x: detection(x) - probability, [130.0, 3.5], bounds=([0.0, 1.0], [900.0, 60.0]))
     n = levels[probability > 0.5]  # of fewer photons only the lucky ones are seen
-    noise_m = np.array([measured(still, level).range_noise_m for level in n])
+    noise_m = np.array([run_reference_trial(still, level).range_noise_m for level in n])
     sample_s = gsfl.readout.sample_s
 
     def spread(x: np.ndarray) -> np.ndarray:
@@ -114,15 +114,17 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
 
     ranging = least_squares(lambda x: np.log(spread(x) / noise_m), [130.0, 3.5], bounds=([0.0, 0.1], [900.0, 60.0]))
     counts_at = np.array(_COUNTS, dtype=float)
-    counts = np.array([float(measured(gsfl, level, 1).intensity_counts.mean()) for level in _COUNTS])
+    counts = np.array([float(run_reference_trial(gsfl, level, 1).intensity_counts.mean()) for level in _COUNTS])
 
-    def bent(x: np.ndarray) -> np.ndarray:
+    def bend_counts(x: np.ndarray) -> np.ndarray:
         linear = x[0] * counts_at
         return np.asarray(np.minimum(linear / (1.0 + (linear / x[1]) ** 4) ** 0.25, gsfl.full_scale_counts))
 
-    bend = least_squares(lambda x: np.log(bent(x) / counts), [0.04, 5000.0], bounds=([1e-3, 1e3], [1.0, 1e5]))
+    bend = least_squares(lambda x: np.log(bend_counts(x) / counts), [0.04, 5000.0], bounds=([1e-3, 1e3], [1.0, 1e5]))
     told = np.array([2000.0, 4000.0, 8000.0, 16_000.0, 32_000.0])
-    noise_photons = np.array([float(measured(gsfl, level).intensity_counts.std()) for level in told]) / bend.x[0]
+    noise_photons = (
+        np.array([float(run_reference_trial(gsfl, level).intensity_counts.std()) for level in told]) / bend.x[0]
+    )
 
     def scatter(x: np.ndarray) -> np.ndarray:
         return np.asarray(np.sqrt(x[0] ** 2 + x[1] * told / quantum + 1.0 / (12.0 * bend.x[0] ** 2)))
@@ -160,7 +162,7 @@ def write(path: Path) -> None:
             amplifier=gsfl.amplifier.replace(noise_electrons=noise),
             trigger=gsfl.trigger.replace(threshold_electrons=threshold),
         )
-        reached = measured(gsfl, REFERENCE_PHOTONS, 8).probability
+        reached = run_reference_trial(gsfl, REFERENCE_PHOTONS, 8).probability
         sys.stdout.write(f"{name}: {values}, detects {reached:.4f} of {REFERENCE_PHOTONS:g} photons\n")
         if noise_electrons is None:
             fitted = fit(gsfl)

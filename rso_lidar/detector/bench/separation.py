@@ -41,9 +41,9 @@ class Separations:
         before, after = np.flatnonzero(~likely[:best]), np.flatnonzero(~likely[best:])
         first = int(before[-1]) + 1 if len(before) else 0
         last = best + int(after[0]) - 1 if len(after) else len(likely) - 1
-        return self._between(first - 1, first, probability), self._between(last + 1, last, probability)
+        return self._interpolate(first - 1, first, probability), self._interpolate(last + 1, last, probability)
 
-    def _between(self, out: int, inside: int, probability: float) -> float:
+    def _interpolate(self, out: int, inside: int, probability: float) -> float:
         """Interpolate the separation [m] at which the probability is passed, from one below it to one above it."""
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
@@ -107,11 +107,11 @@ def listed_separations(
     over : light of each return over the threshold.
     """
     asked: Any = detector  # every detector is hashable
-    return _listed(asked, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
+    return _simulate_listed(asked, pulse[0], pulse[1].tobytes(), float(pulse_fwhm_s), over)
 
 
 @lru_cache(maxsize=16)
-def _listed(detector: Any, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
+def _simulate_listed(detector: Any, step_s: float, power_per_s: bytes, pulse_fwhm_s: float, over: float) -> Separations:
     traits, width_m = detector.traits, pulse_fwhm_s * units.RANGE_PER_DELAY_M_S
     stored_m = min(traits.stored_behind_m, traits.sees_to_m - traits.sees_from_m)
     near = np.linspace(0.25 * width_m, 3.0 * width_m, 45)

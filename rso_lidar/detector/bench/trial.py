@@ -44,17 +44,17 @@ class Trial:
 
     @property
     def probability(self) -> float:
-        """Return the share of pixels that reported the return."""
+        """Share of pixels that reported the return."""
         return float(self.detected.mean())
 
     @property
     def range_bias_m(self) -> float:
-        """Return the mean error of range [m], NaN where nothing was reported."""
+        """Mean error of range [m], NaN where nothing was reported."""
         return float(self.range_error_m.mean()) if len(self.range_error_m) else float("nan")
 
     @property
     def range_noise_m(self) -> float:
-        """Return the standard deviation of range [m] by the quartiles, so that a stray report does not decide it."""
+        """Standard deviation of range [m] by the quartiles, so that a stray report does not decide it."""
         if len(self.range_error_m) < 2:
             return float("nan")
         low, high = np.quantile(self.range_error_m, [0.25, 0.75])

@@ -9,12 +9,12 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.location import locate, locate_all
 from rso_lidar.detector.ranging.matched import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.ranging.report import report_returns
-from rso_lidar.detector.ranging.walk import correct_walk, walk_table
+from rso_lidar.detector.ranging.walk import correct_walk, tabulate_walk
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.array_effects import draw_shift_m, latch_share
 from rso_lidar.detector.stages.camera import Camera
@@ -149,7 +149,7 @@ def _solve_gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma
     if rate is None:
         rate = np.full(len(waveforms.pixel), gsfl.apd.dark_electrons_per_s)
     matched = Matched.of(pulse, waveforms.sample_s, gsfl.amplifier.pole_s, sigma_counts)
-    return gate_thresholds(
+    return solve_gate_thresholds(
         gsfl.gate,
         rate,
         apd=gsfl.apd,
@@ -164,7 +164,7 @@ def _solve_gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma
 def _tabulate_walk(gsfl: Gsfl, pulse: Pulse) -> tuple[np.ndarray, np.ndarray]:
     """Return the walk of this detector's algorithm: amplitudes [counts] and the bias of delay [s] there."""
     per_count = gsfl.readout.electrons_per_count
-    return walk_table(
+    return tabulate_walk(
         pulse,
         gsfl.ranging,
         sample_s=gsfl.readout.sample_s,

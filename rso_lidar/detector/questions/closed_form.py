@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched import Matched
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.apd import cumulants
@@ -28,7 +28,7 @@ from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.errors import ScenarioError
 
-_Seen = Callable[[np.ndarray], np.ndarray]
+_Kernel = Callable[[np.ndarray], np.ndarray]
 
 _FINE = 12  # steps of time to a pole of the amplifier
 _MOST_STEPS = 2000
@@ -202,7 +202,7 @@ class _Response:
             covariance = self.still + k[:, :, None] * self.shot + spread
             sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
             z = _as_normal((threshold - k * self.mean) / sigma, k * self.third / sigma**3)
-            result[some] = 1.0 - _orthant(covariance / sigma[:, :, None] / sigma[:, None, :], z)
+            result[some] = 1.0 - _integrate_orthant(covariance / sigma[:, :, None] / sigma[:, None, :], z)
         return np.clip(result, 0.0, 1.0)
 
     def _in_gate(self, n: np.ndarray) -> np.ndarray:
@@ -237,7 +237,7 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
 
     gain, square, cube = cumulants(gsfl.apd)
 
-    def seen(at_s: np.ndarray) -> np.ndarray:
+    def respond(at_s: np.ndarray) -> np.ndarray:
         """Return what charge in each step adds at instants (step, instant)."""
         x = np.maximum(at_s - time_s[:, None], 0.0) / pole_s
         added: np.ndarray = width_s / pole_s * x * np.exp(-x)
@@ -248,15 +248,15 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
         covariance: np.ndarray = gsfl.noise_electrons**2 * (1.0 + lag) * np.exp(-lag)
         return covariance
 
-    curve = np.einsum("t,ti->i", light, seen(time_s))
+    curve = np.einsum("t,ti->i", light, respond(time_s))
     high = time_s[curve > _LEAST * curve.max()]
     peak_s = float(time_s[curve.argmax()])
     apart_s = max(pole_s / 6.0, (high[-1] - high[0]) / _MOST_INSTANTS)
     before, after = int((peak_s - high[0]) / apart_s), int((high[-1] - peak_s) / apart_s)
     at_s = peak_s + apart_s * np.arange(-before, after + 1)
     at_s = at_s[np.argsort(np.abs(at_s - peak_s), kind="stable")]  # where it is decided comes first
-    added = seen(at_s)
-    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, seen, dark, 0.5 * fine_s)
+    added = respond(at_s)
+    place_s2, fitted, threshold = _fit(gsfl, step_s, power_per_s, light, respond, dark, 0.5 * fine_s)
     return _Response(
         gsfl,
         gain * np.einsum("t,ti->i", light, added),
@@ -270,7 +270,7 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
 
 
 def _fit(
-    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, seen: _Seen, dark: _Seen, beside_s: float
+    gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, respond: _Kernel, dark: _Kernel, beside_s: float
 ) -> tuple[tuple[float, float], tuple[float, float, float], float]:
     """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
 
@@ -294,10 +294,10 @@ def _fit(
         jacobian = np.stack([pulse.amplitude(at_s), -pulse.slope(at_s)], axis=1)
         whitened = np.linalg.solve(believed, jacobian)
         by_time = np.linalg.solve(np.einsum("si,sj->ij", jacobian, whitened), whitened.T)[1]
-        added = seen(at_s)
+        added = respond(at_s)
         shot = square * np.einsum("ti,tj->ij", light[:, None] * added, added)
         still = dark(at_s) + rounding * np.eye(len(lag))
-        slope = np.einsum("t,ts->s", light, seen(at_s + beside_s) - seen(at_s - beside_s)) / (2.0 * beside_s)
+        slope = np.einsum("t,ts->s", light, respond(at_s + beside_s) - respond(at_s - beside_s)) / (2.0 * beside_s)
         moved = gsfl.apd.gain * float((by_time * -slope).sum())
         places.append(
             [float(np.einsum("i,ij,j", by_time, noise, by_time)) / max(moved**2, 1e-60) for noise in (still, shot)]
@@ -311,7 +311,7 @@ def _fit(
     place, height = np.mean(places, axis=0), np.mean(heights, axis=0)
     if gsfl.gate is None:
         return (float(place[0]), float(place[1])), (float(height[0]), float(height[1]), float(height[2])), math.nan
-    known = gate_thresholds(
+    known = solve_gate_thresholds(
         gsfl.gate,
         np.array([gsfl.apd.dark_electrons_per_s]),
         apd=gsfl.apd,
@@ -336,7 +336,7 @@ def _as_normal(z: np.ndarray, skewness: np.ndarray) -> np.ndarray:
     return normal
 
 
-def _orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _integrate_orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Return the probability (row) that normal numbers of these correlations (row, i, i) all stay below z (row, i).
 
     Genz (1992): one number after the other, each given those before it, is an integral over the unit cube, here over a

@@ -1,7 +1,7 @@
 """Fits of the matched filter, trace by trace: of the first pulse, or of all of them.
 
-A trace that needs a pattern of samples whose weights the filter does not know says so in `unknown`. Tuples of arrays are
-taken apart where traces are gone through: a function called for each would count references to them, for a third more time.
+A trace that needs a pattern of samples without known weights writes its key to `unknown`. Kernels take single arrays
+rather than tuples of arrays: references to those would be counted for each trace, which takes a third more time.
 """
 
 from collections.abc import Callable
@@ -19,16 +19,29 @@ from rso_lidar.detector.ranging.matched import (
     Known,
     Matched,
 )
-from rso_lidar.detector.ranging.peaks import any_of, find_peaks, first_peak, highest_near, plateau, vertex
+from rso_lidar.detector.ranging.peaks import (
+    find_first_peak,
+    find_highest_near,
+    find_peaks,
+    find_plateau,
+    is_any_clipped,
+    locate_vertex,
+)
 from rso_lidar.kernels import kernel, packed
 
 _ROUNDS = np.array([ROUNDS, ROUNDS_CLIPPED])
 
 
 class Filter(NamedTuple):
-    """What fits pulses: rounds of a trace without clipped samples and with, half its window and the pulse's FWHM [samples].
+    """A matched filter as kernels take it.
 
-    `codes` says how the samples of a window make the key of a pattern, and in which of them a pulse has to show.
+    Parameters
+    ----------
+    rounds : (2) iterations of a trace without clipped samples, and with.
+    half : half the window [samples].
+    fwhm : of the pulse [samples].
+    codes : (3, width + 1) how samples of the window make the key of a pattern, and which are in the pulse.
+    known : patterns with their weights.
     """
 
     rounds: np.ndarray
@@ -39,7 +52,7 @@ class Filter(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A pulse of unit peak by its `table`, which begins `from_step` steps of its own after the peak."""
+    """A pulse of unit peak as a `table`, which begins `from_step` of its own steps after the peak."""
 
     table: np.ndarray
     from_step: float
@@ -47,7 +60,7 @@ class Curve(NamedTuple):
 
 
 class Pulses(NamedTuple):
-    """What is filled (trace, slot): whether there is a pulse, its place [samples] and its height."""
+    """Fitted pulses (trace, slot): whether there is one, its place [samples] and its height."""
 
     alive: np.ndarray
     place: np.ndarray
@@ -138,7 +151,7 @@ def _fill_with_known_weights(
         patterns = [
             matched.pattern_at(float(unknown_at[k]), None if clipped is None else clipped[k], n) for k in traces
         ]
-        asked = np.concatenate([asked, patterns])  # all of this call, in case that they are forgotten meanwhile
+        asked = np.concatenate([asked, patterns])  # all of this call, in case they are dropped in between
         fitter = fitter._replace(known=matched.learn(asked))
         fill(fitter)
 
@@ -149,9 +162,15 @@ def _mask(clipped: np.ndarray | None) -> np.ndarray:
 
 @kernel
 def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, codes: np.ndarray) -> np.int64:
-    """Return the key of the samples `low` to `high` that are not clipped; of all, where the pulse shows in fewer than three.
+    """Return the key of the samples that are not clipped, or of all where fewer than three of the others are in the pulse.
 
-    `window` is the sample at which the window begins.
+    Parameters
+    ----------
+    clipped : (trace, sample), or empty without clipped samples.
+    trace : number of the trace.
+    window : sample at which the window begins.
+    low, high : first sample inside the trace, and one past the last.
+    codes : those of `Filter`.
     """
     key, shown = np.int64(0), 0
     if clipped.shape[0]:
@@ -163,7 +182,7 @@ def find_key(clipped: np.ndarray, trace: int, window: int, low: int, high: int, 
 
 
 @kernel
-def climb(
+def iterate_fit(
     samples: np.ndarray,
     clipped: np.ndarray,
     trace: int,
@@ -174,7 +193,21 @@ def climb(
     keys: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[float, float, np.int64]:
-    """Return place [samples], height and 0; or the key of the pattern whose weights are not known at this place."""
+    """Fit one pulse by Gauss-Newton iterations.
+
+    Parameters
+    ----------
+    samples : (sample) of one trace.
+    clipped : (trace, sample), or empty without clipped samples.
+    trace : number of the trace.
+    guess : place to begin at [samples].
+    rounds, half, codes : those of `Filter`.
+    keys, weights : known patterns.
+
+    Returns
+    -------
+    Place [samples], height and 0; or, in place of 0, the key of a pattern whose weights are not known at this place.
+    """
     n, last = samples.shape[0], keys.shape[0] - 1
     place, height, before = guess, 0.0, np.int64(-1) << 40
     for _ in range(rounds):
@@ -201,7 +234,7 @@ def climb(
 
 
 @kernel
-def fit(
+def fit_pulse(
     samples: np.ndarray,
     clipped: np.ndarray,
     trace: int,
@@ -213,8 +246,22 @@ def fit(
     keys: np.ndarray,
     weights: np.ndarray,
 ) -> tuple[float, float, np.int64]:
-    """Return place [samples] and height of the pulse nearest to `guess`, and the pattern that is not known, or 0."""
-    place, height, unknown = climb(samples, clipped, trace, guess, rounds, half, codes, keys, weights)
+    """Fit the pulse nearest to a guess; keep the guess where the fit goes astray.
+
+    Parameters
+    ----------
+    samples : (sample) of one trace.
+    clipped : (trace, sample), or empty without clipped samples.
+    trace : number of the trace.
+    guess : place to begin at [samples].
+    rounds, half, fwhm, codes : those of `Filter`.
+    keys, weights : known patterns.
+
+    Returns
+    -------
+    Place [samples], height, and the key of a pattern that is not known, or 0.
+    """
+    place, height, unknown = iterate_fit(samples, clipped, trace, guess, rounds, half, codes, keys, weights)
     if unknown == 0 and not (height > 0.0 and abs(place - guess) <= max(1.0, fwhm)):
         nearest = min(max(np.int64(np.rint(guess)), 0), samples.shape[0] - 1)
         return guess, np.float64(samples[nearest]), unknown
@@ -233,29 +280,47 @@ def fit_first(
     height: np.ndarray,
     unknown: np.ndarray,
 ) -> None:
-    """Fill peak, place and height (trace) of the first pulse from `start` (trace) on whose top is not below `least`."""
+    """Fit the first pulse of each trace.
+
+    Parameters
+    ----------
+    samples : (trace, sample) float32.
+    start : (trace) the peak comes at most one sample before.
+    least : lowest sample that can be a peak.
+    clipped : (trace, sample), or empty without clipped samples.
+    matched : the filter.
+    peaks, place, height : (trace) filled with the peak, and with place [samples] and height of the fit.
+    unknown : (trace) filled with the key of a pattern that is not known, or 0.
+    """
     rounds, half, fwhm, codes, (keys, weights) = matched
     none = np.zeros((0, 0), np.bool_)
     for trace in range(samples.shape[0]):
         one = samples[trace]
-        peak = first_peak(one, start[trace] - 1, least)
-        peak = highest_near(one, peak)
-        guess = peak + vertex(one, peak)
-        some = any_of(clipped, trace)
-        low, high = plateau(clipped, trace, peak)
+        peak = find_first_peak(one, start[trace] - 1, least)
+        peak = find_highest_near(one, peak)
+        guess = peak + locate_vertex(one, peak)
+        some = is_any_clipped(clipped, trace)
+        low, high = find_plateau(clipped, trace, peak)
         if high > low:
             peak, guess = (low + high) // 2, 0.5 * (low + high)
         peaks[trace] = peak
-        place[trace], height[trace], unknown[trace] = fit(
+        place[trace], height[trace], unknown[trace] = fit_pulse(
             one, clipped if some else none, trace, guess, rounds[some * 1], half, fwhm, codes, keys, weights
         )
 
 
 @kernel
-def take_away(
+def subtract_pulse(
     alone: np.ndarray, table: np.ndarray, from_step: float, steps_per_sample: float, place: float, height: float
 ) -> None:
-    """Take the `Curve` of a pulse of this place [samples] and height off a trace."""
+    """Subtract a pulse from the samples of one trace.
+
+    Parameters
+    ----------
+    alone : (sample) changed in place.
+    table, from_step, steps_per_sample : those of `Curve`.
+    place, height : of the pulse [samples] and [counts].
+    """
     for sample in range(alone.shape[0]):
         at = (sample - place) * steps_per_sample - from_step
         if 0.0 <= at < table.shape[0] - 2.0:
@@ -276,7 +341,20 @@ def fit_all(
     unknown: np.ndarray,
     unknown_at: np.ndarray,
 ) -> None:
-    """Fill `pulses` with those above `threshold`, each fitted with the others taken away."""
+    """Fit all pulses of each trace, each with the others subtracted.
+
+    Parameters
+    ----------
+    samples : (trace, sample) float32.
+    clipped : (trace, sample), or empty without clipped samples.
+    threshold : least height of a pulse.
+    three_sigma : three times the rms noise.
+    height_weights : (width) weights that give the height of a pulse in the middle of a window.
+    curve : shape of a pulse.
+    matched : the filter.
+    pulses : filled.
+    unknown, unknown_at : (trace) filled with the key of a pattern that is not known, or 0, and the place where it is needed.
+    """
     alive, place, height = pulses
     table, from_step, steps_per_sample = curve
     rounds, half, fwhm, codes, (keys, weights) = matched
@@ -299,7 +377,7 @@ def fit_all(
             alive[trace, slot], place[trace, slot], height[trace, slot] = slot < found, np.nan, 0.0
         if found == 0:
             continue
-        rail = clipped if any_of(clipped, trace) else none
+        rail = clipped if is_any_clipped(clipped, trace) else none
         several = found > 1
         for sweep in range(4):
             for slot in range(found):
@@ -308,13 +386,15 @@ def fit_all(
                 alone[:] = samples[trace]
                 for other in range(found):
                     if other != slot and height[trace, other] > 0.0:
-                        take_away(alone, table, from_step, steps_per_sample, place[trace, other], height[trace, other])
+                        subtract_pulse(
+                            alone, table, from_step, steps_per_sample, place[trace, other], height[trace, other]
+                        )
                 guess = place[trace, slot]
                 if sweep == 0:
-                    peak = highest_near(alone, peaks[slot])
-                    low, high = plateau(rail, trace, peak)
-                    guess = 0.5 * (low + high) if high > low else peak + vertex(alone, peak)
-                place[trace, slot], height[trace, slot], missing = fit(
+                    peak = find_highest_near(alone, peaks[slot])
+                    low, high = find_plateau(rail, trace, peak)
+                    guess = 0.5 * (low + high) if high > low else peak + locate_vertex(alone, peak)
+                place[trace, slot], height[trace, slot], missing = fit_pulse(
                     alone,
                     rail,
                     trace,
@@ -329,15 +409,26 @@ def fit_all(
                 if missing > unknown[trace]:
                     unknown[trace], unknown_at[trace] = missing, place[trace, slot]
             if sweep == 1:
-                left = settle(place[trace, :found], height[trace, :found], alive[trace, :found], threshold, 0.75 * fwhm)
+                left = drop_weak_pulses(
+                    place[trace, :found], height[trace, :found], alive[trace, :found], threshold, 0.75 * fwhm
+                )
                 several = left > 1
         for slot in range(found):
             alive[trace, slot] = alive[trace, slot] and height[trace, slot] >= threshold
 
 
 @kernel
-def settle(place: np.ndarray, height: np.ndarray, alive: np.ndarray, threshold: np.float32, apart: float) -> int:
-    """Take away pulses below the threshold, and those closer than `apart` [samples] to a higher one; return what is left."""
+def drop_weak_pulses(
+    place: np.ndarray, height: np.ndarray, alive: np.ndarray, threshold: np.float32, apart: float
+) -> int:
+    """Drop pulses below the threshold, and pulses close to a higher one; return how many are left.
+
+    Parameters
+    ----------
+    place, height, alive : (slot) of the pulses, changed in place.
+    threshold : least height.
+    apart : least distance [samples].
+    """
     left = 0
     for slot in range(alive.shape[0]):
         alive[slot] = height[slot] >= threshold

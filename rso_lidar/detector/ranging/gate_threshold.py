@@ -1,14 +1,14 @@
-"""The threshold of a range gate: what filtered noise, avalanches included, exceeds with a given probability.
+"""Threshold of a range gate: what filtered noise, avalanches included, exceeds with a given probability.
 
-Behind the matched filter one primary electron is a pulse g(t) of counts, in the mean of M flashes g/M. The noise of
-amplifier and rounding is Gaussian, dark current and sunlight are compound Poisson with McIntyre's avalanches for marks, so
+Behind the matched filter one primary electron is a pulse g(t) of counts; in the mean of M flashes it is g/M. The noise of
+amplifier and rounding is Gaussian. Dark current and sunlight are compound Poisson, with McIntyre's avalanches as marks. So
 the logarithm of the statistic's characteristic function is
 
-    M r ∫ [φ(ω g(t)/M) − 1 − i ω g(t) μ/M] dt − ω² σ²/(2M),
+    M r ∫ [φ(ω g(t)/M) − 1 − i ω g(t) μ/M] dt − ω² σ²/(2M).
 
-r the rate of primaries, φ and μ the characteristic function and mean of one avalanche (Campbell's theorem; Rice 1944). Its
-inverse is the density p. The gate sees the statistic above T at its start or crossing it upward, the latter at the rate
-√(2π) σ ν₀ p(T), which for Gaussian noise is Rice's formula.
+Here r is the rate of primaries; φ and μ are the characteristic function and mean of one avalanche (Campbell's theorem; Rice
+1944). The inverse is the density p. The gate sees the statistic above T at its start, or crossing it upward. Crossings
+come at the rate √(2π) σ ν₀ p(T), which for Gaussian noise is Rice's formula.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LEVELS_PER_DECADE = 4
 _LEAST_COUNTS = 1e-3
 
 
-def gate_thresholds(
+def solve_gate_thresholds(
     gate: Gate,
     rate_per_s: np.ndarray,
     *,
@@ -42,23 +42,30 @@ def gate_thresholds(
     matched: Matched,
     offset_counts: float = 0.0,
 ) -> np.ndarray:
-    """Return the amplitude [counts] that noise passes with the gate's false-alarm probability, for each pixel.
+    """Solve the amplitude [counts] that noise passes with the gate's false-alarm probability, for each pixel.
 
-    `rate_per_s` (pixel) is how many primaries a second come without a pulse: dark current and sunlight. `offset_counts` is
-    the spread of the pixels' baselines that no calibration has taken off: over the array it counts as noise.
+    Parameters
+    ----------
+    gate : with the probability.
+    rate_per_s : (pixel) primaries that no pulse makes [1/s]: dark current and sunlight.
+    apd, amplifier, readout : where the noise comes from.
+    matched : the filter.
+    offset_counts : spread of the baselines that no calibration has removed. Over the array it counts as noise.
     """
     least, most = float(rate_per_s.min(initial=np.inf)), float(rate_per_s.max(initial=0.0))
     if least == most or not len(rate_per_s):
-        return np.full(len(rate_per_s), _threshold(gate, least, apd, amplifier, readout, matched, offset_counts))
+        return np.full(len(rate_per_s), _solve_threshold(gate, least, apd, amplifier, readout, matched, offset_counts))
     low, high = math.log10(max(least, 1.0)), math.log10(most)
     levels = np.linspace(low, high, max(2, math.ceil((high - low) * _LEVELS_PER_DECADE) + 1))
-    known = [_threshold(gate, float(10.0**level), apd, amplifier, readout, matched, offset_counts) for level in levels]
+    known = [
+        _solve_threshold(gate, float(10.0**level), apd, amplifier, readout, matched, offset_counts) for level in levels
+    ]
     thresholds: np.ndarray = np.interp(np.log10(np.maximum(rate_per_s, 1.0)), levels, known)
     return thresholds
 
 
 @lru_cache(maxsize=256)
-def _threshold(
+def _solve_threshold(
     gate: Gate,
     rate_per_s: float,
     apd: Apd,
@@ -109,9 +116,15 @@ def _threshold(
 
 
 def _avalanches(one: np.ndarray, spacing: float, apd: Apd) -> np.ndarray:
-    """Return Σ φ(ω g) − 1 − i ω g μ over the steps of a pulse g (step) [counts], on the frequencies of the grid.
+    """Return Σ φ(ω g) − 1 − i ω g μ over the steps of a pulse, on the frequencies of the grid.
 
     Each jump of n g counts is shared among five neighbours on the grid so that its first four moments stay.
+
+    Parameters
+    ----------
+    one : (step) pulse g of one electron [counts].
+    spacing : of the grid [counts].
+    apd : the photodiode.
     """
     omega = 2.0 * math.pi * np.arange(_GRID // 2 + 1) / _GRID
     if apd.statistics == "gaussian":

@@ -1,7 +1,7 @@
-"""When a pulse arrived and how high it was, from its samples: the range algorithms of a flash lidar.
+"""Range algorithms of a flash lidar: arrival time and height of pulses from their samples.
 
-Delays are counted from sample 0 and speak of the return's nominal delay: what the optical pulse and the amplifier add is
-known and taken off. Amplitudes are those of the pulse's peak, fitted, whatever the algorithm of the delay.
+Delays count from sample 0 and refer to the return's nominal delay: the known delay of optical pulse and amplifier is
+subtracted. Amplitudes are fitted peak amplitudes, whatever the algorithm of the delay.
 """
 
 from __future__ import annotations
@@ -29,19 +29,23 @@ def locate(
     threshold_counts: float,
     clipped: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return when one pulse in each trace arrived [s after sample 0] and its fitted peak amplitude [counts].
+    """Locate one pulse in each trace.
 
     Parameters
     ----------
     samples : (trace, sample) [counts] above the baseline, float32.
-    start : (trace) the first sample after the latch: the pulse is the first peak from there on.
-    pulse : what a return looks like behind the amplifier.
+    start : (trace) the first sample after the latch. The pulse is the first peak from there on.
+    pulse : shape of a return behind the amplifier.
+    ranging : the algorithm.
     sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
     sigma_counts : rms of the noise [counts].
-    threshold_counts : where leading_edge looks [counts].
+    threshold_counts : level of the algorithm leading_edge [counts].
     clipped : (trace, sample) samples at the rail. The fit leaves them out where 3 others are in the pulse.
 
-    A delay is NaN where the samples do not show the crossing that an algorithm looks for.
+    Returns
+    -------
+    (trace) arrival [s after sample 0], and fitted peak amplitude [counts]. A delay is NaN where the samples do not show the
+    crossing that the algorithm looks for.
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
@@ -54,7 +58,16 @@ def locate(
 def _place(
     samples: np.ndarray, peak: np.ndarray, matched: Matched, ranging: Ranging, threshold_counts: float
 ) -> np.ndarray:
-    """Return the nominal delay of each pulse [samples], by an algorithm other than the matched filter."""
+    """Return the nominal delay of each pulse [samples], by an algorithm other than the matched filter.
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts].
+    peak : (trace) sample of the peak.
+    matched : the filter, which knows the pulse.
+    ranging : the algorithm.
+    threshold_counts : level of leading_edge [counts].
+    """
     if ranging.algorithm == "constant_fraction":
         level = ranging.fraction * samples[np.arange(len(samples)), peak]
         return _crossing(samples, peak, level) - matched.pulse.rise_s(ranging.fraction) / matched.sample_s
@@ -69,7 +82,14 @@ def _place(
 
 
 def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Return where the straight lines between samples last pass `level` upward before the peak [samples], or NaN."""
+    """Return where the straight lines between samples last cross a level upward before the peak [samples], or NaN.
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts].
+    peak : (trace) sample of the peak.
+    level : (trace) [counts].
+    """
     n, row = samples.shape[1], np.arange(len(samples))
     below = (samples < level[:, None]) & (np.arange(n) < peak[:, None])
     before = n - 1 - below[:, ::-1].argmax(axis=1)
@@ -81,7 +101,14 @@ def _crossing(samples: np.ndarray, peak: np.ndarray, level: np.ndarray) -> np.nd
 
 
 def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.ndarray:
-    """Return the centroid of the samples within 2 sigma of the peak [samples]; sigma is that of a Gaussian of its FWHM."""
+    """Return the centroid of the samples within 2 sigma of the peak [samples].
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts].
+    peak : (trace) sample of the peak.
+    matched : the filter. Sigma is that of a Gaussian of its FWHM.
+    """
     reach = max(1, int(2.0 * matched.fwhm / units.FWHM_PER_SIGMA))
     offset = np.arange(-reach, reach + 1)
     index = peak[:, None] + offset
@@ -95,7 +122,7 @@ def _centroid(samples: np.ndarray, peak: np.ndarray, matched: Matched) -> np.nda
 
 @lru_cache(maxsize=64)
 def _known_lead(matched: Matched, algorithm: Algorithm) -> float:
-    """Return by how many samples an algorithm puts the pulse without noise behind its nominal delay, over all phases."""
+    """Return the mean lag [samples] of an algorithm behind the nominal delay of a pulse without noise, over all phases."""
     phase = (np.arange(64) + 0.5) / 64
     place = matched.half + 2 + phase
     samples = matched.curve(2 * matched.half + 6, place)
@@ -116,11 +143,26 @@ def locate_all(
     most: int,
     clipped: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return delays [s after sample 0] and peak amplitudes [counts] of up to `most` pulses in each trace, near to far.
+    """Locate all pulses in each trace.
 
-    Both have as many columns as the fullest trace needs; NaN and 0 where there are fewer. Pulses are peaks at least about
-    one FWHM apart whose fitted height is above the threshold, each fitted with the others taken away. Parameters are those
-    of `locate`.
+    Pulses are peaks at least about one FWHM apart whose fitted height is above the threshold. Each is fitted with the others
+    subtracted.
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts] above the baseline, float32.
+    pulse : shape of a return behind the amplifier.
+    ranging : the algorithm.
+    sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
+    sigma_counts : rms of the noise [counts].
+    threshold_counts : least height of a pulse [counts].
+    most : greatest number of pulses in a trace.
+    clipped : (trace, sample) samples at the rail.
+
+    Returns
+    -------
+    (trace, pulse) delays [s after sample 0] and peak amplitudes [counts], near to far. There are as many columns as the
+    fullest trace needs, with NaN and 0 where a trace has fewer.
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     samples = np.ascontiguousarray(samples, np.float32)
@@ -146,7 +188,15 @@ def locate_all(
 def _without_others(
     samples: np.ndarray, matched: Matched, place: np.ndarray, height: np.ndarray, slot: int
 ) -> np.ndarray:
-    """Return the samples less all fitted pulses but that of `slot`; `place` and `height` are (trace, slot)."""
+    """Return the samples without all fitted pulses but that of `slot`.
+
+    Parameters
+    ----------
+    samples : (trace, sample) [counts].
+    matched : the filter.
+    place, height : (trace, slot) of the fitted pulses [samples] and [counts].
+    slot : the pulse that stays.
+    """
     alone = samples.copy()
     for other in range(place.shape[1]):
         rows = np.flatnonzero(height[:, other] > 0.0) if other != slot else np.zeros(0, np.intp)
@@ -165,7 +215,7 @@ def _highest_near(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
 
 
 def _vertex(samples: np.ndarray, peak: np.ndarray) -> np.ndarray:
-    """Return how far the vertex of the parabola through the peak and its neighbours lies behind the peak [samples]."""
+    """Return how far the parabola through a peak and its neighbours has its vertex behind the peak [samples]."""
     row = np.arange(len(samples))
     middle = np.clip(peak, 1, samples.shape[1] - 2)
     left, top, right = (samples[row, middle + k].astype(float) for k in (-1, 0, 1))

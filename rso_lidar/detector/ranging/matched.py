@@ -11,28 +11,31 @@ import numpy as np
 
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 
-# The matched filter's templates stand at so many places within a sample; between them the fit is linear.
+# Places within a sample at which the filter has templates; between them the fit is linear.
 PHASES = 64
-# Samples this far from the peak are used, in FWHM: a second pulse two FWHM away hardly enters with any weight.
+# Reach of the window [FWHM]: a second pulse two FWHM away has almost no weight in it.
 _REACH_FWHM = 1.5
 ROUNDS, ROUNDS_CLIPPED = 3, 8
-# A sample belongs to the pulse where the pulse has this share of its peak or more.
+# Share of the peak from which a sample belongs to the pulse.
 _IN_PULSE = 1e-3
-# Height and place can be told apart where 1 - (their correlation)² is above this.
-_TOLD_APART = 1e-6
-# Share of white noise that is always reckoned with: without it, finely sampled noise could be foretold for ever.
+# Height and place are separable where 1 - (their correlation)² is above this.
+_SEPARABLE = 1e-6
+# Share of white noise in the model: without it, finely sampled noise would be predictable without error.
 _WHITE_SHARE = 3e-3
-# So many patterns of samples are kept, 13 kB of weights each for a window of 13; one more, and the others are forgotten.
+# Patterns that are kept: each has 13 kB of weights for a window of 13. One more, and the others are dropped.
 _MOST_KEPT = 1024
 
 
-CODE, CODES_BEFORE, IS_IN_PULSE = range(3)  # rows of what is known of each sample of a window
+CODE, CODES_BEFORE, IS_IN_PULSE = range(3)  # rows of `Matched.codes`
 
 
 class Known(NamedTuple):
-    """Patterns of samples whose weights are known, by their `keys`, rising: the codes of the samples used, combined by xor.
+    """Weights of patterns of samples, in rising order of their keys.
 
-    `weights` (pattern, phase, 2, sample) give height and height times shift, as float64.
+    Parameters
+    ----------
+    keys : (pattern) the codes of the samples used, combined by xor.
+    weights : (pattern, phase, 2, sample) float64; they give height, and height times shift [samples].
     """
 
     keys: np.ndarray
@@ -65,8 +68,15 @@ class Matched:
 
     @staticmethod
     def of(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
-        """Return the filter for this pulse and noise, kept; rounding to whole counts adds white noise of 1/12 count²."""
-        return _matched(pulse, float(sample_s), float(pole_s), float(sigma_counts))
+        """Return the filter for a pulse in noise, kept.
+
+        Parameters
+        ----------
+        pulse : shape of a return behind the amplifier.
+        sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
+        sigma_counts : rms of the noise [counts]. Rounding to whole counts adds white noise of 1/12 count².
+        """
+        return _make_filter(pulse, float(sample_s), float(pole_s), float(sigma_counts))
 
     def curve(self, n: int, place: np.ndarray) -> np.ndarray:
         """Return the pulse of unit peak (row, n) that peaks at `place` (row) [samples]."""
@@ -81,12 +91,12 @@ class Matched:
             jacobian = np.stack([self._shape[:, used], self._slope[:, used]], axis=1)
             whitened = np.linalg.solve(self._covariance[np.ix_(used, used)], jacobian.transpose(0, 2, 1))
             information = np.einsum("pik,pkj->pij", jacobian, whitened)
-            # Where height and place cannot be told apart, as in a tail, there is nothing to fit.
+            # Where height and place are not separable, as in a tail, there is nothing to fit.
             scale = information[:, 0, 0] * information[:, 1, 1]
-            told = np.flatnonzero(scale - information[:, 0, 1] ** 2 > _TOLD_APART * scale)
-            inverse = np.linalg.inv(information[told])
-            weights[np.ix_(told, np.arange(2), np.flatnonzero(used))] = np.einsum(
-                "pij,pkj->pik", inverse, whitened[told]
+            separable = np.flatnonzero(scale - information[:, 0, 1] ** 2 > _SEPARABLE * scale)
+            inverse = np.linalg.inv(information[separable])
+            weights[np.ix_(separable, np.arange(2), np.flatnonzero(used))] = np.einsum(
+                "pij,pkj->pik", inverse, whitened[separable]
             )
         return weights.astype(np.float32)
 
@@ -95,9 +105,17 @@ class Matched:
         return self._known or self.learn(np.ones((1, self.width), bool))
 
     def learn(self, patterns: np.ndarray) -> Known:
-        """Return the patterns known, these (pattern, width) among them; where that makes too many, the others are forgotten.
+        """Solve the weights of patterns that are not known yet.
 
         What was handed out before stays as it is.
+
+        Parameters
+        ----------
+        patterns : (pattern, width) bool, the samples that count.
+
+        Returns
+        -------
+        All patterns that are kept, these among them. Where that makes too many, the others are dropped.
         """
         keys, first = np.unique(
             np.bitwise_xor.reduce(np.where(patterns, self.codes[CODE, 1:], 0), axis=1), return_index=True
@@ -115,9 +133,15 @@ class Matched:
             return known
 
     def pattern_at(self, place: float, clipped: np.ndarray | None, n: int) -> np.ndarray:
-        """Return which samples (width) of a window about `place` count in a trace of `n` samples.
+        """Return which samples (width) of a window about a place count.
 
-        Those outside the trace do not, nor do clipped ones (sample), unless they leave fewer than three in the pulse.
+        Those outside the trace do not, nor do clipped ones, unless they leave fewer than three in the pulse.
+
+        Parameters
+        ----------
+        place : middle of the window [samples].
+        clipped : (sample) samples at the rail, None without.
+        n : samples of the trace.
         """
         middle = min(max((round(place * PHASES) + PHASES // 2) // PHASES, 0), n - 1)
         sample = np.arange(self.width) + middle - self.half
@@ -136,7 +160,7 @@ class Matched:
 
     @property
     def crossings_per_s(self) -> float:
-        """Return how often a second the height fitted to noise alone passes zero upward, as a function of the place.
+        """Rate at which the height fitted to noise alone passes zero upward along a trace [1/s].
 
         Rice's nu_0 = √(−R''(0)/R(0)) / 2π, with s'ᵀC⁻¹s' / sᵀC⁻¹s for the ratio, s' the slope of the pulse s.
         """
@@ -161,5 +185,5 @@ def _codes(width: int, in_pulse: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _matched(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
+def _make_filter(pulse: Pulse, sample_s: float, pole_s: float, sigma_counts: float) -> Matched:
     return Matched(pulse, sample_s, pole_s, max(_WHITE_SHARE, 1.0 / (12.0 * max(sigma_counts, 1e-3) ** 2)))

@@ -1,4 +1,4 @@
-"""Where pulses peak among samples: the first top of a trace, or all that a valley parts."""
+"""Peaks among samples: the first of a trace, or all that a valley separates."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from rso_lidar.kernels import kernel
 
 
 @kernel
-def smoothed(samples: np.ndarray, sample: int) -> np.float32:
-    """Return a sample smoothed by 1, 2, 1, the first and last as if repeated."""
+def smooth_sample(samples: np.ndarray, sample: int) -> np.float32:
+    """Return a sample smoothed by 1, 2, 1. The first and last samples count as repeated."""
     last = samples.shape[0] - 1
     quarter = np.float32(0.25)
     inner = np.float32(0.5) * samples[sample] + quarter * samples[max(sample - 1, 0)]
@@ -15,13 +15,20 @@ def smoothed(samples: np.ndarray, sample: int) -> np.float32:
 
 
 @kernel
-def first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
-    """Return the first top of the smoothed samples from `start` on that is not below `least`, or the highest sample."""
+def find_first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
+    """Find the first peak of the smoothed samples, or the highest sample where there is none.
+
+    Parameters
+    ----------
+    samples : (sample) of one trace.
+    start : first sample to look at.
+    least : lowest sample that can be a peak.
+    """
     n, sample = samples.shape[0], max(start, 0)
-    before = smoothed(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
-    here = smoothed(samples, min(sample, n - 1))
+    before = smooth_sample(samples, sample - 1) if sample > 0 else np.float32(-np.inf)
+    here = smooth_sample(samples, min(sample, n - 1))
     while sample < n:
-        after = smoothed(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
+        after = smooth_sample(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
         if samples[sample] >= least and here >= before and here > after:
             return sample
         sample, before, here = sample + 1, here, after
@@ -32,7 +39,7 @@ def first_peak(samples: np.ndarray, start: int, least: np.float32) -> int:
 
 
 @kernel
-def highest_near(samples: np.ndarray, peak: int) -> int:
+def find_highest_near(samples: np.ndarray, peak: int) -> int:
     """Return the highest of a peak and its two neighbours, the peak itself where they are no higher."""
     highest = peak
     if peak > 0 and samples[peak - 1] > samples[highest]:
@@ -43,8 +50,8 @@ def highest_near(samples: np.ndarray, peak: int) -> int:
 
 
 @kernel
-def vertex(samples: np.ndarray, peak: int) -> float:
-    """Return how far the vertex of the parabola through the peak and its neighbours lies behind the peak [samples]."""
+def locate_vertex(samples: np.ndarray, peak: int) -> float:
+    """Return how far the parabola through a peak and its neighbours has its vertex behind the peak [samples]."""
     if peak < 1 or peak > samples.shape[0] - 2:
         return 0.0
     left, right = np.float64(samples[peak - 1]), np.float64(samples[peak + 1])
@@ -53,8 +60,14 @@ def vertex(samples: np.ndarray, peak: int) -> float:
 
 
 @kernel
-def plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
-    """Return the first and last of the run of clipped samples that the peak is in; the peak alone without."""
+def find_plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
+    """Find the first and last of the run of clipped samples around a peak; the peak alone without such a run.
+
+    Parameters
+    ----------
+    clipped : (trace, sample), or empty without clipped samples.
+    trace, peak : number of the trace, and sample of the peak.
+    """
     low, high = peak, peak
     if clipped.shape[0] and clipped[trace, peak]:
         while low > 0 and clipped[trace, low - 1]:
@@ -65,7 +78,7 @@ def plateau(clipped: np.ndarray, trace: int, peak: int) -> tuple[int, int]:
 
 
 @kernel
-def any_of(clipped: np.ndarray, trace: int) -> bool:
+def is_any_clipped(clipped: np.ndarray, trace: int) -> bool:
     """Return whether a sample of the trace is clipped."""
     if clipped.shape[0]:
         for sample in range(clipped.shape[1]):
@@ -85,11 +98,22 @@ def find_peaks(
     statistic: np.ndarray,
     peaks: np.ndarray,
 ) -> int:
-    """Fill `peaks` with the tops whose matched statistic is high, highest first, and return how many there are."""
-    n, here, before = samples.shape[0], smoothed(samples, 0), np.float32(-np.inf)
+    """Find the peaks of one trace whose matched statistic is high, highest first; return how many there are.
+
+    Parameters
+    ----------
+    samples : (sample) of one trace.
+    half, height_weights : half window of the filter, and its weights for the height.
+    least : least statistic of a peak.
+    apart : least distance of two peaks [samples].
+    three_sigma : three times the rms noise.
+    statistic : (sample) scratch space.
+    peaks : filled with the samples of the peaks.
+    """
+    n, here, before = samples.shape[0], smooth_sample(samples, 0), np.float32(-np.inf)
     any_left = False
     for sample in range(n):
-        after = smoothed(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
+        after = smooth_sample(samples, sample + 1) if sample < n - 1 else np.float32(-np.inf)
         statistic[sample] = -np.inf
         if here >= before and here > after:
             total = np.float32(0.0)
@@ -110,7 +134,7 @@ def find_peaks(
                     statistic[sample] = -np.inf
             stands = True
             for other in range(found):
-                stands = stands and parted(samples, highest, peaks[other], three_sigma)
+                stands = stands and is_separated(samples, highest, peaks[other], three_sigma)
             if stands:
                 peaks[found] = highest
                 found += 1
@@ -118,10 +142,17 @@ def find_peaks(
 
 
 @kernel
-def parted(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -> bool:
-    """Return whether a valley parts two peaks: a tenth of the lower one, and three sigma of the noise."""
-    lower = min(smoothed(samples, one), smoothed(samples, other))
+def is_separated(samples: np.ndarray, one: int, other: int, three_sigma: np.float32) -> bool:
+    """Return whether a valley separates two peaks: by a tenth of the lower one, and by three sigma of the noise.
+
+    Parameters
+    ----------
+    samples : (sample) of one trace.
+    one, other : samples of the peaks.
+    three_sigma : three times the rms noise.
+    """
+    lower = min(smooth_sample(samples, one), smooth_sample(samples, other))
     valley = np.float32(np.inf)
     for sample in range(min(one, other) + 1, max(one, other)):
-        valley = min(valley, smoothed(samples, sample))
+        valley = min(valley, smooth_sample(samples, sample))
     return bool(lower - valley > max(np.float32(0.1) * lower, three_sigma))

@@ -1,4 +1,4 @@
-"""What one return looks like behind the amplifier, and how well its arrival can be known at best."""
+"""Shape of one return behind the amplifier, and the Cramér-Rao bound of its arrival time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 _TABLE_WITHIN = 5e-6
 # A pulse ends where it has fallen to this share of its peak.
 _SUPPORT_FROM = 1e-7
-# The tail of the amplifier is followed for so many of its time constants: (1 + 40) exp(-40) is nothing.
+# Length of the amplifier's tail [time constants]: (1 + 40) exp(-40) is negligible.
 _TAIL_POLES = 40.0
 
 
@@ -46,7 +46,7 @@ class Pulse:
         integration_s : the time in which a current counts as charge [s].
         """
         taps = tuple(np.asarray(power_per_s, dtype=float).tolist())
-        return _after(float(step_s), taps, float(pole_s), float(integration_s))
+        return _tabulate_pulse(float(step_s), taps, float(pole_s), float(integration_s))
 
     def amplitude(self, time_s: np.ndarray) -> np.ndarray:
         """Return s(t) at times after the nominal delay [s], in the amplifier's unit per unit of charge."""
@@ -73,8 +73,14 @@ class Pulse:
 
 
 @lru_cache(maxsize=32)
-def _after(step_s: float, power_per_s: tuple[float, ...], pole_s: float, integration_s: float) -> Pulse:
-    """Return the tabulated pulse: the taps as a band-limited signal, filtered and refined by their Fourier transform."""
+def _tabulate_pulse(step_s: float, power_per_s: tuple[float, ...], pole_s: float, integration_s: float) -> Pulse:
+    """Tabulate a pulse: the taps as a band-limited signal, filtered and refined by their Fourier transform.
+
+    Parameters
+    ----------
+    step_s, power_per_s : taps of the optical pulse.
+    pole_s, integration_s : those of the amplifier.
+    """
     from scipy import fft
 
     taps = np.array(power_per_s)
@@ -89,13 +95,13 @@ def _after(step_s: float, power_per_s: tuple[float, ...], pole_s: float, integra
         spectrum[-1] *= 0.5  # in the finer grid the last frequency has a mirror image of its own
     turn = 2j * math.pi * frequency_hz
 
-    def refined(values: np.ndarray, times: int) -> np.ndarray:
+    def refine(values: np.ndarray, times: int) -> np.ndarray:
         fine: np.ndarray = fft.irfft(values, n * times) * times
         return fine
 
-    bend = np.abs(refined(spectrum * turn**2, 4)).max() / refined(spectrum, 4).max()
+    bend = np.abs(refine(spectrum * turn**2, 4)).max() / refine(spectrum, 4).max()
     times = max(4, math.ceil(step_s / math.sqrt(8.0 * _TABLE_WITHIN / bend)))
-    table, slope = refined(spectrum, times), refined(spectrum * turn, times)
+    table, slope = refine(spectrum, times), refine(spectrum * turn, times)
     fine_s = step_s / times
     first_s = -(guard + 0.5 * (len(taps) - 1)) * step_s
     inside = np.flatnonzero(np.abs(table) > _SUPPORT_FROM * table.max())
@@ -128,9 +134,14 @@ def _after(step_s: float, power_per_s: tuple[float, ...], pole_s: float, integra
 
 
 def noise_covariance(n: int, sample_s: float, pole_s: float, sigma: float) -> np.ndarray:
-    """Return the covariance (n, n) of white noise sampled behind a two-pole amplifier: σ² (1 + |t|/τ) exp(−|t|/τ).
+    """Return the covariance (n, n) of white noise behind a two-pole amplifier: σ² (1 + |t|/τ) exp(−|t|/τ).
 
-    `sigma` is its rms in any unit, `pole_s` τ [s]; with τ = 0 the noise is white.
+    Parameters
+    ----------
+    n : number of samples.
+    sample_s : time between samples [s].
+    pole_s : τ [s]. With 0 the noise is white.
+    sigma : rms of the noise, in any unit.
     """
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     if pole_s <= 0.0:

@@ -1,4 +1,4 @@
-"""What each pixel reports of its returns, laid out over the focal plane."""
+"""Report of each pixel's returns over the focal plane."""
 
 import numpy as np
 
@@ -68,9 +68,19 @@ def report_traces(
     several_m: np.ndarray,
     several_counts: np.ndarray,
 ) -> None:
-    """Fill what each pixel reports of the returns (trace, return): the one chosen, and all as far as `several` has room.
+    """Fill the report of each pixel: one return as range and intensity, and as many listed as `several` has room for.
 
     What is filled holds NaN and 0 before.
+
+    Parameters
+    ----------
+    pixel : (trace) number of the pixel.
+    range_m, amplitude : (trace, return), near to far.
+    clipped : (trace, sample) whether a sample is at the rail.
+    choice : FIRST, STRONGEST or LAST.
+    full_scale : greatest amplitude [counts].
+    one_m, one_counts, saturated : (pixel) filled.
+    several_m, several_counts : (pixel, return) filled.
     """
     for trace in range(range_m.shape[0]):
         at, chosen = pixel[trace], -1

@@ -1,4 +1,4 @@
-"""Range walk: by how much a range algorithm errs at each amplitude, found beforehand and taken off."""
+"""Range walk: the error of a range algorithm at each amplitude, computed beforehand and subtracted."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.algorithm import Ranging
 
 
-def walk_table(
+def tabulate_walk(
     pulse: Pulse,
     ranging: Ranging,
     *,
@@ -20,10 +20,22 @@ def walk_table(
     threshold_counts: float,
     full_scale_counts: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the walk of an algorithm: fitted amplitudes [counts], rising, and the mean bias of the delay there [s].
+    """Tabulate the walk of an algorithm with pulses without noise, each at 32 phases of the sampling.
 
-    Pulses without noise, from just above the threshold to 200 times it and clipped at the rail, each at 32 phases of the
-    sampling.
+    Heights go from just above the threshold to 200 times it, clipped at the rail.
+
+    Parameters
+    ----------
+    pulse : shape of a return behind the amplifier.
+    ranging : the algorithm.
+    sample_s, pole_s : time between samples and τ of the amplifier's poles [s].
+    sigma_counts : rms of the noise [counts].
+    threshold_counts : of the comparator.
+    full_scale_counts : greatest amplitude.
+
+    Returns
+    -------
+    Fitted amplitudes [counts], rising, and the mean bias of the delay at each [s].
     """
     matched = Matched.of(pulse, sample_s, pole_s, sigma_counts)
     truth = np.geomspace(1.02, 200.0, 64) * threshold_counts
@@ -52,7 +64,13 @@ def walk_table(
 
 
 def correct_walk(delay_s: np.ndarray, amplitude_counts: np.ndarray, table: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return delays [s] less the bias that the calibration found at their amplitude, interpolated in its logarithm."""
+    """Return delays [s] without the bias that calibration found at their amplitude, interpolated in its logarithm.
+
+    Parameters
+    ----------
+    delay_s, amplitude_counts : of the returns, any shape.
+    table : the walk of the algorithm.
+    """
     amplitudes, bias_s = table
     place = np.log(np.maximum(amplitude_counts, 0.5 * amplitudes[0]))
     corrected: np.ndarray = delay_s - np.interp(place, np.log(amplitudes), bias_s)

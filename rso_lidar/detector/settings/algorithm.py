@@ -10,9 +10,9 @@ Algorithm = Literal["matched_filter", "constant_fraction", "centroid", "parabola
 
 
 class Ranging(Part):
-    """How delays are taken from samples: the algorithm, and whether its walk with amplitude is calibrated away.
+    """Estimate of delays from samples: the algorithm, and whether its walk with amplitude is calibrated away.
 
-    `fraction` of the peak is where constant_fraction looks.
+    `constant_fraction` takes the time at `fraction` of the peak.
     """
 
     algorithm: Algorithm = Field(

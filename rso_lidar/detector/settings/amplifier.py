@@ -1,9 +1,10 @@
-"""The transimpedance amplifier of a pixel: two poles, noise of its own, and the unit in which amplitudes are told.
+"""Settings of a pixel's transimpedance amplifier: two poles, noise of its own, and the unit of amplitude.
 
-Its impulse response is h(t) = (t/τ²) exp(−t/τ), H(f) = 1/(1 + 2πi f τ)². With one pole only, the crossing rate of the
-noise would diverge as the time step shrinks; two make it finite (Rice 1944). Amplitudes are electrons after the APD: the
-current [electrons/s] times `integration_ns`, the equivalent width of a Gaussian pulse of 8 ns, so that a pulse of that
-length and Q electrons has the amplitude Q before the amplifier rounds it.
+The impulse response is h(t) = (t/τ²) exp(−t/τ), H(f) = 1/(1 + 2πi f τ)². With one pole only, the crossing rate of the noise
+would diverge as the time step shrinks; two make it finite (Rice 1944).
+
+Amplitudes are electrons after the APD: the current [electrons/s] times `integration_ns`. That is the equivalent width of a
+Gaussian pulse of 8 ns. A pulse of that length and Q electrons has the amplitude Q before the amplifier rounds it.
 """
 
 import math
@@ -43,12 +44,12 @@ class Amplifier(Part):
 
     @property
     def pole_s(self) -> float:
-        """Return τ of both poles [s]: √(√2 − 1) / (2π B)."""
+        """Time constant τ of both poles [s]: √(√2 − 1) / (2π B)."""
         return math.sqrt(math.sqrt(2.0) - 1.0) / (2.0 * math.pi * self.bandwidth_mhz * units.MHZ)
 
     @property
     def integration_s(self) -> float:
-        """Return the time in which a current counts as charge [s]."""
+        """Time in which a current counts as charge [s]."""
         return self.integration_ns * units.NS
 
     def response(self, frequency_hz: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""The avalanche photodiode: electrons out for electrons in, with McIntyre's distribution of the gain.
+"""Settings of the avalanche photodiode, and the closed forms of McIntyre's distribution of its gain.
 
 A primary electron leaves the avalanche as n electrons with McIntyre's probability P(n|1) (IEEE Trans. Electron Devices
-13, 164 (1966) and 19, 703 (1972)); the primaries of a time step are Poisson, so the electrons of a step are compound
-Poisson. With p = (1−k)(M−1)/M, P(n|a) = (a/n) [wⁿ⁻ᵃ] (1−p+pw)^(n/(1−k)), Lagrange's inversion: the generating function
-w of a single primary solves w = z (1−p+pw)^(1/(1−k)). All closed forms here follow from that.
+13, 164 (1966) and 19, 703 (1972)). With p = (1−k)(M−1)/M, Lagrange's inversion gives P(n|a) = (a/n) [wⁿ⁻ᵃ]
+(1−p+pw)^(n/(1−k)). The generating function w of a single primary solves w = z (1−p+pw)^(1/(1−k)). All closed forms follow
+from that.
 """
 
 from typing import Annotated, Literal, Self
@@ -51,7 +51,7 @@ class Apd(Part):
     )
 
     @model_validator(mode="after")
-    def _bounded(self) -> Self:
+    def _check_tail(self) -> Self:
         if self.statistics == "mcintyre":
             s = tail_per_electron(self.gain, self.ionisation_ratio)
             if s * _LONGEST_TAIL_ELECTRONS < 1.0:
@@ -63,7 +63,7 @@ class Apd(Part):
 
     @property
     def excess_noise_factor(self) -> float:
-        """Return F = k M + (1−k)(2 − 1/M), the mean square gain over M² (McIntyre 1966).
+        """Excess noise factor F = k M + (1−k)(2 − 1/M), the mean square gain over M² (McIntyre 1966).
 
         >>> round(Apd(gain=10.0, ionisation_ratio=0.2).excess_noise_factor, 2)
         3.52
@@ -73,7 +73,7 @@ class Apd(Part):
 
     @property
     def dark_electrons_per_s(self) -> float:
-        """Return the primary electrons of the dark current [1/s]."""
+        """Primary electrons of the dark current [1/s]."""
         return self.dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
 
 
@@ -101,7 +101,13 @@ def greatest_w(gain: float, ionisation_ratio: float) -> float:
 
 
 def log_z(w: np.ndarray, gain: float, ionisation_ratio: float) -> np.ndarray:
-    """Return y = ln z at which a single primary's generating function is w: its moment generating function, inverted."""
+    """Return y = ln z at which a single primary's generating function is w: the inverse of its moment generating function.
+
+    Parameters
+    ----------
+    w : values of the generating function.
+    gain, ionisation_ratio : M and k of the photodiode.
+    """
     y: np.ndarray = np.log(w) - np.log1p(avalanche_share(gain, ionisation_ratio) * (w - 1.0)) / (1.0 - ionisation_ratio)
     return y
 

@@ -1,4 +1,4 @@
-"""The fast detector: what the paper fitted to its camera, as curves of the photons in a return (seed 3.3)."""
+"""Empirical detector: curves that Fuller et al. (sec. 3.3) fitted to their camera, as functions of photons."""
 
 import math
 from functools import cached_property
@@ -16,20 +16,23 @@ _NORMAL_95 = 1.6448536269514722  # the standard normal quantile of 0.95
 
 
 class Empirical(Part):
-    """A detector told by its curves: detection, intensity and range noise as functions of photons (seed 3.3).
+    """A fast detector described by curves: detection, intensity and range noise as functions of photons.
 
-    The signal of N expected photons is Gaussian with variance NEP² + F N / QE in photons: `noise_equivalent_photons` of
-    the amplifier, and shot noise with the APD's excess noise F at quantum efficiency QE. A pixel triggers where the
-    signal passes the threshold that gives 95 % at `reference_photons`. The defaults are fitted to the curves of the full
-    chain with preset ``noise_limited`` (`make calibrate`).
+    The model is that of Fuller et al., sec. 3.3. The signal of N expected photons is Gaussian with variance NEP² + F N /
+    QE [photons²]. NEP is `noise_equivalent_photons` of the amplifier; F is the APD's excess noise factor and QE the
+    quantum efficiency. A pixel triggers where the signal passes the threshold that gives 95 % at `reference_photons`. The
+    defaults are fitted to the curves of the full chain with preset ``noise_limited`` (`make calibrate`).
 
-    Light returns in clusters of range; the first that triggers is reported, unless a false trigger latched before it.
-    Only returns between `armed_from_m` and `armed_to_m` count, and false triggers come at `false_alarms_per_s` there.
-    Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼ until the converter
-    clips at 2^`adc_bits` − 1. The range noise is `range_plateau_m` plus, in quadrature, shot and amplifier noise seen by
-    a filter matched to the pulse sampled every `sample_ns`, with `range_excess_noise_factor` and
-    `range_noise_equivalent_photons` for F and NEP; intensity has two of its own as well. A surface is as easy to find and
-    to range tilted as facing: how it stretches the pulse is left to a waveform model.
+    Light returns in clusters of range. The first cluster that triggers is reported, unless a false trigger comes before it.
+    Only returns between `armed_from_m` and `armed_to_m` count. False triggers come there at `false_alarms_per_s`.
+
+    Counts rise by `counts_per_photon` and bend toward `compression_counts` like x / (1 + (x/s)⁴)^¼. The converter clips
+    them at 2^`adc_bits` − 1. The range noise has three terms in quadrature: `range_plateau_m`, and the shot noise and the
+    amplifier noise behind a filter matched to the pulse. That filter sees samples every `sample_ns`, with
+    `range_excess_noise_factor` for F and `range_noise_equivalent_photons` for NEP. Intensity has two such figures of its
+    own.
+
+    A tilted surface is as easy to detect and to range as a facing one: only the full chain stretches the pulse.
     """
 
     type: Literal["empirical"] = "empirical"
@@ -139,22 +142,22 @@ class Empirical(Part):
 
     @property
     def sees_from_m(self) -> float:
-        """Return the least range [m] at which anything is detected."""
+        """Least range [m] at which anything is detected."""
         return self.armed_from_m
 
     @property
     def sees_to_m(self) -> float:
-        """Return the greatest range [m] at which anything is detected."""
+        """Greatest range [m] at which anything is detected."""
         return self.armed_to_m
 
     @property
     def full_scale_counts(self) -> int:
-        """Return the greatest count that the converter reports."""
+        """Greatest count that the converter reports."""
         return int(2**self.adc_bits) - 1
 
     @property
     def saturation_photons(self) -> float:
-        """Return the photons of a return whose counts clip; infinite where they bend before."""
+        """Photons of a return whose counts clip. Infinite where they bend before."""
         over = self.full_scale_counts / self.compression_counts
         if over >= 1.0:
             return math.inf
@@ -162,7 +165,7 @@ class Empirical(Part):
 
     @cached_property
     def traits(self) -> DetectorTraits:
-        """Return what a scenario must know of this detector."""
+        """Facts that a scenario reads about this detector."""
         return DetectorTraits(
             sees_to_m=self.sees_to_m,
             threshold_photons=self.threshold_photons,
@@ -172,18 +175,18 @@ class Empirical(Part):
 
     @cached_property
     def threshold_photons(self) -> float:
-        """Return the trigger level, in photons [1], that gives 95 % at `reference_photons`."""
+        """Trigger level, in photons [1], that gives 95 % at `reference_photons`."""
         reference = self.reference_photons
         return reference - _NORMAL_95 * float(self.noise_photons(np.array(reference)))
 
     def noise_photons(self, photons: np.ndarray) -> np.ndarray:
-        """Return the standard deviation [photons] of the signal of so many expected photons."""
+        """Return the standard deviation [photons] of the signal of returns, by their expected photons."""
         shot = self.excess_noise_factor * photons / self.quantum_efficiency
         noise: np.ndarray = np.sqrt(self.noise_equivalent_photons**2 + shot)
         return noise
 
     def detection_probability(self, photons: np.ndarray) -> np.ndarray:
-        """Return the probability that a return of so many expected photons triggers.
+        """Return the probability that returns of these expected photons trigger.
 
         >>> round(float(Empirical().detection_probability(np.array(1000.0))), 6)
         0.95
@@ -194,10 +197,10 @@ class Empirical(Part):
         return probability
 
     def range_noise_m(self, photons: np.ndarray, pulse_fwhm_s: float) -> np.ndarray:
-        """Return the standard deviation [m] of the range of a return of so many expected photons.
+        """Return the standard deviation [m] of the range of returns, by their expected photons.
 
-        σ² = plateau² + (c/2)² (s² F/(QE N) + 2 s Δt/√π (NEP/N)²), s = FWHM/2.3548: the matched filter's share of shot
-        noise and of white amplifier noise (instrument physics as for the Cramér-Rao bound of a known Gaussian pulse).
+        σ² = plateau² + (c/2)² (s² F/(QE N) + 2 s Δt/√π (NEP/N)²), s = FWHM/2.3548. These are the matched filter's shares
+        of shot noise and of white amplifier noise: the Cramér-Rao bound of a known Gaussian pulse (docs/instrument.md).
         """
         s = pulse_fwhm_s / units.FWHM_PER_SIGMA
         photons = np.maximum(photons, 1e-9)
@@ -208,7 +211,7 @@ class Empirical(Part):
         return noise
 
     def counts(self, photons: np.ndarray) -> np.ndarray:
-        """Return counts before quantisation: linear, then bending, then clipped at full scale (seed fig. 13)."""
+        """Return the counts of returns before quantisation: linear, then bending, then clipped (Fuller et al., fig. 13)."""
         linear = self.counts_per_photon * np.maximum(photons, 0.0)
         bent = linear / (1.0 + (linear / self.compression_counts) ** 4) ** 0.25
         clipped: np.ndarray = np.minimum(bent, float(self.full_scale_counts))

@@ -1,4 +1,4 @@
-"""What makes one pixel differ from the next, and one flash from a clean one; each off by default."""
+"""Optional parts of a focal plane: what makes one pixel differ from the next, and one flash from an ideal one."""
 
 from typing import Annotated, Self
 
@@ -8,10 +8,10 @@ from rso_lidar.part import Flag, Fraction, NotNegative, Number, Part, Positive
 
 
 class Timing(Part):
-    """How well a pixel knows when light arrived: `pixel_jitter_ns` of each pixel and flash, `frame_jitter_ns` of a flash.
+    """Timing jitter, 1 sigma: `pixel_jitter_ns` of each pixel and flash, and `frame_jitter_ns` of a whole flash.
 
-    Both are 1 sigma. The default of the first, 0.334 ns or 5 cm, is the plateau that the seed gives for high signals and
-    that a matched filter alone would undercut; its cause is assumed.
+    The default of the first is 0.334 ns or 5 cm. It is the plateau of the range noise at high signal in Fuller et al.,
+    sec. 3.3, which a matched filter alone would undercut. Its cause is assumed.
     """
 
     pixel_jitter_ns: NotNegative = Field(
@@ -27,10 +27,10 @@ class Timing(Part):
 
 
 class Maps(Part):
-    """Fixed patterns of a camera: 1 sigma over its pixels of gain, offset and t0 (raw 5-15 %, few counts, 0.3-1 ns).
+    """Fixed patterns of a camera: spread over its pixels of gain, offset and t0, 1 sigma.
 
-    With `calibrated` the reading is corrected by maps measured beforehand, which know each pixel to all but
-    `residual_fraction` of its deviation. All figures are assumed.
+    Uncalibrated cameras have 5-15 %, a few counts and 0.3-1 ns. With `calibrated` the reading is corrected by maps measured
+    beforehand. These know each pixel to all but `residual_fraction` of its deviation. All figures are assumed.
     """
 
     gain_spread_fraction: Annotated[float, Field(ge=0.0, le=0.3)] = Field(
@@ -49,7 +49,7 @@ class Maps(Part):
 
     @property
     def unknown_fraction(self) -> float:
-        """Return the share of each deviation that no calibration takes off."""
+        """Share of each deviation that remains after calibration."""
         return self.residual_fraction if self.calibrated else 1.0
 
 
@@ -68,9 +68,9 @@ class Defects(Part):
 
 
 class Saturation(Part):
-    """An amplifier that cannot pass `rail_electrons`, and comes back from there with the time constant `recovery_ns`.
+    """An amplifier that clips at `rail_electrons` and recovers with the time constant `recovery_ns`.
 
-    A pulse that hits the rail is stretched by recovery · ln(overdrive): late centroids, long trailing edges. Assumed.
+    A pulse that reaches the rail is stretched by recovery · ln(overdrive): late centroids, long trailing edges. Assumed.
     """
 
     rail_electrons: Positive = Field(
@@ -85,12 +85,15 @@ class Droop(Part):
     """An APD bias that sags under the photocurrent of the whole array, and with it the gain of every pixel.
 
     C dV/dt = (V₀ − V)/R − Σ i(t): the sum of the photocurrents loads the bias regulator (M. Seal, Nonlinear time-variant
-    response in an avalanche photodiode array based LADAR, thesis, AFIT; it gives no circuit values that could be read). A
-    sag of v leaves 1/(1 + `gain_slope_per_v` · v) of the gain. That is M = a/(V_b − V), which the data sheet of the InGaAs
-    APDs C30645 and C30662 (Excelitas) states above M = 4 with a = 40 to 50 V, so 0.22 per volt at M = 10; Miller's law
-    M = 1/(1 − (V/V_b)ⁿ) has the same form near V_b. C is the junctions' own: 1.25 pF more at 200 µm than at 80 µm (same data
-    sheet) is 0.24 pF in a pixel of 80 µm, 4 nF in 128 x 128 of them. That nothing else holds the bias, and R, the output
-    resistance of the regulator (a loop of 0.8 MHz with C), are assumed.
+    response in an avalanche photodiode array based LADAR, thesis, AFIT; it gives no legible circuit values).
+
+    A sag of v leaves 1/(1 + `gain_slope_per_v` · v) of the gain, which is M = a/(V_b − V). The data sheet of the InGaAs APDs
+    C30645 and C30662 (Excelitas) states that law above M = 4, with a = 40 to 50 V: 0.22 per volt at M = 10. Miller's law
+    M = 1/(1 − (V/V_b)ⁿ) has the same form near V_b.
+
+    C is that of the junctions. From 80 to 200 µm it rises by 1.25 pF (same data sheet), so a pixel of 80 µm has 0.24 pF,
+    and 128 x 128 of them have 4 nF. Two things are assumed: that nothing else holds the bias, and R, the output
+    resistance of the regulator (a loop of 0.8 MHz with C).
     """
 
     capacitance_nf: Positive = Field(
@@ -115,13 +118,13 @@ class Droop(Part):
 class Crosstalk(Part):
     """Electronic crosstalk between pixels that latch together (simultaneous ranging crosstalk, Opt. Eng. 60(8) 083101).
 
-    Where a share s of the array latches within one clock of a pixel, its range scatters by `noise_m` · s, 1 sigma. The mean
-    shift is common to the array, and the camera's calibration takes it off: what is left of it is `offset_m` · (s −
-    `calibrated_fraction`), with the share that latched together during calibration (0.5 for a checkerboard, 1 for a wall).
+    Where a share s of the array latches within one clock of a pixel, its range scatters by `noise_m` · s, 1 sigma. The
+    mean shift is common to the array, and calibration removes it at one share, `calibrated_fraction` (0.5 for a
+    checkerboard, 1 for a wall). The rest is `offset_m` · (s − `calibrated_fraction`).
 
     The paper states a precision of 8.04 cm for a camera of 128 x 128 pixels before a checkerboard, which triggers half of
-    them. `noise_m` makes the default camera give that: 5 cm are its `timing`, the rest is taken for crosstalk. How that
-    grows with s is not published, and linear by assumption. No mean shift is published either: 0 is a calibrated camera.
+    them. `noise_m` makes the default camera give that: 5 cm come from `timing`, the rest is taken for crosstalk. Its growth
+    with s is not published; linear growth is assumed. No mean shift is published either: 0 describes a calibrated camera.
     """
 
     offset_m: Number = Field(
@@ -147,9 +150,9 @@ class Crosstalk(Part):
 
 
 class Speckle(Part):
-    """Coherent light that interferes: the photons of a return vary by a gamma law of M = 1 + A Ω / λ² modes.
+    """Interference of coherent light: the photons of a return follow a gamma law of M = 1 + A Ω / λ² modes.
 
-    A is the aperture, Ω the lit solid angle in the pixel; a surface that depolarises has twice as many modes.
+    A is the aperture, Ω the lit solid angle in the pixel. A depolarising surface has twice as many modes.
     """
 
     depolarising: Flag = Field(

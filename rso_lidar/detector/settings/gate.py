@@ -1,4 +1,4 @@
-"""A range gate: every pixel stores the same stretch of time, and a filter finds the pulse in it afterwards (seed 3.3, 6)."""
+"""Range gate: every pixel stores the same window, and a filter finds pulses in it (Fuller et al., sec. 3.3 and 6)."""
 
 from typing import Annotated
 
@@ -9,11 +9,12 @@ from rso_lidar.part import Count, NotNegative, Part, Positive
 
 
 class Gate(Part):
-    """A window of `width_ns` that opens `delay_ns` after emission (two-way: 6.67 ns a metre); nothing triggers.
+    """A window of `width_ns` that opens `delay_ns` after emission (two-way: 6.67 ns per metre); nothing triggers.
 
-    The samples of `pulses` flashes are averaged before a matched filter looks for returns above a threshold of constant
-    false-alarm rate, `false_alarm_probability` for a pixel and frame: each pixel's own, from its dark current, the sunlight
-    on it and the avalanches of both. Speckle is drawn anew for each pulse, as if the target turned a little between them.
+    The samples of `pulses` flashes are averaged. A matched filter then looks for returns above a threshold of constant
+    false-alarm rate, `false_alarm_probability` for each pixel and frame. The threshold of a pixel follows from its dark
+    current, the sunlight on it and the avalanches of both. Speckle is drawn anew for each pulse, as if the target turned a
+    little between them.
     """
 
     delay_ns: NotNegative = Field(
@@ -29,14 +30,14 @@ class Gate(Part):
 
     @property
     def from_m(self) -> float:
-        """Return the range [m] at which the gate opens."""
+        """Range [m] at which the gate opens."""
         return self.delay_ns * units.NS * units.RANGE_PER_DELAY_M_S
 
     @property
     def to_m(self) -> float:
-        """Return the range [m] at which the gate closes."""
+        """Range [m] at which the gate closes."""
         return (self.delay_ns + self.width_ns) * units.NS * units.RANGE_PER_DELAY_M_S
 
     def n_samples(self, sample_s: float) -> int:
-        """Return how many samples the gate holds; it closes on the last of them."""
+        """Return the number of samples in the gate, which closes on the last of them."""
         return max(4, round(self.width_ns * units.NS / sample_s))

@@ -1,4 +1,4 @@
-"""The full detector: a focal plane of APDs that trigger, sample and convert, or store a range gate (seed 3.2, 3.3, 6)."""
+"""Settings of the full detector: APDs that trigger, sample and convert (Fuller et al., sec. 3.2, 3.3 and 6)."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _PRESET = (("amplifier", "noise_electrons"), ("trigger", "threshold_electrons"))
 
 
 class Gsfl(Part):
-    """A global shutter flash lidar's focal plane, from photons to counts through every stage (seed 3.2 and 3.3).
+    """The focal plane of a global shutter flash lidar, from photons to counts (Fuller et al., sec. 3.2 and 3.3).
 
     Noise comes from the stages: detection, range precision, range walk and dropouts are results. `preset` chooses the
-    amplifier's noise and the threshold, both solved once so that 1000 photons are detected in 95 % of flashes (seed):
-    ``noise_limited`` has threshold / noise = 6, ``offset_limited`` a quiet amplifier under a high threshold. Settings given
-    beside it change the result; nothing is solved again.
+    amplifier's noise and the threshold. Both are solved once, so that 1000 photons are detected in 95 % of flashes
+    (Fuller et al., sec. 3.3). ``noise_limited`` has threshold / noise = 6; ``offset_limited`` has a quiet amplifier under
+    a high threshold. Other settings change the result; nothing is solved again.
 
-    A pixel triggers on the first crossing between `armed_from_m` and `armed_to_m` and stores a few samples about it;
-    under a `gate` all pixels store the same samples and none triggers. Of the returns in what is stored, `returns` says
-    which is reported as range and intensity; up to `max_returns` are listed beside it. `camera_seed` draws what is fixed in
-    a camera: thresholds, maps, defects. The gate and the parts after it are off unless given.
+    A pixel triggers on the first crossing between `armed_from_m` and `armed_to_m` and stores a few samples about it. Under a
+    `gate` all pixels store the same samples and none triggers. `returns` says which of the returns in these samples is
+    reported as range and intensity; up to `max_returns` are listed beside it. `camera_seed` draws what is fixed in a camera:
+    thresholds, maps, defects. The gate and the parts after it are off unless given.
     """
 
     type: Literal["gsfl"] = "gsfl"
@@ -168,11 +168,11 @@ class Gsfl(Part):
 
     @cached_property
     def noise_electrons(self) -> float:
-        """Return the rms of the noise that the comparator sees in the dark [electrons]: amplifier and dark current."""
+        """Rms of the noise that the comparator sees in the dark [electrons]: amplifier and dark current."""
         return self.noise_in_light(0.0)
 
     def noise_in_light(self, background_photons_per_s: float) -> float:
-        """Return the rms of the noise [electrons] with so many photons a second of sunlight on the pixel."""
+        """Return the rms noise [electrons] under this rate of sunlight on the pixel [photons/s]."""
         rate = self.apd.dark_electrons_per_s + self.quantum_efficiency * background_photons_per_s
         amplifier = self.amplifier
         noise = noise_rms(self.apd, rate, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
@@ -180,17 +180,17 @@ class Gsfl(Part):
 
     @property
     def noise_counts(self) -> float:
-        """Return the rms of a sample's noise in the dark [counts], before rounding."""
+        """Rms of a sample's noise in the dark [counts], before rounding."""
         return max(self.noise_electrons / self.readout.electrons_per_count, 1e-3)  # a filter needs some noise to weigh
 
     @property
     def threshold_over_noise(self) -> float:
-        """Return the threshold over the rms noise in the dark."""
+        """Threshold over the rms noise in the dark."""
         return self.trigger.threshold_electrons / self.noise_electrons if self.noise_electrons > 0.0 else math.inf
 
     @cached_property
     def false_alarms_per_s(self) -> float:
-        """Return how often noise triggers an armed pixel of nominal threshold, by Rice's formula [1/s]."""
+        """Rate at which noise triggers an armed pixel of nominal threshold, by Rice's formula [1/s]."""
         if self.noise_electrons == 0.0:
             return 0.0
         threshold = np.array(self.trigger.threshold_electrons)
@@ -198,48 +198,48 @@ class Gsfl(Part):
 
     @property
     def electrons_per_photon(self) -> float:
-        """Return the electrons after the APD that a photon makes on the average."""
+        """Mean number of electrons after the APD for each photon."""
         return self.quantum_efficiency * self.apd.gain
 
     @property
     def threshold_photons(self) -> float:
-        """Return the threshold in photons of a pulse as long as the amplifier's integration time."""
+        """Threshold in photons of a pulse as long as the amplifier's integration time."""
         return self.trigger.threshold_electrons / self.electrons_per_photon
 
     @property
     def full_scale_counts(self) -> int:
-        """Return the greatest amplitude that the converter can report above its baseline [counts]."""
+        """Greatest amplitude that the converter can report above its baseline [counts]."""
         return int(self.readout.full_scale_counts - self.readout.baseline_counts)
 
     @property
     def window_m(self) -> float:
-        """Return the depth [m] in which one flash can see several returns of a pixel."""
+        """Depth [m] in which one flash can see several returns of a pixel."""
         return self.gate.to_m - self.gate.from_m if self.gate else self.readout.window_m
 
     @property
     def stored_behind_m(self) -> float:
-        """Return the depth [m] that a pixel stores behind its latch, or that a gate holds."""
+        """Depth [m] that a pixel stores behind its latch, or that a gate holds."""
         cells = self.readout.samples - self.readout.pretrigger_samples
         return self.window_m if self.gate else cells * self.readout.sample_s * units.RANGE_PER_DELAY_M_S
 
     @property
     def sees_from_m(self) -> float:
-        """Return the least range [m] at which anything is detected."""
+        """Least range [m] at which anything is detected."""
         return self.gate.from_m if self.gate else self.armed_from_m
 
     @property
     def sees_to_m(self) -> float:
-        """Return the greatest range [m] at which anything is detected."""
+        """Greatest range [m] at which anything is detected."""
         return self.gate.to_m if self.gate else self.armed_to_m
 
     @property
     def saturation_photons(self) -> float:
-        """Return the photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
+        """Photons of a return whose amplitude clips, in a pulse as long as the amplifier's integration time."""
         return self.full_scale_counts * self.readout.electrons_per_count / self.electrons_per_photon
 
     @cached_property
     def traits(self) -> DetectorTraits:
-        """Return what a scenario must know of this detector."""
+        """Facts that a scenario reads about this detector."""
         gate = self.gate
         gated = {"gate_delay_s": gate.delay_ns * units.NS, "gate_width_s": gate.width_ns * units.NS} if gate else {}
         return DetectorTraits(
@@ -266,7 +266,7 @@ class Gsfl(Part):
         return self.replace(gate=self.gate.replace(delay_ns=delay_ns))
 
     def counts(self, photons: np.ndarray) -> np.ndarray:
-        """Return the amplitude [counts] of so many photons in a pulse as long as the amplifier's integration time."""
+        """Return the amplitude [counts] of these photons in a pulse as long as the amplifier's integration time."""
         linear = photons * (self.electrons_per_photon / self.readout.electrons_per_count)
         clipped: np.ndarray = np.minimum(linear, self.full_scale_counts)
         return clipped
@@ -275,11 +275,11 @@ class Gsfl(Part):
 
     @property
     def frame_jitter_s(self) -> float:
-        """Return the jitter of a whole frame [s, 1 sigma]; each pulse that a gate averages has its own."""
+        """Jitter of a whole frame [s, 1 sigma]; each pulse that a gate averages has its own."""
         return self.timing.frame_jitter_ns * units.NS / math.sqrt(self.gate.pulses if self.gate else 1)
 
     def alone(self, gain: float = 1.0) -> Self:
-        """Return this detector without what couples its pixels, with `gain` times the APD's gain at rest."""
+        """Return this detector without coupling between pixels, with `gain` times the APD's gain at rest."""
         apart: dict[str, Any] = {"droop": None, "crosstalk": None, "timing": self.timing.replace(frame_jitter_ns=0.0)}
         if gain != 1.0:
             apart["apd"] = self.apd.replace(gain=max(self.apd.gain * gain, 1.0))

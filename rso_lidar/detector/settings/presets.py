@@ -1,4 +1,4 @@
-"""The constants of the shipped detectors, as `make calibrate` solved them through the whole chain."""
+"""Constants of the shipped detectors, as `make calibrate` solved them through the whole chain."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is stored of a pulse: a few analog cells about the latch, and the converter behind them."""
+"""Settings of a pixel's readout: a few analog cells about the latch, and the converter behind them."""
 
 from typing import Annotated, Self
 
@@ -9,11 +9,11 @@ from rso_lidar.part import Flag, NotNegative, Part, Positive, Whole
 
 
 class Readout(Part):
-    """`samples` analog cells of `sample_ns`, of which `pretrigger_samples` lie before the latch, and a converter.
+    """Storage of a pulse: `samples` cells of `sample_ns`, `pretrigger_samples` of them before the latch, and a converter.
 
-    One count is `electrons_per_count`; the baseline stands at `baseline_counts`, so that noise below it is not lost; the
-    converter clips at 2^`adc_bits` − 1. `quantised` = false leaves the counts unrounded. The seed gives 20 samples; clock,
-    depth and scale of the converter are assumed.
+    One count is `electrons_per_count`. The baseline is at `baseline_counts`, so that noise below it is not lost. The
+    converter clips at 2^`adc_bits` − 1. `quantised` = false leaves the counts unrounded. Fuller et al. (sec. 3.3) give 20
+    samples; clock, depth and scale of the converter are assumed.
     """
 
     sample_ns: Positive = Field(
@@ -68,15 +68,15 @@ class Readout(Part):
 
     @property
     def sample_s(self) -> float:
-        """Return the time between samples [s]."""
+        """Time between samples [s]."""
         return self.sample_ns * units.NS
 
     @property
     def full_scale_counts(self) -> int:
-        """Return the greatest count that the converter gives."""
+        """Greatest count that the converter gives."""
         return int(2**self.adc_bits) - 1
 
     @property
     def window_m(self) -> float:
-        """Return the depth [m] that the stored samples span."""
+        """Depth [m] that the stored samples span."""
         return self.samples * self.sample_s * units.RANGE_PER_DELAY_M_S

@@ -1,4 +1,4 @@
-"""The comparator of a pixel: a Schmitt trigger that latches on the first crossing, true or false."""
+"""Settings of a pixel's comparator."""
 
 from typing import Annotated
 
@@ -9,11 +9,11 @@ from rso_lidar.part import NotNegative, Part, Positive
 
 
 class Trigger(Part):
-    """A Schmitt trigger: it fires where the amplifier passes `threshold_electrons` from below.
+    """A Schmitt trigger: it fires where the amplifier's output passes `threshold_electrons` from below.
 
-    Having been above, it is ready again only below threshold − `hysteresis_electrons`. Thresholds differ from pixel to
-    pixel by `threshold_spread_fraction` (1 sigma, fixed in a camera). The threshold is a constant of the preset; hysteresis
-    and spread are assumed.
+    After it was above, it is ready again only below threshold − `hysteresis_electrons`. Thresholds differ from pixel to
+    pixel by `threshold_spread_fraction` (1 sigma, fixed in a camera). The threshold is a constant of the preset;
+    hysteresis and spread are assumed.
     """
 
     threshold_electrons: Positive = Field(

@@ -33,12 +33,12 @@ class Plan:
 
     @property
     def watched(self) -> int:
-        """Return how many steps of a row the comparator watches."""
+        """How many steps of a row the comparator watches."""
         return self.rise + self.fall + self.steps_per_sample
 
     @property
     def length(self) -> int:
-        """Return the steps of a row, a length that transforms well."""
+        """Steps of a row, a length that transforms well."""
         from scipy.fft import next_fast_len
 
         return int(next_fast_len(self.before + self.watched + self.after, real=True))

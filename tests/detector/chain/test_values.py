@@ -12,7 +12,7 @@ from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measure import measure
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
-from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 from rso_lidar.detector.settings.noise import noise_rms, rice_rate
@@ -179,7 +179,7 @@ def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised, 
     apd = Apd(gain=8.0, ionisation_ratio=0.3, dark_current_na=0.0)
     pulse = Pulse.after(*reference_pulse(), TAU, amplifier.integration_s)
     matched = Matched.of(pulse, 2e-9, TAU, 1.0)
-    found = gate_thresholds(
+    found = solve_gate_thresholds(
         gate, np.zeros(2), apd=apd, amplifier=amplifier, readout=readout, matched=matched, offset_counts=0.4
     )
     weights = matched.height_weights()

@@ -9,7 +9,7 @@ from scipy import stats
 from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, detect
 from rso_lidar.detector.bench.calibrate import reference_pulse
 from rso_lidar.detector.chain.camera import build_camera
-from rso_lidar.detector.ranging.gate_threshold import gate_thresholds
+from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, noise_covariance
 from tests.detector.returns_for_tests import nothing
@@ -23,7 +23,7 @@ def matched_of(part):
 
 
 def thresholds(part, rate, gate=GATE):
-    return gate_thresholds(
+    return solve_gate_thresholds(
         gate, rate, apd=part.apd, amplifier=part.amplifier, readout=part.readout, matched=matched_of(part)
     )
 

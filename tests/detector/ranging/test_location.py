@@ -8,7 +8,7 @@ from rso_lidar import units
 from rso_lidar.detector.ranging.location import locate, locate_all
 from rso_lidar.detector.ranging.matched import Matched
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
-from rso_lidar.detector.ranging.walk import correct_walk, walk_table
+from rso_lidar.detector.ranging.walk import correct_walk, tabulate_walk
 from rso_lidar.detector.settings.algorithm import Ranging
 from rso_lidar.errors import ScenarioError
 from tests.reference.detector import fitting
@@ -409,7 +409,7 @@ def test_the_leading_edge_walks_with_amplitude_as_a_gaussian_does():
 def test_the_calibration_takes_the_walk_away(algorithm, worst_cm):
     ranging, full_scale = Ranging(algorithm=algorithm), 4000.0
     settings = known(sigma=5.0, threshold=40.0)
-    table = walk_table(PULSE, ranging, **settings, full_scale_counts=full_scale)
+    table = tabulate_walk(PULSE, ranging, **settings, full_scale_counts=full_scale)
     assert np.all(np.diff(table[0]) > 0) and table[0][0] < 45.0 and table[0][-1] > 7900.0
     delay_s = (9 + (np.arange(64) + 0.3) / 64) * SAMPLE_S
     walk_cm, left_cm = [], []
@@ -425,13 +425,13 @@ def test_the_calibration_takes_the_walk_away(algorithm, worst_cm):
 
 
 def test_the_matched_filter_does_not_walk():
-    table = walk_table(PULSE, Ranging(), **known(sigma=5.0, threshold=40.0), full_scale_counts=4000.0)
+    table = tabulate_walk(PULSE, Ranging(), **known(sigma=5.0, threshold=40.0), full_scale_counts=4000.0)
     assert np.abs(table[1]).max() * units.RANGE_PER_DELAY_M_S < 1e-3
 
 
 def test_a_far_overdriven_calibration_still_rises():
     for algorithm in ALGORITHMS:
-        amplitudes, bias_s = walk_table(
+        amplitudes, bias_s = tabulate_walk(
             PULSE, Ranging(algorithm=algorithm), **known(threshold=2000.0), full_scale_counts=4000.0
         )
         assert np.all(np.diff(amplitudes) > 0) and np.isfinite(bias_s).all()
