@@ -16,6 +16,7 @@ from rso_lidar.detector.stages.camera import Camera
 from rso_lidar.detector.stages.convolution import PulseFilters, convolve_light, transform_pulse
 from rso_lidar.detector.stages.light import spread_light
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
+from rso_lidar.detector.stages.row_noise import RowNoise
 from rso_lidar.detector.stages.time_axis import Plan, Rows
 from rso_lidar.records import Photons
 
@@ -43,11 +44,6 @@ class Analog:
         light = self.light[rows] if self.gain is None else self.light[rows] * self.gain[rows]
         mean: np.ndarray = irfft(rfft(light, axis=1) * self.transfer, self.rows.length, axis=1)
         return mean
-
-
-def quick(rng: np.random.Generator) -> np.random.Generator:
-    """Return a generator for many draws, a fifth faster than the counter-based one that names each frame."""
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(rng.integers(0, 2**32, 4).tolist())))
 
 
 def base_rate_per_s(quantum_efficiency: float, camera: Camera, photons: Photons) -> np.ndarray:
@@ -104,36 +100,37 @@ def simulate_analog(
     pixel_gain = camera.gain[rows.pixel].astype(np.float32)
 
     overlap = Overlap.of(rows)
+    noise = None if rng is None else RowNoise.of(rows, overlap, rng)
     # Under a droop the whole array decides the gain.
-    wait = rng is not None and gsfl.droop is not None
+    wait = gsfl.droop is not None
     waiting: list[tuple[np.ndarray, np.ndarray]] = []
     for block in split_rows(rows, _ROWS_AT_ONCE):
         primaries[block], quiet = convolve_light(light[block], filters, _LEAST_PRIMARIES)
-        if rng is None:
+        if noise is None:
             amplitude[block] = quiet * pixel_gain[block, None]
             continue
         again = overlap.select(block)
         again.carry(primaries[block])
         excess = primaries[block] + base[block, None]
-        electrons[block] = multiply(excess, gsfl.apd, rng, base=common)
+        electrons[block] = multiply(excess, gsfl.apd, noise.select(block), base=common)
         again.carry(electrons[block])
         excess *= -gain
         excess += electrons[block]
         if wait:
             waiting.append((quiet, excess))
         else:
-            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], rng, again)
+            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
     relative = None
     if gsfl.maps is not None:
         relative = pixel_gain[:, None]
-    if gsfl.droop is not None and rng is not None:
+    if gsfl.droop is not None and noise is not None:
         steady = np.float32(gsfl.apd.gain) * base[:, None]
         steady_per_s = background_electrons_per_s(gsfl, photons)
         sag = solve_drooped_gain(gsfl.droop, rows, electrons - steady, steady_per_s, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
         for block, (quiet, excess) in zip(split_rows(rows, _ROWS_AT_ONCE), waiting, strict=True):
             excess += electrons[block] * sag[block]
-            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], rng, overlap.select(block))
+            amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
     if rng is None:
         electrons = gain * primaries
     if gsfl.saturation is not None:

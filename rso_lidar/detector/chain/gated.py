@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rso_lidar.detector.chain.analog import base_rate_per_s, quick, simulate_analog
+from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time
@@ -27,7 +27,6 @@ def store_gate(
     with_taps : also return the signals between the stages.
     """
     assert gsfl.gate is not None
-    rng = quick(rng)
     n_pixels = photons.shape[0] * photons.shape[1]
     camera = build_camera(gsfl, n_pixels)
     plan = plan_time(gsfl, photons.pulse_fwhm_s)

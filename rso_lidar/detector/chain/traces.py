@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.chain.analog import Analog, base_rate_per_s, quick, simulate_analog
+from rso_lidar.detector.chain.analog import Analog, base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
@@ -46,7 +46,6 @@ def store_traces(
     rng : random generator.
     with_taps : also return the signals between the stages.
     """
-    rng = quick(rng)
     n_pixels = photons.shape[0] * photons.shape[1]
     camera = build_camera(gsfl, n_pixels)
     plan = plan_time(gsfl, photons.pulse_fwhm_s, _earliest_s(gsfl, photons))

@@ -18,28 +18,6 @@ class Table(NamedTuple):
     first: np.ndarray  # (row) int64: value of a row's first column; each next is one more
 
 
-def draw(table: Table, rng: np.random.Generator, n: int, row: np.ndarray | None = None) -> np.ndarray:
-    """Return n draws (float32), each from its row."""
-    word = words(rng, n)
-    cell = (word >> np.uint32(32 - table.columns_log2)).astype(np.intp)
-    drawn: np.ndarray = cell.astype(np.float32)
-    drawn += table.first[0] if row is None else table.first[row]
-    if row is not None:
-        cell += row << table.columns_log2
-    cell <<= 1
-    bounds_and_others = table.cells.reshape(-1)
-    second = word >= bounds_and_others.take(cell, mode="clip")
-    cell += 1
-    np.copyto(drawn, bounds_and_others.take(cell, mode="clip"), where=second, casting="unsafe")
-    return drawn
-
-
-def words(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Return n random words of 32 bits, drawn two at a time."""
-    pairs = rng.integers(0, (1 << 64) - 1, (n + 1) // 2, dtype=np.uint64, endpoint=True)
-    return pairs.view(np.uint32)[:n]
-
-
 @lru_cache(maxsize=1)
 def build_normal_table() -> Table:
     """Return the table of a normal number: `NORMAL_ZERO` and `NORMAL_PER_SIGMA` times a standard one, up to 6.3 of those.

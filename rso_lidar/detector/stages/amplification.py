@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO, Table, build_normal_table, words
-from rso_lidar.detector.stages.overlap import Overlap
+from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO, Table, build_normal_table
+from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise, fill_words, share_words
 from rso_lidar.kernels import kernel
 
 _MEMORY_POLES = 16.0  # time constants: (1 + 16) exp(-16) is 2e-6
@@ -57,8 +57,7 @@ def amplify(
     quiet: np.ndarray,
     excess: np.ndarray,
     gain: np.ndarray,
-    rng: np.random.Generator,
-    overlap: Overlap | None = None,
+    noise: RowNoise,
 ) -> np.ndarray:
     """Return the amplitude (row, step) [electrons] with noise, under the gain of each row.
 
@@ -68,14 +67,10 @@ def amplify(
     quiet : (row, step) mean behind the amplifier [electrons].
     excess : (row, step) what the electrons before the amplifier are more than their mean [electrons].
     gain : (row) factor of both.
-    rng : random generator of the amplifier's own noise.
-    overlap : rows that overlap in time share that noise.
+    noise : addresses of the random words of the amplifier's own noise.
     """
     amplitude: np.ndarray = np.empty(quiet.shape, np.float32)
-    random = words(rng, quiet.size)
-    if overlap is not None:
-        overlap.carry(random.reshape(quiet.shape))
-    amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), random, amplitude)
+    amplify_rows(quiet, excess, gain, filters.taps, filters.noise_electrons, build_normal_table(), noise, amplitude)
     return amplitude
 
 
@@ -85,26 +80,38 @@ def amplify_rows(
     excess: np.ndarray,
     gain: np.ndarray,
     taps: np.ndarray,
-    noise: np.float32,
+    noise_electrons: np.float32,
     table: Table,
-    words: np.ndarray,
+    noise: RowNoise,
     amplitude: np.ndarray,
 ) -> None:
     """Write the amplitude (row, step): the mean `quiet` and what `excess` and white noise become, times the row's gain.
 
-    `noise` [electrons] is the rms of a step before the filter, drawn from the normal `table` by the `words` (row * step).
+    Parameters
+    ----------
+    quiet, excess : (row, step) mean behind the amplifier, and electrons above their mean before it.
+    gain : (row) factor of both.
+    taps : response of the filter, from step to step.
+    noise_electrons : rms of the white noise of a step before the filter.
+    table : of a normal number.
+    noise : addresses of the random words.
+    amplitude : (row, step), written.
     """
     columns_log2, cells, first = table
-    per_value, zero = noise / np.float32(NORMAL_PER_SIGMA), first[0] - NORMAL_ZERO
+    per_value, zero = noise_electrons / np.float32(NORMAL_PER_SIGMA), first[0] - NORMAL_ZERO
     n_rows, n = quiet.shape
     before = len(taps) - 1
+    words, words_before = np.empty((n + 3) // 4 * 4, np.uint32), np.empty((n + 3) // 4 * 4, np.uint32)
     white = np.empty(before + n, np.float32)  # the row with its end before it: time runs in a circle
     for row in range(n_rows):
+        fill_words(noise, row, int(AMPLIFIER), words)
+        if noise.shared[row] > 0 or (row + 1 < n_rows and noise.shared[row + 1] > 0):
+            share_words(words, words_before, noise.lag[row], noise.shared[row])
         strength = gain[row]
-        drawn, more, mean, sum_of = words[row * n : (row + 1) * n], excess[row], quiet[row], amplitude[row]
+        more, mean, sum_of = excess[row], quiet[row], amplitude[row]
         now = white[before:]
         for step in range(n):
-            word = drawn[step]
+            word = words[step]
             column = np.int64(word) >> (32 - columns_log2)
             normal = column + (word >= cells[column, 0]) * (np.int64(cells[column, 1]) - first[0] - column) + zero
             now[step] = per_value * np.float32(normal) + strength * more[step]

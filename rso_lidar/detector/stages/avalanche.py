@@ -18,9 +18,17 @@ from rso_lidar.detector.stages.alias_tables import (
     Table,
     build_normal_table,
     build_tables,
-    words,
 )
-from rso_lidar.kernels import kernel
+from rso_lidar.detector.stages.row_noise import (
+    AVALANCHE,
+    AVALANCHE_FINE,
+    AVALANCHE_MORE,
+    AVALANCHE_REST,
+    RowNoise,
+    fill_words,
+)
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.philox import draw_block
 
 EXACT_PRIMARIES = 100.0  # up to this mean a step is drawn from its exact distribution
 _SMALL_SKEWNESS = 0.25  # below it a parabola in a normal number has the right tails
@@ -31,7 +39,7 @@ FINE = PARTS * COARSE  # parts in which the coarser table goes up
 _NEGLIGIBLE = 1e-14  # tails below this probability are cut
 
 
-def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: float | None = None) -> np.ndarray:
+def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | None = None) -> np.ndarray:
     """Draw the electrons (float32) of time steps in which `primaries` photoelectrons are expected: Poisson and avalanche.
 
     Up to 100 expected primaries a draw is exact to 1e-9 in its distribution. Above that it is a shifted log-normal whose
@@ -40,38 +48,33 @@ def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: fl
 
     Parameters
     ----------
-    primaries : expected photoelectrons of each step, any shape.
+    primaries : (row, step) expected photoelectrons of each step, or of one row only (step).
     apd : the photodiode.
-    rng : random generator.
+    noise : addresses of the random words of the rows.
     base : what most steps expect (None: the least of all).
+
+    Raises
+    ------
+    ValueError : where an expected number is negative or not finite.
     """
     expected = np.asarray(primaries, dtype=np.float32)
-    lam = expected.ravel()
-    least, most = (float(lam.min()), float(lam.max())) if lam.size else (0.0, 0.0)
+    least, most = (float(expected.min()), float(expected.max())) if expected.size else (0.0, 0.0)
     if not (least >= 0.0 and math.isfinite(most)):
         raise ValueError("expected primaries must be finite and not negative; subtract baselines after the avalanche")
-    if apd.statistics == "gaussian":
-        variance = np.float32(cumulants(apd)[1])
-        electrons: np.ndarray = rng.standard_normal(lam.size, dtype=np.float32)
-        electrons = np.float32(apd.gain) * lam + np.sqrt(variance * lam) * electrons
-        return electrons.reshape(expected.shape)
     floor = np.float32(least if base is None else base)
     if floor > EXACT_PRIMARIES or not floor > 0.0:
         floor = np.float32(0.0)
-    tables = base_table(apd.gain, apd.ionisation_ratio, float(floor)), *level_tables(apd.gain, apd.ionisation_ratio)
-    electrons = np.empty(lam.size, np.float32)
-    apart = int(np.count_nonzero((lam != floor) & (lam <= np.float32(EXACT_PRIMARIES))))  # these take three words
-    done = multiply_steps(
-        lam,
-        floor,
-        (*tables, build_normal_table()),
-        cumulants(apd),
-        (EXACT_PRIMARIES, parabolic_from(apd)),
-        words(rng, lam.size + 2 * apart),
-        rng,
-        electrons,
+    gain, second, third = cumulants(apd)
+    limits = EXACT_PRIMARIES, parabolic_from(apd)
+    if apd.statistics == "gaussian":  # every step is a normal number, without skewness
+        floor, third, limits = np.float32(-1.0), 0.0, (-1.0, -1.0)
+    tables = (
+        base_table(apd.gain, apd.ionisation_ratio, max(float(floor), 0.0)),
+        *level_tables(apd.gain, apd.ionisation_ratio),
     )
-    assert done == lam.size, "words: too few for these steps"
+    rows = packed(expected.reshape(len(noise.pixel), -1) if expected.size else np.zeros((0, 4)), np.float32)
+    electrons = np.empty(rows.shape, np.float32)
+    multiply_rows(rows, floor, (*tables, build_normal_table()), (gain, second, third), limits, noise, electrons)
     return electrons.reshape(expected.shape)
 
 
@@ -86,79 +89,84 @@ def draw_from_table(word: np.uint32, table: Table, row: int) -> np.float32:
 
 
 @kernel
-def multiply_steps(
-    lam: np.ndarray,
+def multiply_rows(
+    expected: np.ndarray,
     floor: np.float32,
     tables: tuple[Table, ...],
     cumulants: tuple[float, float, float],
     limits: tuple[float, float],
-    words: np.ndarray,
-    rng: np.random.Generator,
+    noise: RowNoise,
     electrons: np.ndarray,
-) -> int:
-    """Write the electrons of steps that expect `lam` primaries; return how many steps the words sufficed for.
+) -> None:
+    """Write the electrons (row, step) of steps in which so many primaries are expected.
 
     Parameters
     ----------
+    expected : (row, step) primaries.
     floor : what most steps expect.
     tables : of `floor`, of 0, 8, 16, ... primaries, of 0, 1/8, ... 63/8, of a single one, and of a normal number.
-    limits : means up to which a draw is exact, and beyond which its skewness is told by a parabola.
-    words : as many as there are steps, and two more for each exact one whose `lam` is not `floor`.
+    cumulants : mean, and second and third cumulant of the electrons of a primary.
+    limits : means up to which a draw is exact, and beyond which a parabola gives its skewness.
+    noise : addresses of the random words.
+    electrons : (row, step), written.
     """
     normal_zero, normal_per_sigma = float(NORMAL_ZERO), float(NORMAL_PER_SIGMA)
     base, coarse, fine, single, normal = tables
     gain, second, third = cumulants
     exact, parabolic = limits
     spread, skew = math.sqrt(second), third / second**1.5
-    used = 0
-    for step in range(len(lam)):
-        mean = lam[step]
-        needed = 1 if mean == floor or mean > exact else 3
-        if used + needed > len(words):
-            return step
-        word, more = words[used], used + 1
-        used += needed
-        if mean == floor:
-            electrons[step] = draw_from_table(word, base, 0)
-        elif mean <= exact:
-            rest = mean
-            if mean > floor and mean - floor < PART:
-                total = draw_from_table(word, base, 0)
-                rest = mean - floor
+    n_rows, n = expected.shape
+    room = (n + 3) // 4 * 4
+    words, fine_words, rest_words = np.empty(room, np.uint32), np.empty(room, np.uint32), np.empty(room, np.uint32)
+    for row in range(n_rows):
+        fill_words(noise, row, int(AVALANCHE), words)
+        fill_words(noise, row, int(AVALANCHE_FINE), fine_words)
+        fill_words(noise, row, int(AVALANCHE_REST), rest_words)
+        means, drawn = expected[row], electrons[row]
+        for step in range(n):
+            mean, word = means[step], words[step]
+            if mean == floor:
+                drawn[step] = draw_from_table(word, base, 0)
+            elif mean <= exact:
+                rest = mean
+                if mean > floor and mean - floor < PART:
+                    total = draw_from_table(word, base, 0)
+                    rest = mean - floor
+                else:
+                    parts = int(mean * float(PARTS))
+                    total = draw_from_table(fine_words[step], fine, parts % FINE)
+                    if parts >= FINE:
+                        total += draw_from_table(word, coarse, parts // FINE)
+                    rest = mean - parts * PART
+                # A Poisson number of avalanches of the rest, which is less than a part: hardly ever one.
+                chance = (rest_words[step] + 0.5) * (1.0 / 4294967296.0)
+                if chance < rest:
+                    share = math.exp(-rest)
+                    none = 1.0 - share
+                    number, stage = 0, int(AVALANCHE_MORE)
+                    while chance < none:  # the chance of more than `number`
+                        number += 1
+                        share *= rest / number
+                        none -= share
+                        more = draw_block(noise.key, step, noise.start[row], noise.pixel[row], stage)
+                        stage += 1
+                        total += draw_from_table(np.uint32(more[0]), single, 0)
+                drawn[step] = total
             else:
-                parts = int(mean * float(PARTS))
-                total = draw_from_table(words[more], fine, parts % FINE)
-                if parts >= FINE:
-                    total += draw_from_table(word, coarse, parts // FINE)
-                rest = mean - parts * PART
-            # A Poisson number of avalanches of the rest, less than a part: hardly ever one.
-            chance = (words[more + 1] + 0.5) * (1.0 / 4294967296.0)
-            if chance < rest:
-                share = math.exp(-rest)
-                none = 1.0 - share
-                number = 0
-                while chance < none:  # the chance of more than `number`
-                    number += 1
-                    share *= rest / number
-                    none -= share
-                    total += draw_from_table(np.uint32(rng.integers(0, 4294967296)), single, 0)
-            electrons[step] = total
-        else:
-            z = (draw_from_table(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
-            root = math.sqrt(mean)
-            skewness = skew / root
-            if mean > parabolic:
-                b = skewness * (1.0 / 6.0)
-                b += 2.0 / 3.0 * b * b * b
-                shape = (1.0 - b * b - 0.5 * b * b * b * b) * z + b * (z * z - 1.0)  # the root of 1 - 2 b², to b⁴
-            else:
-                t = skewness * (1.0 / 3.0)  # t³ + 3t = skewness, by Newton
-                for _ in range(3):
-                    t -= (t * (t * t + 3.0) - skewness) / (3.0 * (t * t + 1.0))
-                w = math.sqrt(math.log1p(t * t))
-                shape = math.expm1(w * (z - 0.5 * w)) / t
-            electrons[step] = gain * mean + spread * root * shape
-    return len(lam)
+                z = (draw_from_table(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
+                root = math.sqrt(mean)
+                skewness = skew / root if mean > 0.0 else 0.0
+                if mean > parabolic:
+                    b = skewness * (1.0 / 6.0)
+                    b += 2.0 / 3.0 * b * b * b
+                    shape = (1.0 - b * b - 0.5 * b * b * b * b) * z + b * (z * z - 1.0)  # the root of 1 - 2 b², to b⁴
+                else:
+                    t = skewness * (1.0 / 3.0)  # t³ + 3t = skewness, by Newton
+                    for _ in range(3):
+                        t -= (t * (t * t + 3.0) - skewness) / (3.0 * (t * t + 1.0))
+                    w = math.sqrt(math.log1p(t * t))
+                    shape = math.expm1(w * (z - 0.5 * w)) / t
+                drawn[step] = gain * mean + spread * root * shape
 
 
 def parabolic_from(apd: Apd) -> float:

@@ -5,24 +5,19 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector.settings.apd import Apd, cumulants
+from rso_lidar.detector.stages import avalanche
 from rso_lidar.detector.stages.alias_tables import (
     NORMAL_PER_SIGMA,
     NORMAL_ZERO,
     build_normal_table,
     build_tables,
-    draw,
-    words,
 )
-from rso_lidar.detector.stages.avalanche import (
-    EXACT_PRIMARIES,
-    base_table,
-    draw_from_table,
-    level_tables,
-    multiply,
-    multiply_steps,
-    parabolic_from,
-)
+from rso_lidar.detector.stages.avalanche import draw_from_table, multiply_rows
+from rso_lidar.detector.stages.row_noise import AVALANCHE
+from tests.detector.row_noise_for_tests import multiply, row_noise
+from tests.reference import philox
 from tests.reference.detector import avalanche as reference
+from tests.reference.detector.alias_tables import draw, look_up, words
 
 
 def test_a_word_draws_the_same_from_a_table_either_way():
@@ -53,8 +48,8 @@ def test_the_normal_table_is_standard():
 def test_paths_draw_from_one_distribution(mean):
     """Two samples of 200,000: Kolmogorov-Smirnov, 1e-4."""
     samples = []
-    for seed, draw_electrons in enumerate((multiply, reference.multiply)):
-        samples.append(draw_electrons(np.full(200_000, mean), Apd(), np.random.default_rng(seed), base=4.9))
+    for seed, by in enumerate((avalanche.multiply, reference.multiply)):
+        samples.append(multiply(np.full(200_000, mean), Apd(), np.random.default_rng(seed), base=4.9, by=by))
     assert stats.ks_2samp(*samples).pvalue > 1e-4
 
 
@@ -65,7 +60,7 @@ def test_steps_do_not_know_of_each_other():
     assert multiply(means[:0], Apd(), np.random.default_rng(5), base=4.9).shape == (0, 8)
     assert np.all(np.abs(x.mean(axis=0) - 10.0 * means[0]) <= 5.0 * np.sqrt(352.0 * means[0] / 50_000))
     assert np.corrcoef(x[:, :7].T) == pytest.approx(np.eye(7), abs=5.0 / np.sqrt(50_000))
-    assert len(multiply_steps.dispatcher.signatures) == 1
+    assert len(multiply_rows.dispatcher.signatures) == 1
 
 
 class Given:
@@ -84,19 +79,12 @@ class Given:
 def test_large_means_bend_a_normal_number_alike(mean, gain, ionisation_ratio):
     """By series and Newton's rounds, or in closed form: float32's rounding, and 1e-5 of the noise."""
     apd = Apd(gain=gain, ionisation_ratio=ionisation_ratio)
-    z = np.linspace(-4.0, 4.0, 999)
-    word = np.interp(stats.norm.cdf(z), [0.0, 1.0], [0.0, 2.0**32 - 1]).astype(np.uint32)
-    z = (np.array([draw_from_table(one, build_normal_table(), 0) for one in word]) - NORMAL_ZERO) / NORMAL_PER_SIGMA
-    assert z.std() > 1.0
-    lam, made = np.full(len(z), mean, np.float32), np.empty(len(z), np.float32)
-    tables = (
-        base_table(gain, ionisation_ratio, 1.0),
-        *level_tables(gain, ionisation_ratio),
-        build_normal_table(),
-    )
-    limits = EXACT_PRIMARIES, parabolic_from(apd)
-    rng = np.random.default_rng(1)
-    assert multiply_steps(lam, np.float32(1.0), tables, cumulants(apd), limits, word, rng, made) == len(z)
+    noise = row_noise(np.random.default_rng(1))
+    word = philox.rows(noise.key, noise.start, noise.pixel, AVALANCHE, 1000)[0]
+    z = (look_up(build_normal_table(), word) - NORMAL_ZERO) / NORMAL_PER_SIGMA
+    assert z.min() < -2.5 and z.max() > 2.5
+    lam = np.full(len(z), mean, np.float32)
+    made = avalanche.multiply(lam, apd, noise, base=1.0)
     noise = np.sqrt(cumulants(apd)[1] * mean)
     assert np.abs(made - reference.draw_bent(lam, apd, Given(z))).max() < 1e-5 * noise + 4e-7 * made.max()
 
@@ -108,14 +96,3 @@ def test_a_small_rest_is_poisson_too():
     for number in (0, 1, 2, 3):
         share = stats.poisson.pmf(number, 0.12)
         assert abs(np.count_nonzero(counted == number) - n * share) < 4.5 * np.sqrt(n * share)
-
-
-def test_too_few_words_write_nothing_beyond():
-    """Three words for each step that expects a little more, and as many steps as those suffice for."""
-    apd, lam = Apd(), np.full(10, 5.5, np.float32)
-    tables = base_table(10.0, 0.2, 5.0), *level_tables(10.0, 0.2), build_normal_table()
-    electrons, rng = np.full(10, -1.0, np.float32), np.random.default_rng(1)
-    random = words(rng, 14)
-    assert multiply_steps(lam, np.float32(5.0), tables, cumulants(apd), (100.0, 1e3), random, rng, electrons) == 4
-    assert np.all(electrons[:4] >= 0.0) and np.all(electrons[4:] == -1.0)
-    assert len(multiply_steps.dispatcher.signatures) == 1

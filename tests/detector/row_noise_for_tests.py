@@ -1,0 +1,25 @@
+"""Stages that draw noise, called with a generator: each row of an array is the row of another pixel."""
+
+import numpy as np
+
+from rso_lidar.detector.stages import amplification, avalanche
+from rso_lidar.detector.stages.row_noise import RowNoise
+from rso_lidar.kernels import packed
+from rso_lidar.philox import draw_key
+
+
+def row_noise(rng, n_rows=1):
+    """Return the addresses of rows that share nothing, under a key drawn from a generator."""
+    nothing = packed(np.zeros(n_rows, np.int64))
+    return RowNoise(draw_key(rng), packed(np.arange(n_rows)), nothing, nothing, nothing)
+
+
+def multiply(primaries, apd, rng, base=None, by=avalanche.multiply):
+    """Draw electrons for primaries (row, step), or (step)."""
+    n_rows = 1 if np.ndim(primaries) == 1 else len(primaries)
+    return by(primaries, apd, row_noise(rng, n_rows), base)
+
+
+def amplify(filters, quiet, excess, gain, rng, by=amplification.amplify):
+    """Return amplitudes (row, step) with noise."""
+    return by(filters, quiet, excess, gain, row_noise(rng, len(quiet)))
