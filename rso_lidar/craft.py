@@ -88,10 +88,10 @@ class Hinge(Part):
         return self
 
 
-def size_class(longest_m: float) -> SizeClass:
+def classify_size(longest_m: float) -> SizeClass:
     """Return the size class of a target by its longest side [m].
 
-    >>> size_class(0.34), size_class(20.98)
+    >>> classify_size(0.34), classify_size(20.98)
     ('small', 'large')
     """
     return next((name for name, limit_m in SIZE_LIMITS_M.items() if longest_m < limit_m), "large")

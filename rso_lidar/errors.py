@@ -75,7 +75,7 @@ _still: ContextVar[bool] = ContextVar("still", default=False)
 
 
 @contextmanager
-def unwarned() -> Iterator[None]:
+def suppress_warnings() -> Iterator[None]:
     """Keep still, in this thread, about what the run itself has warned of, where something is worked out on the side."""
     token = _still.set(True)
     try:
@@ -84,22 +84,22 @@ def unwarned() -> Iterator[None]:
         _still.reset(token)
 
 
-def told() -> bool:
+def has_warnings_enabled() -> bool:
     """Return whether warnings are wanted here; finding out what to warn of may cost time."""
     return not _still.get()
 
 
 def warn(message: str) -> None:
-    """Warn of something that is allowed and probably not meant, unless `unwarned`."""
-    if told():
+    """Warn of something that is allowed and probably not meant, unless `suppress_warnings` is in effect."""
+    if has_warnings_enabled():
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
 
 
 @contextmanager
-def placed(place: str) -> Iterator[None]:
+def add_place(place: str) -> Iterator[None]:
     """Put a place before the message of an error raised on purpose inside.
 
-    >>> with placed("tdrs.motion"):
+    >>> with add_place("tdrs.motion"):
     ...     raise ScenarioError("no such thing; name another")
     Traceback (most recent call last):
     rso_lidar.errors.ScenarioError: tdrs.motion: no such thing; name another

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from rso_lidar.errors import RecordingError, RsoLidarError, RunError, did_you_mean
-from rso_lidar.interruption import removing, uninterrupted
+from rso_lidar.interruption import defer_signals, remove_on_signal
 
 MOST_BYTES = 256 * 2**20  # of a catalogue, a table or a picture; the whole public catalogue as OMM has some 40 MiB
 _MIB = 2**20
@@ -31,7 +31,7 @@ _CURES = {
 }
 
 
-def path_of(given: Any, error: type[RsoLidarError]) -> Path:
+def convert_path(given: Any, error: type[RsoLidarError]) -> Path:
     """Return a path, or raise `error` for what is none."""
     try:
         return Path(given)
@@ -39,10 +39,10 @@ def path_of(given: Any, error: type[RsoLidarError]) -> Path:
         raise error(f"{given!r:.60}: is no path; give a text or a pathlib.Path") from None
 
 
-def expanded(path: str | os.PathLike[str]) -> Path:
+def expand_user(path: str | os.PathLike[str]) -> Path:
     """Return a path with a leading ``~`` expanded; as it is where there is no such user, so that no such file is found.
 
-    >>> expanded("~no_such_user/a.tle").parts
+    >>> expand_user("~no_such_user/a.tle").parts
     ('~no_such_user', 'a.tle')
     """
     with suppress(RuntimeError):
@@ -116,17 +116,17 @@ def _reason(problem: BaseException) -> str:
 # ------------------------------------------------------------------------------------------------------- writing
 
 
-def write_cure(number: int | None) -> str:
+def advise_on_write(number: int | None) -> str:
     """Return what to do about a write that the system refused with an error number; None where it gave none.
 
-    >>> write_cure(errno.ENOSPC), write_cure(errno.EROFS), write_cure(errno.EIO)
+    >>> advise_on_write(errno.ENOSPC), advise_on_write(errno.EROFS), advise_on_write(errno.EIO)
     ('make room', 'allow writing there', 'check the disk')
     """
     return _CURES.get(number or 0, "check the disk")
 
 
 @contextmanager
-def beside(place: Path) -> Iterator[Path]:
+def write_atomically(place: Path) -> Iterator[Path]:
     """Return, as a context, a new file beside `place` to write to; it takes the name `place` when all went well.
 
     So a run that is stopped half way leaves no half file, and an older one stays until the new one is whole. The new
@@ -142,8 +142,8 @@ def beside(place: Path) -> Iterator[Path]:
                 draft.unlink()
 
     try:
-        with removing(remove):
-            with uninterrupted():
+        with remove_on_signal(remove):
+            with defer_signals():
                 draft, stream = _new(place)
                 _drafts[draft] = os.fstat(stream.fileno())
                 held.enter_context(stream)
@@ -158,23 +158,23 @@ def beside(place: Path) -> Iterator[Path]:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
     except (FileNotFoundError, NotADirectoryError) as error:
         if draft is not None:
-            raise write_error(place, error) from None
+            raise make_write_error(place, error) from None
         raise RecordingError(f"{place}: there is no folder {place.parent}; make it first") from None
     except OSError as error:
-        raise write_error(place, error) from None
+        raise make_write_error(place, error) from None
     finally:
         remove()
         held.close()  # as long as it is open, no other file gets its inode
 
 
-def write_error(place: Path, error: OSError) -> RunError:
+def make_write_error(place: Path, error: OSError) -> RunError:
     """Return the error for a file or folder that could not be written to its end, with advice that fits the reason."""
     if not place.parent.is_dir():
         return RunError(
             f"{place}: could not be written: its folder was removed or renamed; make it again and run again"
         )
     why = error.strerror or error
-    return RunError(f"{place}: could not be written: {why}; {write_cure(error.errno)} and run again")
+    return RunError(f"{place}: could not be written: {why}; {advise_on_write(error.errno)} and run again")
 
 
 def is_same(path: Path, made: os.stat_result) -> bool:
@@ -223,7 +223,7 @@ def check_stream(stream: IO[Any], draft: Path, place: Path) -> None:
         )
 
 
-def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
+def check_writable(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrite: bool = False) -> Path:
     """Check that a file may be written at a path, and return the path with a leading ``~`` expanded.
 
     Every command and function that writes a file calls this before it begins, so that all refuse in the same way.
@@ -252,7 +252,7 @@ def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrit
             raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
         if not place.parent.is_dir():
             raise RecordingError(f"{place}: there is no folder {place.parent}; make it first")
-        if not may_write_in(place.parent):
+        if not can_write_in(place.parent):
             raise RecordingError(f"{place}: the folder may not be written to; choose another")
     except (OSError, RuntimeError, ValueError) as error:  # a name too long, no such user, a NUL character
         if isinstance(error, RecordingError):
@@ -262,7 +262,7 @@ def free(path: str | os.PathLike[str], suffixes: Sequence[str] = (), *, overwrit
     return place
 
 
-def may_write_in(folder: Path) -> bool:
+def can_write_in(folder: Path) -> bool:
     """Return whether this process, as the user that it acts as, may make files in a folder."""
     return os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids)
 
@@ -278,8 +278,8 @@ def check_suffix(place: Path, suffixes: Sequence[str]) -> None:
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
     """Write a text as UTF-8 with plain line feeds, whole or not at all, and return its path."""
-    place = free(path, overwrite=overwrite)
-    with beside(place) as draft:
+    place = check_writable(path, overwrite=overwrite)
+    with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8", newline="\n")
     return place
 
@@ -317,10 +317,10 @@ def hold_lock(path: Path, *, wait_s: float = _LOOK_S, busy: str | None = None) -
                 f"{path.parent}: may not be written ({error.strerror}); choose another folder"
             ) from None
         raise RunError(
-            f"{path}: cannot be written ({error.strerror}); {write_cure(error.errno)} and run again"
+            f"{path}: cannot be written ({error.strerror}); {advise_on_write(error.errno)} and run again"
         ) from error
     try:
-        with removing(path.unlink):
+        with remove_on_signal(path.unlink):
             yield
     finally:
         if os.name == "posix":  # while it is held: filelock refuses a lock whose file is gone, and takes a new one
@@ -349,7 +349,7 @@ def is_locked(path: Path) -> bool | None:
 
 def write_columns(place: Path, table: Mapping[str, Any]) -> Path:
     """Return the path of a CSV of columns by name (arrays of one length), written whole or not at all."""
-    with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+    with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*(values.tolist() for values in table.values()), strict=True))

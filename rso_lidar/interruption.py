@@ -74,24 +74,26 @@ def _end(number: int) -> None:
         with suppress(Exception):
             remove()
     with suppress(Exception):
-        os.write(2, f"{line(number)}\n".encode(errors="backslashreplace"))  # no lock of Python's stream is in the way
+        os.write(
+            2, f"{format_ending(number)}\n".encode(errors="backslashreplace")
+        )  # no lock of Python's stream is in the way
     os._exit(128 + number)
 
 
-def line(number: int) -> str:
+def format_ending(number: int) -> str:
     """Return the line that ends a command after a signal."""
     told = _advice() if _advice is not None else ""
     return " ".join((_WORDS[signal.Signals(number).name] + (f": {told}" if told else "")).split())
 
 
-def advise(advice: Callable[[], str] | None) -> None:
+def set_advice(advice: Callable[[], str] | None) -> None:
     """Have an interrupted command say what is kept and how to go on; None says nothing."""
     global _advice  # noqa: PLW0603  # a process runs one command
     _advice = advice
 
 
 @contextmanager
-def removing(remove: Callable[[], object]) -> Iterator[None]:
+def remove_on_signal(remove: Callable[[], object]) -> Iterator[None]:
     """Have `remove` called where a signal ends the process inside: what a `finally` would do, but in another thread."""
     _removals.append(remove)
     try:
@@ -101,7 +103,7 @@ def removing(remove: Callable[[], object]) -> Iterator[None]:
 
 
 @contextmanager
-def temporary_folder() -> Iterator[str]:
+def make_temporary_folder() -> Iterator[str]:
     """Return, as a context, a new folder in the system's place for temporary files, removed however the context ends."""
     import shutil
     import tempfile
@@ -112,9 +114,9 @@ def temporary_folder() -> Iterator[str]:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
 
-    with removing(remove):
+    with remove_on_signal(remove):
         try:
-            with uninterrupted():
+            with defer_signals():
                 folder = tempfile.mkdtemp(prefix="rso_lidar_")
             yield folder
         finally:
@@ -122,7 +124,7 @@ def temporary_folder() -> Iterator[str]:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Keep a signal waiting during a short step, and have processes that are started inside leave Ctrl-C to this one."""
     with _critical:
         if not hasattr(signal, "pthread_sigmask"):
@@ -135,7 +137,7 @@ def uninterrupted() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def leave() -> None:
+def ignore_late_signals() -> None:
     """Begin the ordinary end of a command: from here on signals come too late; one that came before ends the process."""
     if _is_watched:
         _ending.acquire()

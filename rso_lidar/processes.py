@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.interruption import removing, temporary_folder, uninterrupted
+from rso_lidar.interruption import defer_signals, make_temporary_folder, remove_on_signal
 
 _WARNINGS = "PYTHONWARNINGS"
 
@@ -44,11 +44,11 @@ class Processes:
         fresh = multiprocessing.get_context("spawn")  # what is forked inherits locks that other threads hold
         # By a file: a process that dies before it has read so much leaves its parent waiting at a full pipe.
         with ExitStack() as stack:
-            file = Path(stack.enter_context(temporary_folder()), "function")
+            file = Path(stack.enter_context(make_temporary_folder()), "function")
             file.write_bytes(sent)
             _start_quiet_tracker()
             self._pool = ProcessPoolExecutor(count, fresh, initializer=_begin, initargs=(str(file),))
-            stack.enter_context(removing(self.abandon))
+            stack.enter_context(remove_on_signal(self.abandon))
             self._ending = stack.pop_all()
 
     def __enter__(self) -> Self:
@@ -71,7 +71,7 @@ class Processes:
     def submit(self, *given: Any, **chosen: Any) -> Future[Any]:
         """Return the future result of the function, called with what is given."""
         try:
-            with uninterrupted():  # what is begun here is not torn out of its imports by Ctrl-C
+            with defer_signals():  # what is begun here is not torn out of its imports by Ctrl-C
                 return self._pool.submit(_call, *given, **chosen)
         except BrokenExecutor as error:
             raise _lost() from error

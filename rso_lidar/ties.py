@@ -7,18 +7,18 @@ import numpy as np
 EQUAL = 1e-9
 
 
-def first_greatest(values: np.ndarray) -> int:
+def find_first_greatest(values: np.ndarray) -> int:
     """Return the index of the greatest of some values (n); of those that are equal to rounding, the first."""
     most = values.max()
     return int(np.argmax(values >= most - EQUAL * abs(most)))
 
 
-def first_least(values: np.ndarray) -> int:
+def find_first_least(values: np.ndarray) -> int:
     """Return the index of the least of some values (n); of those that are equal to rounding, the first."""
-    return first_greatest(-values)
+    return find_first_greatest(-values)
 
 
-def first_greatest_of_each(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def find_first_greatest_of_each(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Return the index of the first greatest value, equal ones to rounding, in each group.
 
     Parameters

@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.files import beside, check_stream, free, hold_lock, is_locked, write_text
+from rso_lidar.files import check_stream, check_writable, hold_lock, is_locked, write_atomically, write_text
 
 
 def test_what_stops_half_way_leaves_the_old_picture(tmp_path):
@@ -19,7 +19,7 @@ def test_what_stops_half_way_leaves_the_old_picture(tmp_path):
     place.write_text("old")
 
     def stop(error):
-        with beside(place) as draft:
+        with write_atomically(place) as draft:
             draft.write_text("half")
             raise error
 
@@ -38,16 +38,16 @@ def test_a_draft_is_nobody_elses_file(tmp_path):
     own = [tmp_path / "a.part.png", tmp_path / "a.part1.png"]
     for path in own:
         path.write_text("mine")
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         assert draft.suffix == ".png"
         assert draft not in own
-        with beside(place) as another:  # at the same time
+        with write_atomically(place) as another:  # at the same time
             assert another not in (draft, *own)
             another.write_text("second")
         draft.write_text("first")
     assert place.read_text() == "first"
     assert [path.read_text() for path in own] == ["mine", "mine"]
-    with pytest.raises(RecordingError, match="there is no folder"), beside(tmp_path / "none" / "a.png"):
+    with pytest.raises(RecordingError, match="there is no folder"), write_atomically(tmp_path / "none" / "a.png"):
         raise AssertionError("begun")
     assert len(list(tmp_path.iterdir())) == 3
 
@@ -57,7 +57,7 @@ def test_a_folder_that_may_not_be_written_is_told(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("pathlib.Path.open", refused)
-    with pytest.raises(RecordingError, match="may not be written"), beside(tmp_path / "a.png"):
+    with pytest.raises(RecordingError, match="may not be written"), write_atomically(tmp_path / "a.png"):
         raise AssertionError("begun")
 
 
@@ -128,9 +128,9 @@ def test_no_lock_where_nothing_may_be_written(tmp_path, monkeypatch):
 def test_a_free_path_comes_back_with_the_home_folder_in_full(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
-    assert free("~/x.csv", (".csv",)) == tmp_path / "x.csv"
-    assert free(str(tmp_path / "X.CSV"), (".csv",)) == tmp_path / "X.CSV"
-    assert free(tmp_path / "any.thing") == tmp_path / "any.thing"
+    assert check_writable("~/x.csv", (".csv",)) == tmp_path / "x.csv"
+    assert check_writable(str(tmp_path / "X.CSV"), (".csv",)) == tmp_path / "X.CSV"
+    assert check_writable(tmp_path / "any.thing") == tmp_path / "any.thing"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -139,8 +139,8 @@ def test_an_existing_file_is_free_only_to_overwrite(tmp_path):
     with pytest.raises(
         RecordingError, match=r"x\.csv: exists already; give --overwrite \(overwrite=True\) or another name"
     ):
-        free(tmp_path / "x.csv")
-    assert free(tmp_path / "x.csv", overwrite=True) == tmp_path / "x.csv"
+        check_writable(tmp_path / "x.csv")
+    assert check_writable(tmp_path / "x.csv", overwrite=True) == tmp_path / "x.csv"
     assert (tmp_path / "x.csv").read_text() == "precious"
 
 
@@ -165,16 +165,16 @@ def test_what_is_not_free(tmp_path, monkeypatch, name, said):
     os.mkfifo(tmp_path / "fifo.csv")
     before = sorted(tmp_path.iterdir())
     with pytest.raises(RecordingError) as told:
-        free(name, (".csv", ".png"), overwrite=True)
+        check_writable(name, (".csv", ".png"), overwrite=True)
     assert said in str(told.value)
     assert "\n" not in str(told.value)
     assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_read_only_folder_is_told_before_work_begins(tmp_path, monkeypatch):
-    monkeypatch.setattr("rso_lidar.files.may_write_in", lambda _: False)  # root may write everywhere
+    monkeypatch.setattr("rso_lidar.files.can_write_in", lambda _: False)  # root may write everywhere
     with pytest.raises(RecordingError, match="the folder may not be written to"):
-        free(tmp_path / "x.csv")
+        check_writable(tmp_path / "x.csv")
 
 
 def test_a_text_is_written_whole_and_an_older_one_kept(tmp_path):
@@ -214,7 +214,7 @@ def test_a_draft_that_another_program_touched_is_not_published(tmp_path, meddle,
     place, victim = tmp_path / "a.png", tmp_path / "victim"
     place.write_text("old")
     victim.write_text("precious")
-    with pytest.raises(RunError, match=said), beside(place) as draft:
+    with pytest.raises(RunError, match=said), write_atomically(place) as draft:
         draft.write_text("new")
         meddle(draft)
         left = draft.read_text() if draft.exists() else None
@@ -228,7 +228,7 @@ def test_a_draft_that_another_program_touched_is_not_published(tmp_path, meddle,
 
 def test_a_draft_is_not_made_through_a_link(tmp_path):
     (tmp_path / "a.part.png").symlink_to("victim")
-    with beside(tmp_path / "a.png") as draft:
+    with write_atomically(tmp_path / "a.png") as draft:
         draft.write_text("new")
     assert not (tmp_path / "victim").exists()
     assert (tmp_path / "a.png").read_text() == "new"
@@ -238,7 +238,7 @@ def test_a_folder_that_is_removed_meanwhile_is_told_without_advice_that_does_not
     place = tmp_path / "out" / "a.csv"
     place.parent.mkdir()
     said = r"a\.csv: could not be written: its folder was removed or renamed; make it again and run again$"
-    with pytest.raises(RunError, match=said), beside(place) as draft:
+    with pytest.raises(RunError, match=said), write_atomically(place) as draft:
         draft.write_text("new")
         shutil.rmtree(place.parent)
 
@@ -254,7 +254,10 @@ def test_a_folder_that_is_removed_meanwhile_is_told_without_advice_that_does_not
     ],
 )
 def test_advice_fits_the_reason(tmp_path, number, cure):
-    with pytest.raises(RunError, match=f"could not be written: .*; {cure} and run again$"), beside(tmp_path / "a.png"):
+    with (
+        pytest.raises(RunError, match=f"could not be written: .*; {cure} and run again$"),
+        write_atomically(tmp_path / "a.png"),
+    ):
         raise OSError(number, os.strerror(number))
 
 
@@ -286,7 +289,7 @@ def test_a_lock_is_not_made_through_a_link(tmp_path):
 
 def test_a_draft_may_be_written_by_another_context(tmp_path):
     """As a command does that writes several outputs, and gives them their names once the last is whole."""
-    with beside(tmp_path / "a.txt") as draft:
+    with write_atomically(tmp_path / "a.txt") as draft:
         write_text(draft, "new", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
     assert (tmp_path / "a.txt").read_text() == "new"

@@ -162,10 +162,10 @@ def test_a_program_that_imports_the_package_keeps_its_signals(tmp_path):
 
 def test_what_a_command_would_remove_is_removed(tmp_path):
     draft = tmp_path / "x.part"
-    with interruption.removing(draft.unlink):
+    with interruption.remove_on_signal(draft.unlink):
         assert interruption._removals == [draft.unlink]
     assert interruption._removals == []
-    with interruption.temporary_folder() as folder:
+    with interruption.make_temporary_folder() as folder:
         Path(folder, "file").touch()
         assert len(interruption._removals) == 1
     assert not Path(folder).exists()
@@ -173,6 +173,6 @@ def test_what_a_command_would_remove_is_removed(tmp_path):
 
 def test_the_line_says_what_is_kept(monkeypatch):
     monkeypatch.setattr(interruption, "_advice", None)
-    assert interruption.line(signal.SIGINT) == "interrupted"
-    interruption.advise(lambda: "3 of 4\nframes")
-    assert interruption.line(signal.SIGTERM) == "terminated: 3 of 4 frames"
+    assert interruption.format_ending(signal.SIGINT) == "interrupted"
+    interruption.set_advice(lambda: "3 of 4\nframes")
+    assert interruption.format_ending(signal.SIGTERM) == "terminated: 3 of 4 frames"

@@ -32,9 +32,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # of a terminal that cannot show all that a name may hold
-    interruption.advise(None)
+    interruption.set_advice(None)
     outcome = _run(arguments)
-    interruption.leave()
+    interruption.ignore_late_signals()
     if outcome.line:
         _print_line(outcome.line)
     if outcome.is_hdf5_unsafe:
@@ -49,7 +49,7 @@ def _run(arguments: list[str] | None) -> _Outcome:
     try:
         status = app(arguments, prog_name="rso-lidar", standalone_mode=False) or 0
         if status == _INTERRUPTED:
-            return _Outcome(_INTERRUPTED, interruption.line(signal.SIGINT))
+            return _Outcome(_INTERRUPTED, interruption.format_ending(signal.SIGINT))
         if sys.stdout is not None:
             sys.stdout.flush()
         return _Outcome(status)
@@ -65,7 +65,7 @@ def _run(arguments: list[str] | None) -> _Outcome:
     except MemoryError as error:
         return _Outcome(1, f"error: there is not enough memory ({error}); take fewer pixels, rays, samples or pulses")
     except KeyboardInterrupt:
-        return _Outcome(_INTERRUPTED, interruption.line(signal.SIGINT))
+        return _Outcome(_INTERRUPTED, interruption.format_ending(signal.SIGINT))
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _Outcome()

@@ -9,7 +9,7 @@ from rso_lidar import export, picture
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.cli.terminal import echo
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.picture.frames.animation import ANIMATION_SUFFIXES
 
 
@@ -23,7 +23,7 @@ def animate(
     overwrite: Overwrite = False,
 ) -> None:
     """Animate a recording as GIF or MP4."""
-    output = free(output, ANIMATION_SUFFIXES, overwrite=overwrite)
+    output = check_writable(output, ANIMATION_SUFFIXES, overwrite=overwrite)
     with export.open(recording) as frames:
         picture.animate(frames, output, max_frames=max_frames, frame_rate_hz=rate_hz)
     echo(f"{output}")

@@ -12,7 +12,7 @@ from rso_lidar.cli.quantities import parse_length_m
 from rso_lidar.cli.scenarios import Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.mission.validation import validate_toml
 from rso_lidar.scenario.tables.presets import load_presets
@@ -58,7 +58,7 @@ def budget(
     The values are in closed form, for a pixel filled by the target.
     """
     if output is not None:
-        output = free(output, SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, SUFFIXES, overwrite=overwrite)
     made = worked_out(
         _load_camera(camera, tuple(settings or ())),
         range_m=None if range_ is None else _parse_range_m(range_),

@@ -14,7 +14,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import parse_instant
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import CatalogError, ScenarioError, did_you_mean
-from rso_lidar.files import beside, free
+from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.catalog import REGIMES
 from rso_lidar.orbit.sets.formats import read_element_sets
@@ -65,7 +65,7 @@ def catalog(
     if jumps and not numbers:
         raise ScenarioError("--jumps: is about one object; name it with --id")
     if output is not None:
-        output = free(output, SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, SUFFIXES, overwrite=overwrite)
     at = None if near is None else parse_instant("--near", near)
     whole = Catalog.from_file(file)
     _check_known(whole, file, numbers)
@@ -195,7 +195,7 @@ def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
 
 def _write(chosen: Catalog, output: Path) -> None:
     """Write the sets whole or not at all."""
-    with beside(output) as draft:
+    with write_atomically(output) as draft:
         try:
             chosen.write(draft)
         except CatalogError as error:

@@ -15,7 +15,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.quantities import parse_instant, parse_length_m
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import check_suffix, free, write_text
+from rso_lidar.files import check_suffix, check_writable, write_text
 from rso_lidar.picture.plots.encounters import encounter_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scenario import Constraints, Lidar, Scenario
@@ -108,7 +108,7 @@ def encounters(
         if place is not None:
             if suffix and place.suffix.lower() != suffix:
                 raise ScenarioError(f"{option} {place}: is written as {suffix[1:].upper()}; end its name with {suffix}")
-            free(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
+            check_writable(place, FIGURE_SUFFIXES if option == "--plot" else (), overwrite=overwrite)
     table = find(
         catalog,
         follower,

@@ -8,7 +8,7 @@ import typer
 from rso_lidar.cli.models_add import MeshFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import MeshError
-from rso_lidar.interruption import temporary_folder
+from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
 from rso_lidar.scene.library.adding import known_meshes
 from rso_lidar.scene.library.catalogue import model
@@ -44,7 +44,7 @@ def _load_mesh(path: Path) -> Mesh:
     """Return the mesh of a file, of a solid, or of a model by name."""
     if is_cad(path):
         blob, unit_m = tessellated(path)
-        with temporary_folder() as folder:
+        with make_temporary_folder() as folder:
             place = Path(folder, f"{path.stem}.glb")
             place.write_bytes(blob)
             return mended(load_mesh(place), unit_m)

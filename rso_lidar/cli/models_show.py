@@ -10,7 +10,7 @@ from rso_lidar.cli.completion import list_models
 from rso_lidar.cli.console import make_console
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.scene.library.catalogue import models, own_models
 from rso_lidar.study.model_card import ModelCard, make_model_card
@@ -35,7 +35,7 @@ def show(
 ) -> None:
     """Tell what a model is, the light it sends back from 1 km, and its parts; draw it from four sides."""
     if output is not None:
-        output = free(output, FIGURE_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = make_model_card(name)
     drawn = card.save(output) if output is not None else None  # before a reader of the text may go away
     console = make_console()

@@ -13,7 +13,7 @@ from rso_lidar.cli.completion import list_examples
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import beside, check_suffix, free
+from rso_lidar.files import check_suffix, check_writable, write_atomically
 from rso_lidar.shipped import shipped
 
 _DEFAULT = "tdrs_approach"
@@ -40,14 +40,14 @@ def new(
         return
     source = known[example]
     text = source.read_text(encoding="utf-8")
-    place = free(_check_place(name), (".toml",), overwrite=overwrite)
+    place = check_writable(_check_place(name), (".toml",), overwrite=overwrite)
     written = {place: _replace_head(text, place, example).encode()}
     for companion in _find_companions(text, source.parent):
         target = place.parent / companion.name
         if not target.is_file() or target.read_bytes() != companion.read_bytes():  # the same file may stay
-            written[free(target, overwrite=overwrite)] = companion.read_bytes()
+            written[check_writable(target, overwrite=overwrite)] = companion.read_bytes()
     for target, content in reversed(written.items()):  # the scenario last: it is there only with what it needs
-        with beside(target) as draft:
+        with write_atomically(target) as draft:
             draft.write_bytes(content)
     for target in written:
         echo(f"{target}")

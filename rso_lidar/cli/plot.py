@@ -10,7 +10,7 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.recordings import RecordingFile
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.picture.frames.sheet import SHEET_SUFFIXES
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 
@@ -39,9 +39,9 @@ def plot(
         raise RecordingError("--frame, --path and --curves are three pictures; ask for one at a time")
     kind = "path" if path else "curves" if curves else "sheet" if frame is None else f"frame{frame}"
     if output is not None:
-        output = free(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
+        output = check_writable(output, SHEET_SUFFIXES if kind == "sheet" else FIGURE_SUFFIXES, overwrite=overwrite)
     with export.open(recording) as frames:
-        place = output or free(recording.with_name(f"{recording.stem}_{kind}.png"), overwrite=overwrite)
+        place = output or check_writable(recording.with_name(f"{recording.stem}_{kind}.png"), overwrite=overwrite)
         if frame is not None:
             numbers = frames.frame_index[:].tolist()
             if frame not in numbers:

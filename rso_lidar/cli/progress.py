@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, Protocol
 
 from rso_lidar.cli.terminal import echo
-from rso_lidar.interruption import removing
+from rso_lidar.interruption import remove_on_signal
 from rso_lidar.kernels import watch_compiling
 from rso_lidar.records import Frame
 
@@ -34,7 +34,7 @@ def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame
 
     columns: list[Any] = [TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")]
     bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True))
-    with bar as shown, removing(lambda: os.write(2, _BELOW_THE_BAR)):
+    with bar as shown, remove_on_signal(lambda: os.write(2, _BELOW_THE_BAR)):
         task = shown.add_task("frames", total=total, completed=done, rate="")
         pace = _Pace()
 

@@ -17,7 +17,7 @@ from rso_lidar.cli.recordings import parse_frames
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.interruption import advise
+from rso_lidar.interruption import set_advice
 from rso_lidar.records import Frame
 from rso_lidar.scenario import Scenario
 from rso_lidar.simulate import frame_numbers, simulate
@@ -79,7 +79,7 @@ def run(
         resume=resume,
         changing_lens=scenario.lidar.changes_lens,
     )
-    advise(lambda: to_one_line(_describe_kept_frames(recorder, len(numbers), resume=resume)))
+    set_advice(lambda: to_one_line(_describe_kept_frames(recorder, len(numbers), resume=resume)))
     with recorder:
         done = recorder.written
         if done:

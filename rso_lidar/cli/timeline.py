@@ -9,11 +9,11 @@ import typer
 from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.scenario import Scenario
 from rso_lidar.study.time_history.timeline import SUFFIXES, Timeline
 from rso_lidar.study.time_history.timeline import timeline as timeline_of
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 
 def timeline(
@@ -38,7 +38,7 @@ def timeline(
 
     Columns: range, rates, Sun, PTU, field, pixels, photons and detection.
     """
-    output = free(output or Path(f"{file.stem}_timeline.png"), SUFFIXES, overwrite=overwrite)
+    output = check_writable(output or Path(f"{file.stem}_timeline.png"), SUFFIXES, overwrite=overwrite)
     scenario = Scenario.load(file, tuple(settings or ()))
     made = timeline_of(scenario, target, every_s=every_s)
     made.save(output)
@@ -57,7 +57,7 @@ def _summarise(made: Timeline, mirrored: bool) -> list[str]:
     """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
-    nearest = first_least(range_m)
+    nearest = find_first_least(range_m)
     lines = [
         f"{made.target}: {time_s.size:,} frames, {range_m[0]:,.1f} -> {range_m[-1]:,.1f} m, least {range_m[nearest]:,.1f} m "
         f"at {time_s[nearest]:g} s",

@@ -11,8 +11,8 @@ from rso_lidar.cli.outputs import Overwrite
 from rso_lidar.cli.progress import announce_compiling, show_progress
 from rso_lidar.cli.terminal import echo, to_one_line
 from rso_lidar.errors import RecordingError, ScenarioError
-from rso_lidar.files import beside, check_suffix, free
-from rso_lidar.interruption import advise
+from rso_lidar.files import check_suffix, check_writable, write_atomically
+from rso_lidar.interruption import set_advice
 from rso_lidar.study.trades import report
 from rso_lidar.study.trades.definition import Study
 from rso_lidar.study.trades.execution import RowFile, Trade, place_row_file, run_rows, tabulate_rows
@@ -62,7 +62,7 @@ def trade(
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
     places = _choose_outputs(file, output, new=new)
     if not new:
-        places = [free(place, report.SUFFIXES, overwrite=overwrite) for place in places]
+        places = [check_writable(place, report.SUFFIXES, overwrite=overwrite) for place in places]
     report.check_formats(places)
     many = workers is not None and workers > 1
     plan, base = make_plan(study, threads=1 if many else None)
@@ -71,7 +71,7 @@ def trade(
     kept = place_row_file(places[0], plan, base)
     _report_other_files(kept)
     rows = RowFile(kept, study.n_rows)
-    advise(
+    set_advice(
         lambda: to_one_line(
             f"{len(rows.known):,} of {study.n_rows:,} runs are kept in {kept}; the same command goes on"
         )
@@ -85,7 +85,7 @@ def trade(
                 bar.advance()
         made = tabulate_rows(plan, base, rows.known)
         _write(made, places)
-        advise(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
+        set_advice(lambda: to_one_line(f"the outputs {', '.join(map(str, places))} are written"))
         kept.unlink(missing_ok=True)
     for line in (*summarize(made), *map(str, places)):
         echo(line)
@@ -122,7 +122,7 @@ def _write(made: Trade, places: list[Path]) -> None:
     """Write all outputs, each under another name until the last is whole."""
     with ExitStack() as drafts:
         for place in places:
-            made.save(drafts.enter_context(beside(place)))
+            made.save(drafts.enter_context(write_atomically(place)))
 
 
 def _report_other_files(kept: Path) -> None:

@@ -14,7 +14,7 @@ from rso_lidar.cli.scenarios import ScenarioFile, Settings
 from rso_lidar.cli.terminal import echo
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
-from rso_lidar.files import free, write_columns
+from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion.attitudes.aem import write_aem
 from rso_lidar.orbit.ccsds.ephemeris import write_oem
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
@@ -72,7 +72,7 @@ def truth(
 
     It holds the poses of all bodies and where the PTU points.
     """
-    output = free(output, SUFFIXES, overwrite=overwrite)
+    output = check_writable(output, SUFFIXES, overwrite=overwrite)
     suffix = output.suffix.lower()
     kind = _choose_kind(figure, suffix)
     scenario = Scenario.load(file, tuple(settings or ()))

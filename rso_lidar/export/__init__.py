@@ -23,7 +23,7 @@ from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.export.registry import SUFFIXES as WRITTEN
 from rso_lidar.export.registry import format_for, writer_for
 from rso_lidar.export.writer.recorder import SUFFIXES, Recorder, check_output, run_id
-from rso_lidar.files import path_of
+from rso_lidar.files import convert_path
 from rso_lidar.records import Frame
 
 __all__ = [
@@ -55,13 +55,13 @@ def save(
     format : by name, where the suffix does not say it.
     options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
     """
-    path = path_of(path, RecordingError)
+    path = convert_path(path, RecordingError)
     return writer_for(format or path)(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
     """Return the recording at a path, finished or (under its temporary name) not; nothing is read before it is used."""
-    path = path_of(path, RecordingError)
+    path = convert_path(path, RecordingError)
     suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*SUFFIXES, *format_for("zarr").suffixes)
     if Path(path).exists() and suffix.lower() in WRITTEN and suffix.lower() not in readable:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import unwarned
+from rso_lidar.errors import suppress_warnings
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, pan_tilt
 from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link, sense, start, step
@@ -50,7 +50,7 @@ def demand(
         return ptu.point.demand
 
     def directions(time_s: np.ndarray) -> np.ndarray:
-        with unwarned():
+        with suppress_warnings():
             epochs = Epochs(start_utc, time_s)
             there = truth(bodies, epochs, local=local, sun_direction=sun_direction, flights=flights, rates=False)
             return _toward(ptu, bodies, there)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rso_lidar.errors import ScenarioError, did_you_mean, unwarned
+from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.bodies.order import seen_by
@@ -53,7 +53,7 @@ class Course:
             return self._whole.at(row)
         if row == 0:
             return self._at(self._epochs.at(row)).at(0)
-        with unwarned():  # the first has said it
+        with suppress_warnings():  # the first has said it
             return self._at(self._epochs.at(row)).at(0)
 
     def _at(self, epochs: Epochs) -> Truth:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import RsoLidarError, placed, told, unwarned, warn
+from rso_lidar.errors import RsoLidarError, add_place, has_warnings_enabled, suppress_warnings, warn
 from rso_lidar.motion.attitudes.constant import FixedAttitude
 from rso_lidar.motion.attitudes.situation import Orientation, Situation, orient
 from rso_lidar.motion.attitudes.sun_pointing import sun_line
@@ -56,14 +56,14 @@ def truth(
     for name in working_order(bodies, local=local):
         if name in by_origin:
             body = by_origin[name]
-            with placed(f"{body.name}.motion"):
+            with add_place(f"{body.name}.motion"):
                 tree = _with_origin(tree, body, here)
             states[body.name] = here.states.get(body.name) or _state(tree, name, len(epochs))
         else:
             body = here.by_name[name]
-            with placed(f"{name}.attitude"):
+            with add_place(f"{name}.attitude"):
                 tree = _with_body(tree, body, here)
-            with placed(f"{name}.joint"):
+            with add_place(f"{name}.joint"):
                 tree = _with_joints(tree, body, here)
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
@@ -115,7 +115,7 @@ class _Evaluation:
             matrices = [np.broadcast_to(poses[origin].matrix, (len(time_s), 3, 3)) for origin in origins]
             return np.concatenate([matrix.reshape(-1, 9) for matrix in matrices], axis=1)
 
-        with unwarned():
+        with suppress_warnings():
             try:
                 here = rows(self.epochs.time_s)
                 change = differentiate(rows, self.epochs.time_s, here, np.concatenate(breaks))
@@ -180,7 +180,7 @@ class Chief:
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states
-        with unwarned():
+        with suppress_warnings():
             states = truth(self._bare, epochs, local=self._local, flights=self._flights, rates=False).states[self._name]
         if len(epochs) == 1:  # the start, which is asked for again and again
             self._known = [*self._known[-3:], (epochs, states)]
@@ -232,7 +232,7 @@ def _place(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
     else:
         state = states_of(motion, here.epochs)
         place = Place(state.position_m, state.velocity_m_s)
-    if told() and (validity := getattr(motion, "validity", None)) is not None:
+    if has_warnings_enabled() and (validity := getattr(motion, "validity", None)) is not None:
         for line in validity(*known):
             warn(f"{body.name}.motion: {line}")
     return place
@@ -343,7 +343,7 @@ def _situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
         there = _Evaluation(
             tuple(some), epochs, here.local, SunVectors(epochs, here.local, here.sun.given), here.flights
         )
-        with unwarned():
+        with suppress_warnings():
             poses = truth(some, epochs, local=here.local, sun_direction=here.sun.given, flights=here.flights).poses
         return _situation(poses, body, there)
 

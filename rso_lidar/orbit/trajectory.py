@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.errors import PropagationError, unwarned
+from rso_lidar.errors import PropagationError, suppress_warnings
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.pose import dot
 from rso_lidar.records import BodyState
@@ -71,7 +71,7 @@ def state_rates(trajectory: Any, epochs: Epochs, state: BodyState) -> tuple[np.n
     breaks_s = np.empty(0) if breaks is None else np.asarray(breaks(epochs), dtype=float)
 
     def rows(time_s: np.ndarray) -> np.ndarray:
-        with unwarned():
+        with suppress_warnings():
             there = trajectory.states(Epochs(epochs.start_utc, time_s))
         return np.concatenate([there.position_m, there.velocity_m_s], axis=1)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rso_lidar.craft import Hinge, Taxonomy, size_class
+from rso_lidar.craft import Hinge, Taxonomy, classify_size
 from rso_lidar.errors import ScenarioError
 from rso_lidar.shapes.model import Model, Piece, wing_hinges
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube, wall
@@ -92,7 +92,7 @@ def cubesat(units: int) -> Model:
             object_class="payload",
             subclass="cubesat",
             shape_family="box_wing" if form.boards else "box",
-            size_class=size_class(float(np.ptp(corners, axis=0).max())),
+            size_class=classify_size(float(np.ptp(corners, axis=0).max())),
             stabilisation="three_axis" if units > 1 else "tumbling",
             rate_deg_s=(0.0, 1.0) if units > 1 else (0.0, 10.0),
         ),

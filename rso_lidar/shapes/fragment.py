@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from rso_lidar.craft import ShapeFamily, Taxonomy, size_class
+from rso_lidar.craft import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.shapes.model import Model, Piece
 from rso_lidar.shapes.solids import Solid, join, pipe
@@ -88,7 +88,7 @@ def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None
             object_class="debris",
             subclass=f"fragment_{kind}",
             shape_family=family,
-            size_class=size_class(longest_m),
+            size_class=classify_size(longest_m),
             stabilisation="tumbling",
             rate_deg_s=(0.5, fastest_deg_s),
         ),

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.cli import main
-from rso_lidar.errors import told
+from rso_lidar.errors import has_warnings_enabled
 from rso_lidar.orbit.ccsds.reader import read_message
 
 FLYBY = Path(__file__).resolve().parents[2] / "examples" / "tle_flyby.toml"
@@ -135,7 +135,7 @@ def test_what_a_recording_names_lies_beside_it(call, flyby, tmp_path, monkeypatc
     beside.write_text("", encoding="utf-8")
 
     def breaks_s(scenario, name):
-        asked.append((scenario.file("plan.csv"), told()))
+        asked.append((scenario.file("plan.csv"), has_warnings_enabled()))
         return set()
 
     monkeypatch.setattr(command, "breaks_s", breaks_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 import rso_lidar as rl
 from rso_lidar import motion
-from rso_lidar.errors import told, unwarned
+from rso_lidar.errors import has_warnings_enabled, suppress_warnings
 from rso_lidar.motion import truth as assembly
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
@@ -80,16 +80,16 @@ def test_keeping_still_is_each_threads_own():
     inside, seen = threading.Barrier(2), []
 
     def still():
-        with unwarned():
+        with suppress_warnings():
             inside.wait()
             inside.wait()
 
     other = threading.Thread(target=still)
     other.start()
     inside.wait()
-    seen.append(told())
+    seen.append(has_warnings_enabled())
     inside.wait()
     other.join()
     assert seen == [True]
-    assert told()
+    assert has_warnings_enabled()
     assert warnings.filters == before

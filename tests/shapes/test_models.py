@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from rso_lidar.craft import size_class
+from rso_lidar.craft import classify_size
 from rso_lidar.errors import ScenarioError
 from rso_lidar.scene import material_named
 from rso_lidar.scene.library.catalogue import materials, models
@@ -187,7 +187,7 @@ def test_index_says_what_the_file_is(built, name):
 def test_taxonomy_and_hinges_fit_the_craft(built, name):
     entry, model = models()[name], built[name]
     assert entry.taxonomy == model.taxonomy
-    assert entry.taxonomy.size_class == size_class(model.size_m.max())
+    assert entry.taxonomy.size_class == classify_size(model.size_m.max())
     assert entry.hinges == model.hinges
     for hinge in entry.hinges:
         assert set(hinge.parts) < set(entry.parts), "something must stand still"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import beside
+from rso_lidar.files import write_atomically
 
 MOST_SAMPLES = 2000
 DEGREE = 5  # of the interpolation between positions
@@ -141,7 +141,7 @@ def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]])
     """Return the path of a CZML file, written whole or not at all."""
     place = Path(path)
     text = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         draft.write_text(text, encoding="utf-8")
     return place
 

@@ -23,7 +23,7 @@ from rso_lidar.export.formats.ros_messages import CAMERA_INFO, DEFINITIONS, IMAG
 from rso_lidar.export.formats.trajectory import to_stamp_ns
 from rso_lidar.export.layout.targets import tabulate_targets
 from rso_lidar.export.writer.frames import take_first
-from rso_lidar.files import beside, check_stream, free
+from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source
 
@@ -61,10 +61,10 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     holds the whole tree of axes, parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: places in the
     targets and their parts, -1 for sky.
     """
-    place = free(path, overwrite=overwrite)
+    place = check_writable(path, overwrite=overwrite)
     check_mcap(place)
     first, coming = take_first(place, frames)
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         write_messages(place, draft, first, coming)
     return place
 

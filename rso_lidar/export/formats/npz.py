@@ -17,7 +17,7 @@ from rso_lidar.export.layout.attributes import get_array_attributes, get_root_at
 from rso_lidar.export.layout.datasets import LENS, Variable, get_parents, list_variables
 from rso_lidar.export.writer.frames import count_frame_bytes, match_entries, take_first, to_json
 from rso_lidar.export.writer.lens_tables import LensNumbers
-from rso_lidar.files import beside, free
+from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.records import Frame, Observation, specs
 
 MOST_BYTES = 2_000_000_000
@@ -39,7 +39,7 @@ def write_npz(
     overwrite : replace an older file.
     most_bytes : frames of more are refused [bytes before compression].
     """
-    place = free(path, overwrite=overwrite)
+    place = check_writable(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
     found = list_variables(first)
     each = count_frame_bytes(found)
@@ -67,7 +67,7 @@ def write_npz(
     arrays["attributes"] = np.array(
         json.dumps(_describe_arrays(first, found, changing=len(lenses) > 1), ensure_ascii=False)
     )
-    with beside(place) as draft, draft.open("wb") as stream:
+    with write_atomically(place) as draft, draft.open("wb") as stream:
         write: Callable[..., None] = np.savez_compressed
         write(stream, **arrays)  # NumPy 2.1 takes a keyword `allow_pickle` for one more array
         stream.flush()

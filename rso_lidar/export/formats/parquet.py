@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import beside
+from rso_lidar.files import write_atomically
 
 
 def check_parquet(place: Path) -> None:
@@ -30,6 +30,6 @@ def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mappin
 
     columns: dict[str, Any] = {name: pyarrow.array(values.tolist()) for name, values in table.items()}
     made = pyarrow.table(columns).replace_schema_metadata(dict(metadata))
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         pyarrow.parquet.write_table(made, draft)
     return place

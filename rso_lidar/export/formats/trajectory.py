@@ -18,7 +18,7 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, did_you_mean
 from rso_lidar.export.formats.truth_batches import TruthBatch, peek_source, read_truth_batches
-from rso_lidar.files import beside, check_stream, free
+from rso_lidar.files import check_stream, check_writable, write_atomically
 from rso_lidar.pose import quaternion_xyzw
 from rso_lidar.records import Frame, Source, Truth
 from rso_lidar.viewing_geometry import tabulate_truth
@@ -120,9 +120,9 @@ def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
     """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
-    place = free(path, overwrite=overwrite)
+    place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
-    with beside(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
+    with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
 
         def checked() -> Iterator[TruthBatch]:
             for course in read_truth_batches(frames):

@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import check_draft, is_same, write_error
-from rso_lidar.interruption import removing, uninterrupted
+from rso_lidar.files import check_draft, is_same, make_write_error
+from rso_lidar.interruption import defer_signals, remove_on_signal
 
 MARKS = ("source.json", "zarr.json", "metadata.yaml")  # a folder that we wrote has one of these,
 MARK = "rso_lidar_version"  # with this in it
@@ -65,9 +65,9 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
                 shutil.rmtree(folder, ignore_errors=True)
 
     try:
-        with removing(remove):
+        with remove_on_signal(remove):
             check_folder(place, overwrite=overwrite)
-            with uninterrupted():
+            with defer_signals():
                 draft = _make_folder(place, "part")
                 ours.append((draft, made := draft.lstat()))
                 if os.name == "posix":  # as long as it is open, no other folder gets its inode
@@ -75,7 +75,7 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
             yield draft
             check_draft(draft, made, place)
             check_folder(place, overwrite=overwrite)  # what appeared meanwhile is not ours to remove
-            with uninterrupted():
+            with defer_signals():
                 if place.is_dir():
                     old = _make_folder(place, "old")
                     place.replace(old)
@@ -84,7 +84,7 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
     except PermissionError as error:
         raise RecordingError(f"{place}: may not be written ({error.strerror}); choose another folder") from None
     except OSError as error:
-        raise write_error(place, error) from None
+        raise make_write_error(place, error) from None
     finally:
         remove()
         held.close()

@@ -27,8 +27,8 @@ from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.export.writer.chunks import ChunkWriter
 from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
-from rso_lidar.files import free, hold_lock, write_cure
-from rso_lidar.interruption import removing
+from rso_lidar.files import advise_on_write, check_writable, hold_lock
+from rso_lidar.interruption import remove_on_signal
 from rso_lidar.records import Frame, Source
 
 SUFFIXES = (".h5", ".hdf5", ".nc")
@@ -52,7 +52,7 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
     """Check that a recording can be written at a path, and return the path; nothing is left behind."""
-    output = free(path, SUFFIXES, overwrite=overwrite)
+    output = check_writable(path, SUFFIXES, overwrite=overwrite)
     try:  # a long run follows: try what the rights of the folder only promise
         probe = output.with_name(f"{output.name}.tmp-{secrets.token_hex(4)}.probe")
         probe.open("xb").close()
@@ -199,7 +199,7 @@ class Recorder:
     def _swept(self, starting: Path) -> Any:
         """Leave nothing behind where the file cannot even be begun."""
         try:
-            with removing(lambda: starting.unlink(missing_ok=True)):
+            with remove_on_signal(lambda: starting.unlink(missing_ok=True)):
                 yield
         except BaseException:
             self._abandon()
@@ -327,7 +327,7 @@ class Recorder:
 
     def _keep(self, error: BaseException) -> str:
         """Return where the whole frames are kept after an error, and what to do, as words."""
-        cure = error.cure if isinstance(error, InterferenceError) else write_cure(get_errno(error))
+        cure = error.cure if isinstance(error, InterferenceError) else advise_on_write(get_errno(error))
         if isinstance(error, InterferenceError) and not error.intact:
             return f"they could not be kept: {cure} and run again with --overwrite"
         left = self.temporary if self.temporary.exists() else None

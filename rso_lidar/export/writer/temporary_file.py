@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from rso_lidar.files import may_write_in
+from rso_lidar.files import can_write_in
 
 _COPY_BYTES = 2**22
 
@@ -51,7 +51,7 @@ class TemporaryFile:
         if os.fstat(self._descriptor).st_size < least_bytes:
             what = f"{self.path.name} was cut short by another program"
             raise InterferenceError(what, "keep other programs away from it", intact=False)
-        if not may_write_in(folder):
+        if not can_write_in(folder):
             raise InterferenceError(f"the folder {folder} may no longer be written to", "allow writing there again")
 
     def keep(self, output: Path) -> Path | None:

@@ -15,7 +15,7 @@ from rso_lidar.optics.receiver import Receiver
 from rso_lidar.optics.returns.light import Light
 from rso_lidar.optics.returns.spread import find_subcells, gather_returns, group_by_delay, spread_groups
 from rso_lidar.records import Hits
-from rso_lidar.ties import first_greatest
+from rso_lidar.ties import find_first_greatest
 
 BIN_FWHM = 0.1  # of the pulse: light of one pixel within so short a delay is spread as one group
 SLAB_FWHM = 0.25  # of the pulse: resolution in delay of light that lands far from its pixel
@@ -193,7 +193,7 @@ def spread_far_light(
         photons = blurred[pixel] * (float(blurred.sum()) / float(blurred[pixel].sum()))
         delay_s = float((sources.photons[of] * sources.delay_s[of]).sum()) / total
         same = np.ones(len(pixel))
-        brightest = of[first_greatest(sources.photons[of])]
+        brightest = of[find_first_greatest(sources.photons[of])]
         coherence_cells = np.full(len(pixel), 1e3)  # light from many pixels: its speckle averages out
         hit = np.full(len(pixel), sources.hit[brightest])
         landed.append(Light(pixel, delay_s * same, photons, slab_s * same, coherence_cells, hit))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rso_lidar.errors import CatalogError
-from rso_lidar.files import beside
+from rso_lidar.files import write_atomically
 from rso_lidar.orbit.sets.element_set import ElementSet, quote
 from rso_lidar.orbit.sets.formats import check_path, parse_text, read_file
 from rso_lidar.orbit.sets.omm_text import (
@@ -197,7 +197,7 @@ class Catalog:
             text = format_tles(self.sets, self.where)
         else:
             raise CatalogError(f"{path}: '{suffix}' is not a format of catalogues: use .json, .csv or .tle")
-        with beside(path) as draft:
+        with write_atomically(path) as draft:
             draft.write_text(text, encoding="utf-8")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.errors import CatalogError, warn
-from rso_lidar.files import expanded
+from rso_lidar.files import expand_user
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.sets.element_set import ElementSet, explain_impossible
 from rso_lidar.orbit.sets.formats import parse_lines, read_lines, read_object
@@ -186,7 +186,7 @@ class Tle(Part):
         path = find(self.file, folder)
         if path is None:
             places = f"in {folder or Path.cwd()} and among the shipped data in {shipped()}"
-            looked = "" if expanded(self.file).is_absolute() else f", looked for {places}"
+            looked = "" if expand_user(self.file).is_absolute() else f", looked for {places}"
             raise CatalogError(f"{self.file}: no such file{looked}: check the path")
         return read_object(path, self.file, self.name, self.norad_id), self.file
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import beside, free
+from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, pick
@@ -42,13 +42,13 @@ def animate(
     `frame_rate_hz` [Hz] is that of the picture as it plays, at most 50; left out, the whole lasts about ten seconds (at
     4 to 20 Hz). A GIF counts its delays in hundredths of a second. Colour limits hold for the whole sequence.
     """
-    place = free(path, ANIMATION_SUFFIXES, overwrite=True)
+    place = check_writable(path, ANIMATION_SUFFIXES, overwrite=True)
     if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
         raise RecordingError(f"{place}: plays at {frame_rate_hz:g} Hz: choose a rate above 0, up to {FASTEST_HZ:g} Hz")
     ffmpeg = _import_ffmpeg(place) if place.suffix.lower() == ".mp4" else None
     thumbnails, _ = pick(frames, max_frames, Thumbnail.of)
     rate_hz = frame_rate_hz or min(max(len(thumbnails) / SHOWN_S, 4.0), 20.0)
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         if ffmpeg is None:
             _write_gif(draft, _draw_all(thumbnails), rate_hz)
         else:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.picture.selection.scale import count_limits, nice_down, nice_up
 from rso_lidar.picture.selection.sequence import find_target_pixels, format_start, on_target, pixel_rad, target_ranges_m
 from rso_lidar.picture.selection.window import Window, bounding_window, crop
@@ -48,7 +48,7 @@ MOST_TARGETS = 3  # whose geometry is told
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
     """Return the path of `frame_figure(frame)` written as PNG, PDF or SVG, by the suffix."""
-    place = free(path, FIGURE_SUFFIXES, overwrite=True)
+    place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place)
 
 

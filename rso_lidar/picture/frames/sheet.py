@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import beside, free
+from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.picture.frames.raster import GAP, draw_legend, draw_pair, shorten, write
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
@@ -35,7 +35,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
     """
     from PIL import Image, ImageDraw
 
-    place = free(path, SHEET_SUFFIXES, overwrite=True)
+    place = check_writable(path, SHEET_SUFFIXES, overwrite=True)
     if columns < 1 or rows < 1:
         raise RecordingError(f"a contact sheet of {columns} columns and {rows} rows: each has to be 1 or more")
     thumbnails, total = pick(frames, columns * rows, _look)
@@ -69,7 +69,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
         field = f"whole field, {window.size_text}" if window.whole else f"crop {window.size_text}"
         write(draw, x + cell_width, y + SIDE + 23, field, 11, QUIET, anchor="ra")
     draw_legend(draw, MARGIN, height - FOOT - 4, scale, inner)
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         page.save(draft, optimize=True)
     return place
 

@@ -13,7 +13,7 @@ from rso_lidar.picture.selection.sequence import pick
 from rso_lidar.picture.style.figures import format_thousands, new_figure, style_axes
 from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, RANGE_RAMP, hex_colour
 from rso_lidar.records import Frame, Truth
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +110,7 @@ def orbit_figure(
     """
     path = relative_path(source, target)
     range_m = np.linalg.norm(path.position_m, axis=-1)
-    nearest = first_least(range_m)
+    nearest = find_first_least(range_m)
     in_rtn = path.axes.endswith(".rtn")
     note = f"lidar in the axes {path.axes}   ·   "
     note += f"nearest {range_m[nearest]:,.1f} m at {path.time_s[nearest]:,.1f} s"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rso_lidar.files import beside, free
+from rso_lidar.files import check_writable, write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,8 +15,8 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
     """Return the path of a figure written as PNG, PDF or SVG, by its suffix; `dpi` [dots per inch] counts for PNG."""
-    place = free(path, FIGURE_SUFFIXES, overwrite=True)
+    place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         figure.savefig(draft, dpi=dpi, metadata=undated.get(place.suffix.lower()))
     return place

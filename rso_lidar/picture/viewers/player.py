@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rso_lidar.errors import RecordingError
-from rso_lidar.files import free
+from rso_lidar.files import check_writable
 from rso_lidar.picture.frames.frame import draw_intensity, draw_range, range_limits_m, summarise
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, even_indices, find_target_pixels, on_target
@@ -185,7 +185,7 @@ def save_view(
     frames: Sequence[Frame], path: str | Path, shapes: Iterable[Shape] = (), colour: Colour = "range"
 ) -> Path:
     """Return the path of a picture of what the window shows, of the frame with most returns among a dozen of them."""
-    place = free(path, FIGURE_SUFFIXES, overwrite=True)
+    place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording holds no frames")
     return save_figure(Player(frames, shapes, colour, first=find_fullest_frame(frames), controls=False).figure, place)

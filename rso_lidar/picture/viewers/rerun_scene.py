@@ -19,8 +19,8 @@ from typing import Any, Literal
 import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
-from rso_lidar.files import beside
-from rso_lidar.interruption import temporary_folder
+from rso_lidar.files import write_atomically
+from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.selection.scale import Scale
 from rso_lidar.picture.selection.sequence import Thumbnail, on_target, pick
 from rso_lidar.picture.style.palette import NO_RETURN
@@ -82,7 +82,7 @@ def write_rerun(
     thumbnails, _ = pick(frames, _LOOKED_AT, Thumbnail.of)
     lasts_s = thumbnails[-1].time_s - thumbnails[0].time_s
     scene = _Scene(rerun, frames[0], lasts_s, tuple(shapes), Scale.of(thumbnails), colour)
-    with beside(place) as draft:
+    with write_atomically(place) as draft:
         stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(frames[0]), send_properties=False)
         stream.save(draft, default_blueprint=scene.blueprint())
         stream.set_log_time_enabled(False)
@@ -122,7 +122,7 @@ def viewer_command(path: str | Path) -> list[str]:
 @contextlib.contextmanager
 def silence_analytics() -> Iterator[dict[str, str]]:
     """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
-    with temporary_folder() as folder:
+    with make_temporary_folder() as folder:
         config = Path(folder, "rerun", "analytics.json")
         config.parent.mkdir()
         config.write_text(

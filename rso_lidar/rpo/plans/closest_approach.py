@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rso_lidar.ties import EQUAL, first_least
+from rso_lidar.ties import EQUAL, find_first_least
 
 _FINER = 21  # samples of one round of refinement
 _ROUNDS = 12
@@ -51,7 +51,7 @@ def closest(
             best_m, best_s = np.where(lower, values[rows, chosen], best_m), np.where(lower, centre, best_s)
             if width[0] < 1e-6 * step_s:
                 break
-    first = first_least(best_m)
+    first = find_first_least(best_m)
     return float(best_m[first]), begin_s + float(best_s[first])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.errors import ScenarioError, placed
+from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body import kepler
@@ -167,7 +167,7 @@ class Waypoints(ProximityOperation):
                 each_s = self.times_s[k + 1] - now_s
             else:
                 each_s = float(np.linalg.norm(aim - start)) / (self.speed_m_s or math.nan)
-            with placed(f"positions_m[{k + 1}]"):
+            with add_place(f"positions_m[{k + 1}]"):
                 departure = departure_m_s(start, aim, each_s, n)
             legs.append(coast(now_s, start, departure, n))
             impulses.append(Impulse(now_s, departure - arrival))

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import ScenarioError, did_you_mean, placed
-from rso_lidar.files import path_of
+from rso_lidar.errors import ScenarioError, add_place, did_you_mean
+from rso_lidar.files import convert_path
 from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
@@ -71,7 +71,7 @@ class Mission(Part):
         ScenarioError
             For a file that cannot be read, and for content that is not a valid scenario.
         """
-        path = path_of(path, ScenarioError)
+        path = convert_path(path, ScenarioError)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name, settings=settings, trust_code=True)
 
     @classmethod
@@ -180,7 +180,7 @@ class Mission(Part):
 
     def placed(self, place: str = "") -> AbstractContextManager[None]:
         """Return a context that prefixes the messages of errors with the scenario's name and a place in it."""
-        return placed(f"{self._where}: {place}" if place else self._where)
+        return add_place(f"{self._where}: {place}" if place else self._where)
 
     def file(self, name: str) -> Path:
         """Find a file that the scenario names, or raise `ScenarioError`."""

@@ -18,7 +18,7 @@ from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.scenario.review.compliance import list_violations
 from rso_lidar.scenario.review.environment import advise_on_environment
 from rso_lidar.scenario.review.separations import advise_on_separations
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 _LIGHT_TIME_M = 0.01
 _MOST_LAG = 0.5  # pointing lag over half the field, from which a target begins to leave the field
@@ -224,7 +224,7 @@ def _advise_on_parallax(mission: Mission, preview: Preview) -> list[str]:
     lines = []
     for geometry in preview.targets:
         nearest_m = float(geometry.range_m.min())
-        laser = mission.instrument.at(float(preview.time_s[first_least(geometry.range_m)])).laser
+        laser = mission.instrument.at(float(preview.time_s[find_first_least(geometry.range_m)])).laser
         if nearest_m > 0.0 and boresight_light_fraction(laser, nearest_m) < _DIM:
             lines.append(
                 f"target {geometry.name}: at {nearest_m:.1f} m the beam of a laser "
@@ -238,7 +238,7 @@ def _advise_on_brightness(mission: Mission, preview: Preview) -> list[str]:
     """Warn of targets that are too dim or too bright at their nearest epoch, in their attitude there."""
     lines = []
     for number, geometry in enumerate(preview.targets):
-        row = first_least(geometry.range_m)
+        row = find_first_least(geometry.range_m)
         nearest_m, time_s = float(geometry.range_m[row]), float(preview.time_s[row])
         if nearest_m < 1e-3:
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import motion, units
-from rso_lidar.errors import unwarned
+from rso_lidar.errors import suppress_warnings
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
 from rso_lidar.pose import PoseTree
@@ -14,7 +14,7 @@ from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import compute_sky_geometry
 from rso_lidar.scenario.review.environment import describe_share
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 _FEWEST, _MOST, _SCAN_S = 400, 20_000, 60.0
 
@@ -54,7 +54,7 @@ def _check_exclusions(constraints: Constraints, mission: Mission, preview: Previ
         if key == "sun_exclusion_deg":
             near &= around.sun_seen
         if near.any():
-            worst = first_least(np.where(near, angle, np.inf))
+            worst = find_first_least(np.where(near, angle, np.inf))
             least_deg = angle[worst] / units.DEG
             how = f"{what} within {least_deg:.2f}° of the boresight"
             if least_deg < 0.0:
@@ -88,7 +88,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
 
     def poses(time_s: np.ndarray) -> PoseTree:
         epochs = Epochs(mission.time.start_utc, time_s)
-        with unwarned():
+        with suppress_warnings():
             course = motion.truth(
                 mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
             )

@@ -19,7 +19,7 @@ from rso_lidar.scenario.preview.trials import try_pixels
 from rso_lidar.scenario.review.advice import advise
 from rso_lidar.scenario.review.environment import describe_environment
 from rso_lidar.scenario.review.separations import describe_separations
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 _FEWEST_REPORTS = 100  # the standard error of a noise from quartiles is then 12 % (1.17 / sqrt n)
 
@@ -65,7 +65,7 @@ def _describe_target(mission: Mission, number: int, geometry: TargetGeometry, pr
         f"{parts} part{'s' * (parts > 1)}, {len(set(surface.materials))} material{'s' * (len(set(surface.materials)) > 1)}",
         f"  motion    {_describe_motion(mission, number, preview)}",
         f"  range     {_format_ends(geometry.range_m, 'm', 1)}, least {geometry.range_m.min():.1f} m at "
-        f"{preview.time_s[first_least(geometry.range_m)]:g} s; rate {_format_ends(geometry.range_rate_m_s, 'm/s', 3)}, "
+        f"{preview.time_s[find_first_least(geometry.range_m)]:g} s; rate {_format_ends(geometry.range_rate_m_s, 'm/s', 3)}, "
         f"light time {geometry.light_time_m / units.MM:.3f} mm",
         f"  sight     at most {off:.3f}° off boresight, its origin in the field {np.mean(geometry.in_field):.0%} of the "
         f"time, all of it {np.mean(geometry.all_in_field):.0%}",

@@ -17,7 +17,7 @@ from rso_lidar.scenario.preview.sky import (
     tabulate_environment,
 )
 from rso_lidar.scenario.tables.constraints import Constraints
-from rso_lidar.ties import first_least
+from rso_lidar.ties import find_first_least
 
 _NEAR_DEG = 5.0  # outside of the field: a baffle blocks little of a Sun that is nearer
 _ECLIPSES_S = 30 * units.DAY_S  # span from the start in which eclipses are searched
@@ -124,7 +124,7 @@ def _format_ends(angle: np.ndarray) -> str:
 
 
 def _format_course(angle: np.ndarray, time_s: np.ndarray, off: str = "") -> str:
-    worst = first_least(angle)
+    worst = find_first_least(angle)
     return f"{_format_ends(angle)}{off}, least {angle[worst] / units.DEG:.2f}° at {time_s[worst]:g} s"
 
 

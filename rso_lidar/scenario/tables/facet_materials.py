@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
+from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
@@ -46,7 +46,7 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
     color_materials : material by colour, such as ``#c0c0c0``.
     wavelength_m : of the laser [m].
     """
-    with placed("color_materials"):
+    with add_place("color_materials"):
         colour = hexed(facet_colours(surface.mesh))[surface.mesh.source_facet]
         of_colour = {word.lower(): material for word, material in color_materials.items()}
         there = sorted(set(colour))
@@ -69,7 +69,7 @@ def apply_facet_materials(
     file : finds a file that the scenario names.
     wavelength_m : of the laser [m].
     """
-    with placed("facet_materials"):
+    with add_place("facet_materials"):
         path = file(facet_materials.file)
         words = _read_facet_words(path, surface.mesh.source_facets)[surface.mesh.source_facet]
         meant = {word: _find_material(word, facet_materials, path) for word in sorted(set(words) - {""})}

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.craft import Hinge
-from rso_lidar.errors import ScenarioError, placed
+from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.motion.bodies.hinge import Angle, FollowSun, HingeAxes
 from rso_lidar.part import Direction, Name, Part, Text, Vector
 from rso_lidar.scene.meshes.mesh import body_from_mesh
@@ -91,7 +91,7 @@ def complete_joint(
         axis = axis or placement.direction(hinge.axis)
         if isinstance(angle, FollowSun) and angle.normal is None and hinge.normal is not None:
             angle = FollowSun(normal=placement.direction(hinge.normal))
-    with placed(f"joint {joint.name}"):
+    with add_place(f"joint {joint.name}"):
         if parts is None or axis is None:
             what = " and ".join(name for name, value in (("parts", parts), ("axis", axis)) if value is None)
             known = f" ({shape} has {', '.join(declared)})" if declared else ""

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.detector import AnyDetector, Gsfl
-from rso_lidar.errors import ScenarioError, did_you_mean, placed
+from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.motion import Mount
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.part import Part, Text
@@ -96,7 +96,7 @@ class Lidar(Part):
     def at(self, time_s: float, command: Command | None = None) -> Lidar:
         """Return the instrument with the settings in force at a time [s since start_utc], as planned and commanded."""
         wanted = self.schedule.at(time_s) if self.schedule else {}
-        with placed("simulate: the controller's command" if command else "lidar.schedule"):
+        with add_place("simulate: the controller's command" if command else "lidar.schedule"):
             wanted |= read_command(command) if command else {}
             return self.with_settings(wanted) if wanted else self
 

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rso_lidar.craft import Taxonomy, size_class
+from rso_lidar.craft import Taxonomy, classify_size
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean
-from rso_lidar.files import beside, hold_lock
+from rso_lidar.files import hold_lock, write_atomically
 from rso_lidar.scene.library.catalogue import (
     ModelEntry,
     materials,
@@ -112,7 +112,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
             raise MeshError(
                 f"name '{name}': is in your library already ({folder}); give --overwrite, or another --name"
             )
-        with beside(place) as draft:
+        with write_atomically(place) as draft:
             draft.write_bytes(blob)
             table, said = _table(load_mesh(draft), known, wanted, unit_m)
             table = {"name": name, "file": place.name, "source": source, "size_bytes": len(blob), **table}
@@ -200,7 +200,7 @@ def _table(
         "stabilisation": "three_axis",
         **fields,
         **{key: value for key, value in wanted.taxonomy.items() if value is not None},
-        "size_class": size_class(float(whole.size_m.max())),
+        "size_class": classify_size(float(whole.size_m.max())),
     }
     _say_of(fields, known, wanted, said)
     guesses = [
@@ -291,5 +291,5 @@ def _materials(parts: tuple[str, ...], wanted: Wanted, said: list[str]) -> dict[
 def _write_index(folder: Path, tables: list[dict[str, Any]]) -> None:
     import tomli_w
 
-    with beside(folder / "index.toml") as draft:
+    with write_atomically(folder / "index.toml") as draft:
         draft.write_text(_HEAD + tomli_w.dumps({"model": tables}), encoding="utf-8")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, told, warn
+from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, mended
@@ -126,7 +126,7 @@ def model(name: str) -> ModelEntry:
 def _tell_of_shadow(name: str) -> None:
     """Warn, once a process, that a shipped model hides one of the user's own; an index that is broken hides none."""
     place = own_folder(), name
-    if place in _told_of or not told():
+    if place in _told_of or not has_warnings_enabled():
         return
     try:
         hidden = name in _own()[0]
@@ -153,7 +153,7 @@ def own_models() -> dict[str, ModelEntry]:
     """
     good, broken = _own()
     for reason in broken.values():
-        if reason not in _told_of and told():
+        if reason not in _told_of and has_warnings_enabled():
             _told_of.add(reason)
             warn(reason)
     return dict(good)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from rso_lidar.errors import MeshError
-from rso_lidar.interruption import removing, temporary_folder
+from rso_lidar.interruption import make_temporary_folder, remove_on_signal
 from rso_lidar.scene.meshes.mesh import CAD_SUFFIXES, checked_file
 
 CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
@@ -47,13 +47,13 @@ def tessellated(path: Path) -> tuple[bytes, float]:
         )
     kind = "step" if path.suffix.lower() in (".step", ".stp") else "iges"
     code = _TESSELLATE.format(most=_MOST_MEMORY, chord=CHORD_MM, turn=TURN_RAD)
-    with temporary_folder() as folder:
+    with make_temporary_folder() as folder:
         out = Path(folder, "part.glb")
         command = [sys.executable, "-c", code, str(path.resolve()), kind, str(out)]
         nothing = subprocess.DEVNULL
         with (
             subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing) as process,
-            removing(process.kill),
+            remove_on_signal(process.kill),
         ):
             try:
                 status = process.wait(_LONGEST_S)

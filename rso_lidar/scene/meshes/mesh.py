@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, RsoLidarWarning, told, warn
+from rso_lidar.errors import MeshError, RsoLidarWarning, has_warnings_enabled, warn
 from rso_lidar.files import check_regular, read_bytes
 from rso_lidar.scene.meshes.gltf import MOST_FACETS, check_gltf
 from rso_lidar.scene.meshes.obj import read_obj
@@ -267,7 +267,7 @@ def plausible(largest_m: float) -> bool:
 
 def warn_of_repairs(mesh: Mesh, name: str) -> None:
     """Warn, once a process for each file, of what was dropped of a mesh when it was loaded."""
-    if not mesh.degenerate or not told() or (mesh.path, mesh.sha256) in _told_of:
+    if not mesh.degenerate or not has_warnings_enabled() or (mesh.path, mesh.sha256) in _told_of:
         return
     _told_of.add((mesh.path, mesh.sha256))
     warn(

@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, placed
+from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
 from rso_lidar.scene.embree.engine import Engine, Scene
 from rso_lidar.scene.embree.ray_by_ray import build_embreex
 from rso_lidar.scene.materials.phong import Lambertian
@@ -259,7 +259,7 @@ def build_surface(
     default = material or Lambertian()
     materials = []
     for part in mesh.part_names:
-        with placed(f"part_materials.{part}" if part in overrides else "material"):
+        with add_place(f"part_materials.{part}" if part in overrides else "material"):
             chosen = complete(overrides.get(part, default))
             materials.append(chosen if wavelength_m is None else chosen.at(wavelength_m))
     smooth = tuple(number for number, part in enumerate(mesh.part_names) if part in set(smooth_parts))

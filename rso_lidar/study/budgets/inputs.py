@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from rso_lidar.detector import AnyDetector, describe_window, list_uncounted
-from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, unwarned
+from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.geometry import preview_mission
@@ -116,7 +116,7 @@ def choose_target(given: Sequence[float] | float | None, scenario: Scenario | No
     cast in the attitudes of the run, which gives the mean silhouette and the median of the squares.
     """
     if given is None and scenario is not None and scenario.target:
-        with unwarned():
+        with suppress_warnings():
             areas_m2, squares_m = cast_silhouettes(scenario, preview_mission(scenario), 0)
         corners = scenario.corners_of(0).reshape(-1, 3)
         sides = tuple(float(side) for side in corners.max(axis=0) - corners.min(axis=0))

@@ -15,7 +15,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.detector import AnyDetector, LaserPulse, false_alarm_probability, predict
 from rso_lidar.errors import ScenarioError
-from rso_lidar.files import free, write_text
+from rso_lidar.files import check_writable, write_text
 from rso_lidar.picture.plots.budget import Line, budget_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
 from rso_lidar.scenario import Lidar, Scenario
@@ -152,7 +152,7 @@ class Budget:
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the budget as a table (.csv) or a picture (.png, .pdf, .svg), and return its path."""
-        place = free(path, SUFFIXES, overwrite=overwrite)
+        place = check_writable(path, SUFFIXES, overwrite=overwrite)
         if place.suffix.lower() != ".csv":
             return save_figure(self.figure(), place)
         return write_text(place, self.csv_text(), overwrite=overwrite)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import orbit
-from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, unwarned, warn
+from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, suppress_warnings, warn
 from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.export.formats.truth_batches import TruthBatch, join_batches, peek_source, read_truth_batches
 from rso_lidar.export.reader.recording import Frames, Recording
 from rso_lidar.export.registry import format_for, writer_for
-from rso_lidar.files import free, path_of
+from rso_lidar.files import check_writable, convert_path
 from rso_lidar.motion.attitudes.aem import write_aem
 from rso_lidar.orbit.ccsds.ephemeris import write_oem
 from rso_lidar.pose import ROOT
@@ -58,11 +58,11 @@ def save(
     RecordingError
         For an unknown suffix, a path that may not be written, and frames that the format cannot hold.
     """
-    path = path_of(path, RecordingError)
+    path = convert_path(path, RecordingError)
     wanted = format_for(format or path)
     if wanted.writer and wanted.name != "csv":
         return writer_for(wanted.name)(path, frames, overwrite=overwrite, **options)
-    place = free(path, overwrite=overwrite)
+    place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
     if wanted.name == "csv":
         texts = _utc_formatter(source)
@@ -186,7 +186,7 @@ def _find_breaks_s(source: Source, name: str, time_s: np.ndarray, folder: Path |
     folder : folder of the files that the scenario names.
     """
     try:
-        with unwarned():
+        with suppress_warnings():
             planned = sorted(find_velocity_jumps_s(load_scenario(source, folder), name))
     except (RsoLidarError, OSError):  # axes without a motion, or missing files
         planned = []

@@ -11,8 +11,8 @@ from pathlib import Path
 from rso_lidar import picture
 from rso_lidar.errors import RecordingError, RsoLidarError, did_you_mean, warn
 from rso_lidar.export import Frames, Recording
-from rso_lidar.files import free
-from rso_lidar.interruption import temporary_folder
+from rso_lidar.files import check_writable
+from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
 from rso_lidar.picture.viewers.player import Colour, find_fullest_frame, play, save_view, window_backend
 from rso_lidar.picture.viewers.rerun_scene import has_rerun, import_rerun, open_rerun, write_rerun
@@ -147,7 +147,7 @@ def show(
         write_rerun(frames, chosen.paths[0], shapes, colour=colour, each=each)
         return (_count_frames(len(frames)),)
     if chosen.tool == "rerun":
-        with temporary_folder() as place:
+        with make_temporary_folder() as place:
             open_rerun(write_rerun(frames, Path(place, "recording.rrd"), shapes, colour=colour, each=each))
         return ()
     return tuple(_write_pictures(chosen.paths, frames, shapes, colour))
@@ -215,7 +215,7 @@ def _choose_by_suffix(tool: str | None, output: Path, *, overwrite: bool) -> Vie
     known = {"rerun": (_SCENE,), "files": _PICTURES}.get(tool or "", (_SCENE, *_PICTURES))
     if tool == "window":
         raise RecordingError(f"{output}: a window writes nothing; leave the name out, or choose rerun or files")
-    place = free(output, known, overwrite=overwrite)
+    place = check_writable(output, known, overwrite=overwrite)
     if place.suffix.lower() == _SCENE:
         import_rerun(str(place))
         return ViewerChoice("rerun", "", (place,))
@@ -238,7 +238,7 @@ def _choose_files_beside(tool: str, why: str, recording: Path | None, *, overwri
     paths = [recording.with_name(recording.stem + name) for name in names]
     for path in paths:
         try:
-            free(path, (path.suffix,), overwrite=overwrite)
+            check_writable(path, (path.suffix,), overwrite=overwrite)
         except RecordingError as error:
             raise RecordingError(f"{why + ', so it would write files: ' if why else ''}{error}") from None
     return ViewerChoice(tool, why, tuple(paths))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rso_lidar.errors import RecordingError, unwarned
+from rso_lidar.errors import RecordingError, suppress_warnings
 from rso_lidar.records import Source
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene import Surface
@@ -12,7 +12,7 @@ from rso_lidar.scene import Surface
 
 def load_scenario(source: Source, folder: Path | None = None) -> Scenario:
     """Load the scenario of a recording; `folder` holds the mesh files that it names (None: the working folder)."""
-    with unwarned():
+    with suppress_warnings():
         return Scenario.loads(source.scenario, folder=folder, where="recording")
 
 
@@ -31,7 +31,7 @@ def load_surfaces(scenario: Scenario, source: Source, number: int, asked_by: str
     RecordingError
         For another mesh than the recorded one.
     """
-    with unwarned():
+    with suppress_warnings():
         surfaces = scenario.surfaces_of(number)
     sha256 = source.targets[number].mesh_sha256
     if surfaces[0].mesh.sha256 != sha256:

@@ -14,7 +14,7 @@ import numpy as np
 
 from rso_lidar import motion
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.files import free, write_columns
+from rso_lidar.files import check_writable, write_columns
 from rso_lidar.optics.link_budget import filled_pixel_photons
 from rso_lidar.picture.plots.timeline import timeline_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
@@ -65,7 +65,7 @@ class Timeline:
 
     def save(self, path: str | Path) -> Path:
         """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
-        place = free(path, SUFFIXES, overwrite=True)
+        place = check_writable(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
         return write_columns(place, self.table)

@@ -15,7 +15,7 @@ import numpy as np
 
 from rso_lidar import motion, units
 from rso_lidar.errors import RecordingError, did_you_mean
-from rso_lidar.files import free, write_columns
+from rso_lidar.files import check_writable, write_columns
 from rso_lidar.orbit.two_body.osculating_elements import elements_from_state
 from rso_lidar.picture.plots.tracking import tracking_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES, save_figure
@@ -58,7 +58,7 @@ class Tracking:
 
     def save(self, path: str | Path) -> Path:
         """Write the table (.csv) or the picture (.png, .pdf or .svg), and return its path."""
-        place = free(path, SUFFIXES, overwrite=True)
+        place = check_writable(path, SUFFIXES, overwrite=True)
         if place.suffix.lower() in FIGURE_SUFFIXES:
             return save_figure(self.figure(), place)
         return write_columns(place, self.table)

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
-from rso_lidar.errors import ScenarioError, did_you_mean, placed
-from rso_lidar.files import expanded, path_of
+from rso_lidar.errors import ScenarioError, add_place, did_you_mean
+from rso_lidar.files import convert_path, expand_user
 from rso_lidar.part import Count, Name, Number, Part, Text, Whole
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import read_toml, validate_toml
@@ -258,7 +258,7 @@ class Study(Part):
         ScenarioError
             For a file that cannot be read, and for content that is not a valid study.
         """
-        path = path_of(path, ScenarioError)
+        path = convert_path(path, ScenarioError)
         return cls.loads(read_toml(path), folder=path.parent, where=path.name)
 
     @classmethod
@@ -328,7 +328,7 @@ class Study(Part):
     def scenario_file(self) -> Path:
         """Find the scenario file, or raise `ScenarioError`."""
         folder = self._folder or Path()
-        path = folder / expanded(self.scenario)
+        path = folder / expand_user(self.scenario)
         if not path.is_file():
             raise ScenarioError(
                 f"{self._where}: scenario: no file '{self.scenario}' in {folder.resolve()}; give its path from the study"
@@ -337,7 +337,7 @@ class Study(Part):
 
     def base(self) -> Scenario:
         """Load the scenario before any axis changes it, and check target and frames."""
-        with placed(self._where):
+        with add_place(self._where):
             scenario = Scenario.load(self.scenario_file(), self.set)
             self.number(scenario)
             if not any(place.startswith("time.") for place in self.places):

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from rso_lidar.errors import RunError, ScenarioError
-from rso_lidar.files import hold_lock, write_cure
+from rso_lidar.files import advise_on_write, hold_lock
 from rso_lidar.processes import Processes
 from rso_lidar.scenario import Scenario
 from rso_lidar.scene.library.catalogue import own_models
@@ -106,7 +106,7 @@ class RowFile:
         try:
             yield
         except OSError as error:
-            reason, cure = error.strerror or error, write_cure(error.errno)
+            reason, cure = error.strerror or error, advise_on_write(error.errno)
             if error.errno == errno.ELOOP:
                 reason, cure = "it is a symbolic link", "remove it"
             raise RunError(f"{self.path}: cannot be written ({reason}); {cure} and run again") from error

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, unwarned
+from rso_lidar.errors import FieldError, RsoLidarError, RunError, ScenarioError, SettingError, suppress_warnings
 from rso_lidar.scenario import Scenario
 from rso_lidar.scenario.mission.validation import read_toml
 from rso_lidar.study.trades.definition import Study
@@ -48,7 +48,7 @@ class TradePlan:
         """Run one row: its figures of merit, or the reason for their absence."""
         study, merits = self.study, dict.fromkeys(self.study.judged_by, float("nan"))
         seed, why = self.seed, ""
-        with unwarned():
+        with suppress_warnings():
             try:
                 scenario = self.scenario(number)
                 seed = scenario.seed
@@ -65,7 +65,7 @@ def make_plan(study: Study, threads: int | None = None) -> tuple[TradePlan, Scen
     """Make the plan of a study and load its scenario, after a check of every field that changes."""
     base, path = study.base(), study.scenario_file()
     plan = TradePlan(study, tuple(list_points(study)), read_toml(path), path.parent, path.name, base.seed, threads)
-    with unwarned():
+    with suppress_warnings():
         _check_fields(plan)
         _check_points(plan)
     return plan, base

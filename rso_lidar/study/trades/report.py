@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, unwarned
+from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.export.formats.parquet import check_parquet, write_parquet
-from rso_lidar.files import beside, write_columns
+from rso_lidar.files import write_atomically, write_columns
 from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.records import Frame
@@ -50,7 +50,7 @@ def save_trade(trade: TradeTable, place: Path) -> Path:
         )
     if suffix == ".html":
         text = write_report(trade)
-        with beside(place) as draft:
+        with write_atomically(place) as draft:
             draft.write_text(text, encoding="utf-8")
         return place
     guess = did_you_mean(suffix, SUFFIXES)
@@ -325,7 +325,7 @@ def _draw_frames(trade: TradeTable) -> list[str]:
         if isinstance(frame, RsoLidarError):
             made.append(f"<p>{escape(str(frame))}</p>")
             continue
-        with unwarned():
+        with suppress_warnings():
             merits = ", ".join(
                 f"{name_merit(MERITS[name])} {format_value(float(trade.table[name][row]))}"
                 for name in trade.study.merits
@@ -355,7 +355,7 @@ def _relative_path(file: Path) -> str:
 
 def _try_frame(trade: TradeTable, row: int) -> Frame | RsoLidarError:
     """Return the frame that is shown of a row, or why there is none."""
-    with unwarned():
+    with suppress_warnings():
         try:
             return _make_frame(trade, row)
         except RsoLidarError as error:

@@ -19,7 +19,7 @@ from rso_lidar.optics.returns.blur import (
     zone_shares,
 )
 from rso_lidar.optics.returns.light import Light
-from rso_lidar.ties import first_greatest_of_each
+from rso_lidar.ties import find_first_greatest_of_each
 
 
 def blur_light(hits, light, receiver, wavelength_m, pulse_fwhm_s):
@@ -85,7 +85,7 @@ def _spread(
     reach = core.shape[-1] // 2
     near = core.reshape(-1, *core.shape[2:])[place[order]]  # (return, row offset, col offset)
     hit = light.hit[
-        order[first_greatest_of_each(photons, starts)]
+        order[find_first_greatest_of_each(photons, starts)]
     ]  # the brightest of a group stands for it in the labels
     spread_s = _together(delay_s, light.depth_spread_s[order], photons, starts)
     home = np.zeros(len(starts))

@@ -6,7 +6,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.records import Hits, Photons
-from rso_lidar.ties import EQUAL, first_greatest_of_each
+from rso_lidar.ties import EQUAL, find_first_greatest_of_each
 
 
 def spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.nda
 
     first = np.flatnonzero(np.diff(photons.cluster_pixel, prepend=-1))  # nearest cluster of each pixel that has any
     pixel = photons.cluster_pixel[first]
-    best = first_greatest_of_each(bright, first)
+    best = find_first_greatest_of_each(bright, first)
     labels["first_range_m"][pixel] = mean_range[first]
     labels["range_m"][pixel] = mean_range[best]
     labels["cluster_count"][pixel] = np.minimum(np.diff(first, append=n_clusters), 255)
@@ -42,7 +42,7 @@ def spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.nda
     # By pixel and hit: a lens orders returns by delay, where rounding decides between equal ones.
     speak = speak[np.lexsort((photons.hit[speak], photons.pixel[speak]))]
     starts = np.flatnonzero(np.diff(photons.pixel[speak], prepend=-1))
-    chosen = speak[first_greatest_of_each(share[speak], starts)]
+    chosen = speak[find_first_greatest_of_each(share[speak], starts)]
     for name in ("target", "part", "facet", "cos_incidence"):
         labels[name][pixel] = getattr(hits, name)[photons.hit[chosen]]
     return mean_range, bright

@@ -3,7 +3,7 @@
 import pytest
 
 import rso_lidar as rl
-from rso_lidar.errors import FieldError, RsoLidarError, ScenarioError, SettingError, placed
+from rso_lidar.errors import FieldError, RsoLidarError, ScenarioError, SettingError, add_place
 
 ORBIT = (
     'motion = { type = "kepler", epoch_utc = 2024-09-17T12:00:00Z, semi_major_axis_km = 7000, eccentricity = 0.001, '
@@ -197,7 +197,7 @@ class TestSettings:
 
 def test_an_error_says_to_a_program_what_was_wrong(text):
     """The place of each field that is wrong and its kind; a setting without a place is of another class."""
-    with pytest.raises(FieldError) as caught, placed("study.toml"):
+    with pytest.raises(FieldError) as caught, add_place("study.toml"):
         rl.Scenario.loads(text, settings=("lidar.laser.energy_mj=-5", 'ptu.response.damping="much"'))
     wrong = {".".join(map(str, place[:2])): kind for place, kind in caught.value.problems}
     assert wrong == {"lidar.laser": "greater_than", "ptu.response": "float_type"}
