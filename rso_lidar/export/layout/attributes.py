@@ -28,7 +28,7 @@ SCALES = {  # what the coordinate of a dimension means
 
 
 def get_array_attributes(variable: Variable, source: Source) -> dict[str, Any]:
-    """Return the CF attributes of an array that grows by one entry a frame."""
+    """Return the CF attributes of a dataset that grows by one entry per frame."""
     if variable.path == "time":
         return dict(get_time_attributes(source.start_utc))
     found: dict[str, Any] = {"units": variable.spec.unit, "long_name": variable.spec.meaning}
@@ -58,7 +58,10 @@ def get_root_attributes(source: Source) -> dict[str, Any]:
 
 
 def get_time_attributes(start_utc: str) -> dict[str, str]:
-    """Return the CF attributes of /time; its units name the start without an offset, as netCDF tools like it."""
+    """Return the CF attributes of /time.
+
+    The units name the start without an offset, because netCDF tools expect that form.
+    """
     try:
         start = datetime.datetime.fromisoformat(start_utc)
     except ValueError:

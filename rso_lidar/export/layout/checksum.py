@@ -1,4 +1,4 @@
-"""Checksums of what a recording stores: of each chunk of a dataset, and of the texts in its attributes."""
+"""Checksums of a recording: Fletcher-32 of each chunk, and CRC-32 of the texts in its attributes."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ TREE = ("tree", "states")  # attributes of /truth
 
 @kernel
 def append_fletcher32(data: np.ndarray, start: int, stop: int) -> int:
-    """Write the checksum that HDF5's filter fletcher32 stores behind a chunk, low byte first.
+    """Write the checksum that HDF5's filter fletcher32 stores after a chunk, low byte first.
 
-    The data are 16-bit words w with the high byte first. The low half is the sum of w_i, the high half the sum of
-    (n - i) w_i, both modulo 65535 with 65535 in place of 0, unless all words are 0 (J. G. Fletcher, "An arithmetic
-    checksum for serial transmissions", IEEE Transactions on Communications 30, 1982). Each single wrong bit shows.
+    The data are 16-bit words w, high byte first. The low half is the sum of w_i, the high half the sum of (n - i) w_i.
+    Both are taken modulo 65535, with 65535 in place of 0 unless all words are 0. Source: J. G. Fletcher, "An arithmetic
+    checksum for serial transmissions", IEEE Transactions on Communications 30, 1982. Any single wrong bit changes the
+    checksum.
 
     Parameters
     ----------
-    data : bytes (byte), with room for the checksum behind the chunk.
+    data : bytes (byte), with room for the checksum after the chunk.
     start, stop : where the chunk starts and ends.
 
     Returns
@@ -57,14 +58,14 @@ def compute_fletcher32(data: bytes) -> bytes:
 
 
 def is_intact(chunk: bytes) -> bool:
-    """Return whether a chunk, as it stands in the file, agrees with the fletcher32 checksum at its end."""
+    """Return whether a stored chunk agrees with the Fletcher-32 checksum at its end."""
     return len(chunk) > CHECKSUM_BYTES and compute_fletcher32(chunk[:-CHECKSUM_BYTES]) == chunk[-CHECKSUM_BYTES:]
 
 
 def compute_texts_crc32(file: Any) -> int:
     """Compute the CRC-32 of the texts that a reader takes from the attributes of an h5py file.
 
-    HDF5 has checksums for all its metadata but the heap in which texts of any length stand.
+    HDF5 protects all its metadata with checksums, except the heap that holds texts of variable length.
     """
     texts = [*_list_texts(file.attrs, TEXTS), *_list_texts(file["truth"].attrs, TREE)]
     return zlib.crc32("\0".join(texts).encode("utf-8", "surrogateescape"))

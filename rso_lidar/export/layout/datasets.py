@@ -1,7 +1,8 @@
-"""The datasets that a frame fills in a recording: where each stands, what it is, and what the frame puts there.
+"""Datasets of a recording: their paths, their meaning, and the values that a frame puts into them.
 
-Names, dtypes, units and meanings come from the statements in `records`; the few that no record states (a node of the
-tree of axes) are stated here. Absence: NaN in floats, -1 in signed integers, 0 in unsigned ones.
+Names, dtypes, units and meanings come from the field statements in `records`. The few datasets that no record states,
+those of a node of the pose tree, are stated here. Missing values are NaN in floats, -1 in signed integers and 0 in
+unsigned integers.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ _UNITS = {  # what a suffix means, in UDUNITS
 
 @dataclass(frozen=True)
 class Variable:
-    """One dataset that grows by one entry a frame: where it stands, what it is, and the shape of one entry."""
+    """One dataset that grows by one entry per frame: its path, its statement, and the shape of an entry."""
 
     path: str
     spec: ArraySpec
@@ -77,12 +78,12 @@ class Variable:
 
     @property
     def is_image(self) -> bool:
-        """Return whether an entry is an array over the focal plane, or over a finer one."""
+        """Whether an entry covers the focal plane, at its own resolution or a finer one."""
         return "row" in self.spec.dims or "fine_row" in self.spec.dims
 
     @property
     def fill(self) -> float | int | None:
-        """Return what stands for absence, or None where zero does."""
+        """Fill value for missing data, or None where zero serves."""
         if self.path in ("time", "frame_index", "lens"):
             return None
         return {"f": np.nan, "i": -1}.get(self.spec.dtype.kind)
@@ -94,14 +95,14 @@ class Variable:
 
     @property
     def chunk(self) -> tuple[int, ...]:
-        """Return the shape of a chunk in the file."""
+        """Shape of a chunk in the file."""
         # One frame: a chunk is written once. A kill while a chunk of many frames was replaced would leave a checksum
         # that fits none of them.
         return (1, *self.shape)
 
 
 def list_variables(frame: Frame) -> dict[str, Variable]:
-    """Return the datasets that a recording with such frames has, by path."""
+    """List the datasets of a recording with such frames, by path."""
     found = _list_required(frame) | list_optional(frame)
     sizes = {"row": frame.range_m.shape[0], "col": frame.range_m.shape[1], "xyz": 3, "quaternion": 4}
     made = {}
@@ -117,7 +118,7 @@ def list_variables(frame: Frame) -> dict[str, Variable]:
 
 
 def _list_required(frame: Frame) -> dict[str, ArraySpec]:
-    """Return the datasets that a reader finds by what the frame is of: settings, axes, bodies, a PTU."""
+    """List the datasets that follow from the settings, axes, bodies and PTU of a frame."""
     found = {"time": TIME, "frame_index": INDEX}
     found |= {path: specs(Reading)[name] for path, name in READING.items()}
     found |= {path: specs(Labels)[name] for path, name in LABELS.items()}
@@ -138,7 +139,10 @@ def _list_required(frame: Frame) -> dict[str, ArraySpec]:
 
 
 def list_optional(frame: Frame) -> dict[str, ArraySpec]:
-    """Return the datasets that are there only if the frame has what they hold; an attribute of the file lists them."""
+    """List the datasets that exist only if the frame has their content.
+
+    An attribute of the file lists them too.
+    """
     reading, labels = frame.observation.reading, frame.labels
     found = {path: specs(Reading)[name] for path, name in RETURNS.items() if getattr(reading, name) is not None}
     found |= {path: specs(Labels)[name] for path, name in MORE_LABELS.items() if getattr(labels, name) is not None}
@@ -157,7 +161,7 @@ def _list_pointing_specs() -> list[ArraySpec]:
 
 
 def get_setting_unit(name: str) -> str:
-    """Return the unit that a setting's suffix names, in UDUNITS; 1 where it names none.
+    """Return the unit that the suffix of a setting names, as UDUNITS writes it; 1 where it names none.
 
     >>> [get_setting_unit(name) for name in ("focal_length_m", "max_rate_rad_s", "gain")]
     ['m', 'rad s-1', '1']
@@ -168,7 +172,7 @@ def get_setting_unit(name: str) -> str:
 
 
 def collect_values(frame: Frame) -> dict[str, Any]:
-    """Return what a frame puts into each dataset, by path, in the file's dtypes (time last)."""
+    """Collect the values that a frame puts into each dataset, by path, /time last."""
     from scipy.spatial.transform import Rotation
 
     observation, truth = frame.observation, frame.truth
@@ -204,7 +208,7 @@ def collect_values(frame: Frame) -> dict[str, Any]:
 
 
 def compute_lidar_poses(tree: PoseTree) -> dict[str, np.ndarray]:
-    """Return the matrix (4, 4) of lidar_from_<name> for every node, by name, in the tree's order.
+    """Compute the matrix (4, 4) of lidar_from_<name> for every node, by name, in the order of the tree.
 
     The tree is walked once, outward from the lidar, so that each pose is composed along the shortest path.
     """
@@ -236,5 +240,5 @@ def compute_lidar_poses(tree: PoseTree) -> dict[str, np.ndarray]:
 
 
 def get_parents(frame: Frame) -> dict[str, str]:
-    """Return the parent of every node of a frame's tree of axes."""
+    """Return the parent of every node of a frame's pose tree."""
     return {name: frame.truth.poses.parent(name) for name in frame.truth.poses}

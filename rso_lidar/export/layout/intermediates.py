@@ -1,7 +1,7 @@
-"""Records of the walk that a recording keeps where asked for: waveforms, photon images and oversampled images.
+"""Intermediate records that a recording keeps on request: waveforms, photon images and oversampled images.
 
-A recording has arrays of one shape for all frames, so traces are laid over the focal plane, NaN where a pixel has none,
-and of photons only their sum in each pixel is kept. Rays and hits have no such shape and cannot be recorded.
+All frames of a recording have arrays of one shape. Traces are therefore stored on the focal plane, with NaN in pixels
+without a trace, and photons are summed in each pixel. Rays and hits have no fixed shape and cannot be recorded.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rso_lidar.records import ArraySpec, Oversampled, Photons, Record, Waveforms
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PhotonImage(Record):
-    """What a recording keeps of `Photons`: their sum in each pixel."""
+    """Sum of the `Photons` in each pixel."""
 
     photons: np.ndarray = array(
         "row col", "f4", "1", "expected photons on each pixel, after the optics, before the APD"
@@ -40,7 +40,7 @@ _DIMS = {"trace": ("row", "col")}  # where a trace stands in the file
 
 
 def check_kept(names: Iterable[str]) -> None:
-    """Refuse names of records that a recording cannot keep."""
+    """Raise a `RecordingError` for names of records that a recording cannot keep."""
     for name in names:
         if name not in RECORDS:
             guess = did_you_mean(name, RECORDS)
@@ -48,7 +48,7 @@ def check_kept(names: Iterable[str]) -> None:
 
 
 def list_arrays(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
-    """Return what each array is that a recording makes of kept records, by path."""
+    """List the arrays that a recording makes of kept records, by path."""
     found = {}
     for group, record in _select_recordable(kept).items():
         for path, name in FIELDS[group].items():
@@ -60,7 +60,7 @@ def list_arrays(kept: Mapping[str, Record]) -> dict[str, ArraySpec]:
 
 
 def collect_arrays(kept: Mapping[str, Record], shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Return the arrays that a recording makes of the kept records of a frame of `shape` (row, col), by path."""
+    """Collect the arrays of the kept records of a frame of `shape` (row, col), by path."""
     found: dict[str, np.ndarray] = {}
     for group, record in _select_recordable(kept).items():
         if isinstance(record, Waveforms):
@@ -85,7 +85,14 @@ def get_constants(kept: Mapping[str, Record]) -> dict[str, dict[str, float]]:
 
 
 def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Mapping[str, float]) -> Record:
-    """Return a kept record made of its arrays in a recording, by name."""
+    """Restore a kept record from its arrays in a recording.
+
+    Parameters
+    ----------
+    group : name of the record.
+    entries : arrays of one frame, by name in the record.
+    constants : numbers that hold for all frames, by name.
+    """
     if group != "waveforms":
         return RECORDS[group](**entries)
     start_s = entries["start_s"]
@@ -97,7 +104,7 @@ def restore_record(group: str, entries: Mapping[str, np.ndarray], constants: Map
 
 
 def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
-    """Return what each trace has, laid over the focal plane: (row, col, …), NaN where a pixel has no trace."""
+    """Spread the values of traces over the focal plane (row, col, …), with NaN in pixels without a trace."""
     rows, cols = waveforms.shape
     laid = np.full((rows * cols, *values.shape[1:]), np.nan, dtype=values.dtype)
     laid[waveforms.pixel] = values
@@ -105,7 +112,7 @@ def _spread_traces(waveforms: Waveforms, values: np.ndarray) -> np.ndarray:
 
 
 def _select_recordable(kept: Mapping[str, Record]) -> dict[str, Record]:
-    """Return the kept records as a recording takes them, or say which it takes."""
+    """Return the kept records in the form that a recording takes; raise a `RecordingError` for any other record."""
     found = {}
     for group, record in kept.items():
         taken = _sum_photons(record) if isinstance(record, Photons) else record

@@ -1,4 +1,4 @@
-"""The targets of a recording as tables, for files, and back."""
+"""Tables of the targets of a recording, as JSON holds them, and the targets read back from such tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rso_lidar.records import TargetEntry
 
 
 def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
-    """Return each target as a table of what JSON can say."""
+    """Return each target as a table that JSON can hold."""
     return [
         {field.name: getattr(one, field.name) for field in dataclasses.fields(one)}
         | {"taxonomy": one.taxonomy.model_dump() if one.taxonomy else None}
@@ -20,7 +20,7 @@ def tabulate_targets(targets: Iterable[TargetEntry]) -> list[dict[str, Any]]:
 
 
 def read_targets(told: Iterable[Mapping[str, Any]]) -> tuple[TargetEntry, ...]:
-    """Return the targets that a file holds as tables; files from before taxonomies have none."""
+    """Return the targets that a file holds as tables; files older than taxonomies have no taxonomy."""
     return tuple(
         TargetEntry(
             **{

@@ -1,1 +1,1 @@
-"""Recordings read back from HDF5 and Zarr: frames one by one, and arrays of which only what is asked for is read."""
+"""Recordings read back from HDF5 and Zarr, frame by frame or array by array."""

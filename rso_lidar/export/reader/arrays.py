@@ -1,4 +1,4 @@
-"""Arrays of a recording that read only what is asked of them."""
+"""Arrays of a recording that read only the frames that are indexed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from rso_lidar.export.reader.recording_file import RecordingFile
 
 
 class StoredArray:
-    """One dataset of a recording, indexed like a numpy array whose first axis is time; only those frames are read."""
+    """One dataset of a recording, indexed like a NumPy array whose first axis is time.
+
+    Only the frames that are indexed are read.
+    """
 
     def __init__(self, recording: RecordingFile, path: str, dtype: Any = None) -> None:
         self._recording, self._path = recording, path
@@ -22,7 +25,7 @@ class StoredArray:
 
     @property
     def attrs(self) -> Mapping[str, Any]:
-        """Return its attributes in the file, such as ``units`` and ``long_name``."""
+        """Attributes in the file, such as ``units`` and ``long_name``."""
         with self._recording.watched(self._path):
             return dict(self._recording.handle(self._path).attrs)
 

@@ -1,4 +1,4 @@
-"""HDF5 files opened for reading, with a one-line error where that fails, and the reasons of failed writes."""
+"""HDF5 files opened for reading, with one-line errors, and the reasons of failed writes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,18 @@ _READ_ATTEMPTS = 25
 
 
 def open_hdf5(path: Path, *, swmr: bool) -> Any:
-    """Return the h5py file, or say in one line why it is none."""
+    """Open an HDF5 file for reading.
+
+    Parameters
+    ----------
+    path : of the file.
+    swmr : whether a writer may be extending it.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, is not HDF5, is cut short or damaged.
+    """
     import h5py
 
     try:
@@ -54,7 +65,7 @@ def open_hdf5(path: Path, *, swmr: bool) -> Any:
 
 
 def _open_growing(path: Path) -> Any:
-    """Open a file that a writer may be extending, with a limit on how long HDF5 waits for metadata to become whole."""
+    """Open a file that a writer may be extending, with a limit on the wait for complete metadata."""
     import h5py
 
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
@@ -65,7 +76,7 @@ def _open_growing(path: Path) -> Any:
 
 
 def _limit_read_attempts(access: Any) -> None:
-    """Set H5Pset_metadata_read_attempts, which h5py does not offer, in a file access property list of h5py.
+    """Call H5Pset_metadata_read_attempts, which h5py does not offer, on a file access property list of h5py.
 
     Where the function is not found, HDF5's own limit remains.
     """
@@ -81,17 +92,17 @@ def _limit_read_attempts(access: Any) -> None:
 
 
 def read_superblock(file: Any) -> bytes:
-    """Return the first bytes of an h5py file as they stand on the disk; none where the system cannot (Windows)."""
+    """Read the first bytes of an open h5py file from the disk; return none where the system cannot (Windows)."""
     return os.pread(file.id.get_vfd_handle(), SUPERBLOCK_BYTES, 0) if hasattr(os, "pread") else b""
 
 
 def get_end_of_file(superblock: bytes) -> int:
-    """Return where a file ends by its superblock (of version 2 or 3) [bytes]; 0 where there is none."""
+    """Return the end of the file [bytes] that a superblock (version 2 or 3) states; 0 without a superblock."""
     return int.from_bytes(superblock[28:36], "little")
 
 
 def get_errno(error: BaseException) -> int | None:
-    """Return the system's number of an error; HDF5's report holds it in words."""
+    """Return the errno of an error, which HDF5 reports as text only; None where there is none."""
     number: int | None = getattr(error, "errno", None)
     if number is None and (found := re.search(r"errno = (\d+)", str(error))):
         number = int(found[1])
@@ -99,13 +110,13 @@ def get_errno(error: BaseException) -> int | None:
 
 
 def describe_failure(error: BaseException) -> str:
-    """Return why a write failed, in the system's words where it has a number."""
+    """Describe why a write failed, in the words of the operating system where it gave an errno."""
     number = get_errno(error)
     return os.strerror(number) if number else " ".join(str(error).split())[:200]
 
 
 def _suggest_name(path: Path) -> str:
-    """Return a hint at an unfinished recording of that name, or at the nearest name in the folder."""
+    """Suggest an unfinished recording of that name, or the closest name in the folder."""
     if not path.parent.is_dir():
         return f"; there is no folder {path.parent} either"
     names = sorted(entry.name for entry in path.parent.iterdir())

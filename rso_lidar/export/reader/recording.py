@@ -1,4 +1,4 @@
-"""A recording read back, from HDF5 or Zarr: frames one by one, and arrays of which only what is asked for is read."""
+"""Recordings read back from HDF5 or Zarr, frame by frame or array by array."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _READ_AT_ONCE = 128  # frames of small vectors, which are kept until another one
 class Recording(RecordingFile, Sequence[Frame]):
     """A recording: a sequence of frames, and arrays (time, row, col) that are read piece by piece.
 
-    A temporary file, of a run that goes on or was killed, is read like a finished one, as far as it had come when it
-    was opened; `complete` is False then.
+    The temporary file of a running or killed simulation can be read like a finished recording. It has the frames that
+    were complete when it was opened, and `complete` is False.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -61,63 +61,63 @@ class Recording(RecordingFile, Sequence[Frame]):
 
     @property
     def range_m(self) -> StoredArray:
-        """Return the measured ranges (time, row, col) [m], NaN where nothing came back."""
+        """Measured ranges (time, row, col) [m], NaN where nothing came back."""
         return StoredArray(self, "range")
 
     @property
     def intensity_counts(self) -> StoredArray:
-        """Return the measured intensities (time, row, col) [counts], 0 where nothing came back."""
+        """Measured intensities (time, row, col) [counts], 0 where nothing came back."""
         return StoredArray(self, "intensity")
 
     @property
     def saturated(self) -> StoredArray:
-        """Return where the intensity clipped (time, row, col), as bool."""
+        """Whether the intensity clipped (time, row, col), as bool."""
         return StoredArray(self, "saturated", bool)
 
     @property
     def time_s(self) -> StoredArray:
-        """Return the instants of emission (time) [s since start_utc]."""
+        """Times of emission (time) [s since start_utc]."""
         return StoredArray(self, "time")
 
     @property
     def frame_index(self) -> StoredArray:
-        """Return the number (time) of each frame in its scenario."""
+        """Number (time) of each frame in its scenario."""
         return StoredArray(self, "frame_index")
 
     @property
     def labels(self) -> SimpleNamespace:
-        """Return what was there, by name: ``recording.labels.target[10:20]``, (time, row, col)."""
+        """True values by name, each (time, row, col): ``recording.labels.target[10:20]``."""
         return self._named(LABELS | MORE_LABELS)
 
     @property
     def returns(self) -> SimpleNamespace:
-        """Return what was measured of all returns of a pixel, as range_m and intensity_counts (time, row, col, return)."""
+        """All measured returns of a pixel: range_m and intensity_counts (time, row, col, return)."""
         self._need_kept("returns")
         return self._named({path: name.removeprefix("return_") for path, name in RETURNS.items()})
 
     @property
     def waveforms(self) -> SimpleNamespace:
-        """Return samples_counts (time, row, col, sample), start_s, latch_s, and the numbers sample_s, baseline_counts."""
+        """Kept waveforms: samples_counts (time, row, col, sample), start_s, latch_s, sample_s and baseline_counts."""
         return self._kept_arrays("waveforms")
 
     @property
     def photons(self) -> SimpleNamespace:
-        """Return the photon images (time, row, col): photons, and background_photons_per_s where there is background."""
+        """Kept photon images (time, row, col): photons, and background_photons_per_s where there is background."""
         return self._kept_arrays("photons")
 
     @property
     def oversampled(self) -> SimpleNamespace:
-        """Return the images on the grid of rays (time, fine_row, fine_col): range_m and photons."""
+        """Kept images on the grid of rays (time, fine_row, fine_col): range_m and photons."""
         return self._kept_arrays("oversampled")
 
     @property
     def lens(self) -> StoredArray:
-        """Return which of the lines of sight each frame (time) was seen along, where the lens changes."""
+        """Number of the line of sight of each frame (time), where the lens changes."""
         return StoredArray(self, "lens")
 
     @property
     def line_of_sight(self) -> np.ndarray:
-        """Return unit vectors (row, col, xyz) in lidar axes; where the lens changes (lens_number, row, col, xyz)."""
+        """Unit vectors (row, col, xyz) in lidar axes; (lens_number, row, col, xyz) where the lens changes."""
         if not self.changes_lens:
             return self._sight_of(0)
         lenses = self.lens[:]
@@ -132,7 +132,7 @@ class Recording(RecordingFile, Sequence[Frame]):
     # ------------------------------------------------------------------------------------------------------ the inside
 
     def _row(self, path: str, k: int) -> np.ndarray:
-        """Return one entry of a dataset of small vectors, which are read many frames at a time."""
+        """Return one entry of a dataset of small vectors; many frames are read at once."""
         low = k - k % _READ_AT_ONCE
         have = self._rows.get(path)
         if have is None or have[0] != low:

@@ -1,4 +1,4 @@
-"""An open recording, from HDF5 or Zarr: checked when it is opened, its datasets by path."""
+"""An open recording file, HDF5 or Zarr, with its structure checked and its datasets by path."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from rso_lidar.records import SCHEMA_VERSION, Source
 
 
 class RecordingFile:
-    """An open recording: what holds for all frames, and its datasets, each at least as long as /time.
+    """An open recording file: what holds for all frames, and datasets that are at least as long as /time.
 
-    `complete` is False for a temporary file, of a run that goes on or was killed; it is read as far as it had come when
-    it was opened.
+    `complete` is False for the temporary file of a running or killed simulation. Such a file has the frames that were
+    complete when it was opened.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -45,7 +45,7 @@ class RecordingFile:
         return self._count
 
     def place(self, k: Any) -> int:
-        """Return the place of frame k, counted from the end where k is negative."""
+        """Return the index of frame k, counted from the end where k is negative."""
         place = operator.index(k)
         if not -len(self) <= place < len(self):
             raise IndexError(f"{self.path}: there is no frame {place}; it has {len(self)}")
@@ -53,11 +53,11 @@ class RecordingFile:
 
     @property
     def changes_lens(self) -> bool:
-        """Return whether the recording has a line of sight for each of several lenses."""
+        """Whether the recording has lines of sight of several lenses."""
         return "lens" in self._datasets
 
     def handle(self, path: str) -> Any:
-        """Return the h5py dataset (of a Zarr store the array) at a path; what it raises is its library's."""
+        """Return the h5py dataset or Zarr array at a path; errors of its library pass through."""
         if not self._file:
             raise RecordingError(f"{self.path}: is closed; open it again")
         if path not in self._datasets:
@@ -65,7 +65,7 @@ class RecordingFile:
         return self._datasets[path]
 
     def read(self, path: str, key: Any) -> Any:
-        """Return what an index selects of a dataset; damage there is an error that names the dataset."""
+        """Read what an index selects of a dataset; an error names the damaged dataset."""
         with self.watched(path):
             return self.handle(path)[key]
 
@@ -83,7 +83,7 @@ class RecordingFile:
 
     @contextlib.contextmanager
     def watched(self, what: str = "") -> Iterator[None]:
-        """Turn what h5py raises over a damaged file into a `RecordingError`; `what` names the dataset that is read."""
+        """Turn errors of h5py over a damaged file into a `RecordingError` that names the dataset `what`."""
         place = f"{self.path}: {what}" if what else f"{self.path}"
         try:
             yield
@@ -96,7 +96,7 @@ class RecordingFile:
     # ------------------------------------------------------------------------------------------------------ the inside
 
     def _check(self) -> None:
-        """Read what is not per frame, and make sure that all else is there."""
+        """Read what holds for all frames, and check that all datasets exist and are long enough."""
         attributes = self._file.attrs
         if "schema_version" not in attributes or "rso_lidar_version" not in attributes:
             raise RecordingError(f"{self.path}: holds arrays but is no recording of rso_lidar; give one made by `run`")
@@ -161,7 +161,7 @@ class RecordingFile:
         )
 
     def _sight_of(self, number: int) -> np.ndarray:
-        """Return the line of sight (row, col, xyz) through one of the lenses."""
+        """Return the line of sight (row, col, xyz) of one lens."""
         if self._sight is None or self._sight[0] != number:
             with self.watched("line_of_sight"):
                 tables = self._file["line_of_sight"]
@@ -170,12 +170,12 @@ class RecordingFile:
 
 
 def _extract_between(start: str, text: str, end: str) -> str:
-    """Return what stands between a start and an end of a text, nothing where it has others."""
+    """Return the text between a prefix and a suffix, or an empty text where either is missing."""
     return text[len(start) : -len(end)] if text.startswith(start) and text.endswith(end) else ""
 
 
 def _check_index(number: int, count: int) -> int:
-    """Return a number of a table once it is sure that there is one."""
+    """Return the number of a table; raise an `IndexError` where there is no such table."""
     if not 0 <= number < count:
         raise IndexError(f"no line of sight {number} among {count}")
     return number

@@ -1,4 +1,4 @@
-"""A recording seen from beside while a run writes it: how far it has come, and whether anybody still writes."""
+"""Status of a recording that a run is writing: how many frames it has, and whether the run is alive."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _LOCK = re.compile(r"^\.(.+)\.lock$")
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """How far a recording has come: `frames` are whole, the last of them taken at `time_s` (None before the first).
+    """Status of a recording: `frames` are complete, the last one emitted at `time_s` (None before the first).
 
-    `output` is its name when complete, `file` the one that holds the frames now. `running` says that a process writes it
-    (or, on systems that cannot tell, that one may); `complete` that it has its name. `source` is None before the first
-    frame, or where a writer was just at work in the file.
+    `output` is the final name, and `file` holds the frames now. `running` says whether a process writes it, or may
+    write it on systems that cannot tell. `complete` says whether the file has its final name. `source` is None before
+    the first frame, or where the writer was changing the file.
     """
 
     output: Path
@@ -34,9 +34,9 @@ class RecordingStatus:
 
 
 def read_status(path: Path) -> RecordingStatus:
-    """Return how far the recording of that name has come; `path` may be its temporary name too.
+    """Read the status of the recording of that name; `path` may be its temporary name too.
 
-    A run under way counts more than an older recording that it is to replace.
+    A running simulation takes precedence over an older recording that it will replace.
     """
     output = path.with_name(TEMPORARY.sub("", path.name))
     named = None if path.name == output.name else path.name

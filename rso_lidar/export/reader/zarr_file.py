@@ -1,4 +1,4 @@
-"""Zarr stores opened for reading, as `Recording` reads an HDF5 file: the names, dtypes and attributes are the same."""
+"""Zarr stores opened for reading, with the interface of an h5py file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _CRC = "metadata_crc32"  # attribute of the group /truth
 
 
 class ZarrFile:
-    """A Zarr store that answers like an open h5py file: arrays and groups by path, attributes, and `close`."""
+    """A Zarr store with the interface of an open h5py file: arrays and groups by path, attributes, and `close`."""
 
     def __init__(self, root: Any) -> None:
         self._root: Any = root
 
     @property
     def attrs(self) -> Any:
-        """Return the attributes of the root."""
+        """Attributes of the root."""
         return self._root.attrs
 
     def __contains__(self, path: str) -> bool:
@@ -35,12 +35,12 @@ class ZarrFile:
         return self._root is not None
 
     def close(self) -> None:
-        """Let go of the store."""
+        """Release the store."""
         self._root = None
 
 
 def open_zarr(path: Path) -> ZarrFile:
-    """Return the store, or say in one line why it is none."""
+    """Open a Zarr store; raise a `RecordingError` where it is missing, damaged or incomplete."""
     if not path.exists():
         raise RecordingError(f"{path}: there is no such folder; export one with `--to {path.name}`")
     if not (path / "zarr.json").is_file():
@@ -64,7 +64,7 @@ def open_zarr(path: Path) -> ZarrFile:
 
 
 def add_metadata_crc32(folder: Path) -> None:
-    """Write a CRC-32 of the consolidated metadata of a store, which stand in its zarr.json, into that file."""
+    """Write the CRC-32 of the consolidated metadata of a store into its zarr.json."""
     file = folder / "zarr.json"
     metadata = json.loads(file.read_text(encoding="utf-8"))
     _get_truth_attributes(metadata)[_CRC] = _compute_crc32(metadata)
@@ -72,7 +72,7 @@ def add_metadata_crc32(folder: Path) -> None:
 
 
 def _check_metadata(path: Path) -> None:
-    """Refuse a store whose metadata differ from their checksum; an older store has none."""
+    """Raise a `ValueError` where the metadata of a store differ from their checksum; older stores have none."""
     metadata = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
     if "consolidated_metadata" in metadata:
         stated = _get_truth_attributes(metadata).pop(_CRC, None)
@@ -91,7 +91,7 @@ def _compute_crc32(metadata: dict[str, Any]) -> int:
 
 
 def _check_chunks(path: Path, name: str, array: Any) -> None:
-    """Refuse an array of which a chunk is not there: it would read as absence, which is something else."""
+    """Raise a `RecordingError` where a chunk of an array is missing: Zarr would read it as fill values."""
     held = array.shards or array.chunks
     wanted = math.prod(-(-side // chunk) for side, chunk in zip(array.shape, held, strict=True))
     there = sum(1 for file in (path / name / "c").rglob("*") if file.is_file()) if array.shape else wanted

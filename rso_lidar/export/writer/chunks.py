@@ -1,4 +1,4 @@
-"""Chunks of an HDF5 recording, encoded as HDF5's filters would, and appended to its datasets frame by frame."""
+"""Chunks of an HDF5 recording: encoded like HDF5's filters do, and appended frame by frame."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from rso_lidar.kernels import kernel, packed
 
 
 class ChunkWriter:
-    """The datasets of an open HDF5 file that grow by one chunk a frame.
+    """The datasets of an open HDF5 file that grow by one chunk per frame.
 
-    Chunks are encoded here and written as they are. HDF5's own filters would make the same bytes, at several times the cost.
+    Chunks are encoded here and written directly. HDF5's own filters would store the same data at several times the
+    cost.
 
     Parameters
     ----------
@@ -36,12 +37,12 @@ class ChunkWriter:
         self._out = np.empty(bound_stream(largest) + CHECKSUM_BYTES, np.uint8)
 
     def append(self, entries: Mapping[str, np.ndarray], place: int) -> None:
-        """Write one frame and flush it, /time last: a frame whose instant is there is whole.
+        """Write one frame and flush it, /time last: a frame is complete once its time is in the file.
 
         Parameters
         ----------
         entries : by path, each contiguous and in the dtype of its dataset.
-        place : of the frame on the first axis.
+        place : index of the frame on the first axis.
         """
         for path in self._images:
             self._append(path, self._encode_image(entries[path]), place)
@@ -59,14 +60,14 @@ class ChunkWriter:
         dataset.write_direct_chunk((place, *corner), chunk)
 
     def _encode_image(self, entry: np.ndarray) -> np.ndarray:
-        """Encode an image behind the filters shuffle, gzip and fletcher32; the chunk holds until the next call."""
+        """Encode an image with the filters shuffle, gzip and fletcher32; the chunk is valid until the next call."""
         data = packed(entry.reshape(-1).view(np.uint8))
         words = data[: len(data) // 8 * 8].view(np.uint64)
         length = deflate_planes(data, words, entry.itemsize, self._changes, self._tokens, self._out)
         return self._out[: append_fletcher32(self._out, 0, length)]
 
     def _encode_small(self, entries: Mapping[str, np.ndarray]) -> dict[str, memoryview]:
-        """Encode all that is no image behind the filter fletcher32 alone."""
+        """Encode all entries that are not images with the filter fletcher32."""
         room = bytes(CHECKSUM_BYTES)
         data = bytearray(room.join([*(entries[path].tobytes() for path in self._small), b""]))
         write_checksums(np.frombuffer(data, np.uint8), self._small_ends)
@@ -76,7 +77,7 @@ class ChunkWriter:
 
 @kernel
 def write_checksums(data: np.ndarray, ends: np.ndarray) -> None:
-    """Write the checksum of each chunk into its last bytes; chunks lie one behind the other, up to `ends` [bytes]."""
+    """Write the checksum of each chunk into its last bytes; the chunks are adjacent and end at `ends` [bytes]."""
     start = 0
     for end in ends:
         append_fletcher32(data, start, end - CHECKSUM_BYTES)

@@ -1,10 +1,10 @@
-"""DEFLATE for images that are mostly empty: runs of equal bytes, found pixel by pixel and written with Huffman codes.
+"""DEFLATE compression of images that are mostly empty: runs of equal bytes with Huffman codes.
 
-HDF5 stores a chunk behind its filters shuffle and gzip: first the first bytes of all pixels, then their second bytes, and
-so on, as a zlib stream (RFC 1950, RFC 1951). zlib with the strategy for runs makes the same stream, and looks at every byte
-for it. Here each pixel is compared with the one before, eight bytes at a time, and only pixels that differ are looked at.
+HDF5's filters shuffle and gzip store the first bytes of all pixels, then their second bytes, and so on, as a zlib
+stream (RFC 1950, RFC 1951). zlib with its run-length strategy makes an equivalent stream, but inspects every byte.
+These kernels compare each pixel with the previous one, eight bytes at a time, and inspect only pixels that differ.
 
-Kernels take ``int(CONSTANT)`` where they call others: numba compiles a function anew for each constant that it is given.
+Calls between kernels pass ``int(CONSTANT)``, because numba compiles a separate function for each literal argument.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ _TOKEN_BITS = np.append(np.zeros(_MATCH, int), _LENGTH_BITS[_kind] + 1)  # one m
 
 
 def bound_stream(count: int) -> int:
-    """Return how many bytes a stream of so many bytes may take: a code of 15 bits is longer than any block needs."""
+    """Return an upper bound of the length of a stream [bytes]: no code is longer than 15 bits."""
     return 2 * count + 1000
 
 
 @kernel
 def find_changes(data: np.ndarray, words: np.ndarray, size: int, changes: np.ndarray) -> int:
-    """Find the items that differ from the one before, and the first.
+    """Find the items that differ from the previous one; the first item counts as a change.
 
     Parameters
     ----------
     data : bytes (byte) of the items.
-    words : the same memory as 64-bit words, as far as those go; `size` divides 8 where there are any.
-    size : bytes of an item.
-    changes : filled with the numbers of the items found (item).
+    words : the complete 64-bit words of the same memory.
+    size : bytes of an item; it divides 8.
+    changes : receives the indices of the items found (item).
 
     Returns
     -------
     int
-        How many were found.
+        Number of items found.
     """
     count, per_word = len(data) // size, 8 // size
     found, item, is_even = 0, 0, False
@@ -92,15 +92,15 @@ def find_changes(data: np.ndarray, words: np.ndarray, size: int, changes: np.nda
 def split_into_tokens(
     data: np.ndarray, size: int, changes: np.ndarray, tokens: np.ndarray, plane_ends: np.ndarray
 ) -> tuple[int, int]:
-    """Write the byte planes of items as literals and matches of the byte before.
+    """Write the byte planes of items as literals and matches of the previous byte.
 
     Parameters
     ----------
     data : bytes (byte) of the items.
     size : bytes of an item, and number of planes.
-    changes : numbers (change) of the items that differ from the one before.
-    tokens : filled with literals below 256, and with `_MATCH` + length.
-    plane_ends : filled with the number of tokens at the end of each plane (size).
+    changes : indices (change) of the items that differ from the previous one.
+    tokens : receives literals below 256, and `_MATCH` + length for matches.
+    plane_ends : receives the number of tokens at the end of each plane (size).
 
     Returns
     -------
@@ -133,7 +133,7 @@ def split_into_tokens(
 
 @kernel
 def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
-    """Write `run` more bytes of a value; return the number of tokens."""
+    """Write `run` more bytes of a value as matches and literals; return the number of tokens."""
     while run >= _SHORTEST_MATCH:
         length = min(run, _LONGEST_MATCH)
         tokens[found] = _MATCH + length
@@ -147,10 +147,17 @@ def _end_run(tokens: np.ndarray, found: int, value: int, run: int) -> int:
 
 @kernel
 def find_codes(frequencies: np.ndarray, longest: int, lengths: np.ndarray, codes: np.ndarray) -> None:
-    """Find the lengths of Huffman codes [bits], 0 for symbols that do not occur; at least two must.
+    """Find Huffman codes of limited length.
 
-    A. Moffat, J. Katajainen, "In-place calculation of minimum-redundancy codes", WADS 1995. Codes that would be longer than
-    `longest` are shortened, and the sum of Kraft is restored by lengthening shorter ones.
+    Method: A. Moffat, J. Katajainen, "In-place calculation of minimum-redundancy codes", WADS 1995. Codes longer than
+    the limit are shortened, and shorter ones are lengthened until the Kraft sum is 1.
+
+    Parameters
+    ----------
+    frequencies : of the symbols (symbol), at least two of them above 0.
+    longest : greatest length of a code [bits].
+    lengths : receives the lengths of the codes (symbol) [bits], 0 for symbols that do not occur.
+    codes : receives the codes (symbol), first bit lowest.
     """
     symbols = np.empty(len(frequencies), np.int64)
     n = 0
@@ -219,7 +226,15 @@ def find_codes(frequencies: np.ndarray, longest: int, lengths: np.ndarray, codes
 
 @kernel
 def _put(out: np.ndarray, state: np.ndarray, value: int, width: int) -> None:
-    """Append bits of a value, lowest first; the state is the next byte's place, bits that wait, and their number."""
+    """Append bits of a value, lowest first.
+
+    Parameters
+    ----------
+    out : receives the bytes.
+    state : place of the next byte, pending bits, and their number.
+    value : non-negative, with `width` bits.
+    width : number of bits.
+    """
     place, waiting, bits = state[0], state[1] | value << state[2], state[2] + width
     while bits >= 8:
         out[place] = waiting & 0xFF
@@ -229,7 +244,15 @@ def _put(out: np.ndarray, state: np.ndarray, value: int, width: int) -> None:
 
 @kernel
 def put_block(out: np.ndarray, state: np.ndarray, tokens: np.ndarray, head: int) -> None:
-    """Append tokens as one block with Huffman codes of its own (RFC 1951, sec. 3.2.7)."""
+    """Append tokens as one block with its own Huffman codes (RFC 1951, sec. 3.2.7).
+
+    Parameters
+    ----------
+    out : receives the bytes.
+    state : place of the next byte, pending bits, and their number.
+    tokens : literals and matches (token).
+    head : first three bits of the block: whether it is the last, and its type.
+    """
     lengths, codes = np.zeros(_SYMBOLS + 1, np.int64), np.zeros(_SYMBOLS + 1, np.int64)
     frequencies = np.zeros(_SYMBOLS, np.int64)
     frequencies[_END] = 1
@@ -287,11 +310,11 @@ def deflate_planes(
     Parameters
     ----------
     data : bytes (byte) of the items, one or more.
-    words : the same memory as 64-bit words, as far as those go; none unless `size` divides 8.
-    size : bytes of an item.
+    words : the complete 64-bit words of the same memory.
+    size : bytes of an item; it divides 8.
     changes : scratch space (item).
     tokens : scratch space (byte).
-    out : filled with the stream; `bound_stream` says how long it may be.
+    out : receives the stream; `bound_stream` bounds its length.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Where an export of many files goes: folders that are free, and that are written whole or not at all."""
+"""Folders of exports with many files: checked before the work, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OURS = re.compile(
 
 @contextmanager
 def _reporting_access(place: Path) -> Iterator[None]:
-    """Say in one line why a path cannot even be looked at."""
+    """Turn an error of access to a path into a one-line `RecordingError`."""
     try:
         yield
     except OSError as error:
@@ -31,7 +31,7 @@ def _reporting_access(place: Path) -> Iterator[None]:
 
 
 def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Return the path once it is sure that it names a folder that may be made, or is empty, or is an older export."""
+    """Return the path if an export may be written there: it does not exist, is empty, or is an older export."""
     place = Path(path)
     if not place.name or place.name == "..":
         raise RecordingError(f"{place}: cannot be replaced; name a folder in it")
@@ -51,9 +51,9 @@ def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
 
 @contextmanager
 def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Iterator[Path]:
-    """Return, as a context, a new folder to write into; it takes its name when all went well.
+    """Yield a new folder to write into, which takes the final name on success.
 
-    Of an older export that is overwritten, nothing is touched before the new one is whole.
+    An older export that is overwritten stays untouched until the new one is complete.
     """
     place = Path(path)
     held = ExitStack()
@@ -91,7 +91,7 @@ def draft_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> It
 
 
 def _make_folder(place: Path, what: str) -> Path:
-    """Return an empty folder that was not there before, beside `place`."""
+    """Make an empty folder with a new name beside `place`."""
     for number in itertools.count():
         draft = place.with_name(f"{place.name}.{what}{number or ''}")
         try:
@@ -103,7 +103,7 @@ def _make_folder(place: Path, what: str) -> Path:
 
 
 def _find_foreign(place: Path) -> str:
-    """Return what in a folder we did not write, such as a file's name; nothing where all of it is an export."""
+    """Return the name of an entry that no export wrote, or an empty text where all entries belong to one."""
     if not any((place / name).is_file() and MARK in (place / name).read_text(errors="replace") for name in MARKS):
         return next(entry.name for entry in sorted(place.iterdir()))
     others = (entry for entry in sorted(place.iterdir()) if not _OURS.fullmatch(entry.name))

@@ -1,4 +1,4 @@
-"""Frames as they come to a writer: at least one, all alike, and in batches of arrays where a format wants those."""
+"""Frames on their way into a file: at least one, all with the same arrays."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rso_lidar.records import Frame
 
 
 def take_first(place: Path, frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
-    """Return the first of some frames, and all of them from the first on; none at all is refused.
+    """Return the first frame, and an iterator over all frames; raise a `RecordingError` if there is none.
 
     Parameters
     ----------
-    place : what is being written, for messages.
-    frames : taken one by one.
+    place : output, for messages.
+    frames : consumed one by one.
     """
     coming = iter(frames)
     first = next(coming, None)
@@ -37,7 +37,15 @@ def _check_frame(place: Path, found: object) -> Frame:
 
 
 def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[str, Variable]) -> dict[str, np.ndarray]:
-    """Return what a frame puts into each variable, by path, once it is sure that it fits beside the first frame."""
+    """Return the entry of each variable, by path, after checking that a frame matches the first one.
+
+    Parameters
+    ----------
+    place : output, for messages.
+    frame : to be written.
+    first : first frame of the output.
+    variables : of the output, by path.
+    """
     where = f"{place}: frame {frame.index}"
     if frame is not first and get_parents(frame) != get_parents(first):
         raise RecordingError(f"{where}: its tree of axes differs from the first frame's; write it to another file")
@@ -59,12 +67,12 @@ def match_entries(place: Path, frame: Frame, first: Frame, variables: Mapping[st
 
 
 def count_frame_bytes(variables: Mapping[str, Variable]) -> int:
-    """Return how many bytes the arrays of one frame take."""
+    """Return the size of the arrays of one frame [bytes]."""
     return sum(variable.frame_bytes for variable in variables.values())
 
 
 def to_json(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes as JSON takes them."""
+    """Convert attributes to types that JSON holds."""
     return {
         name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for name, value in attributes.items()

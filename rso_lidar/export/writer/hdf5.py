@@ -1,4 +1,4 @@
-"""The default format: a whole recording as one HDF5 file, which `open` reads back as frames."""
+"""The default format: a complete recording as one HDF5 file, which `open` reads back as frames."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from rso_lidar.records import Frame
 
 
 def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of the recording after writing frames to it, one at a time as they come.
+    """Write frames to an HDF5 recording, one at a time, and return its path.
 
-    What the frames have is recorded: all returns of a pixel, kept waveforms, photons and oversampled images, a lens that
-    changes. A run that is cut off leaves a temporary file with all its whole frames.
+    Everything that the frames hold is recorded: all returns, kept records, and a lens that changes. An interrupted run
+    leaves a temporary file with all its complete frames.
+
+    Parameters
+    ----------
+    path : of the recording.
+    frames : written as they come.
+    overwrite : whether an older recording may be replaced.
     """
     output = check_output(path, overwrite=overwrite)
     coming = iter(frames)

@@ -1,7 +1,7 @@
-"""What stands where in an HDF5 recording: the file that waits for the datasets a frame fills.
+"""Layout of an HDF5 recording: an empty file with all datasets that a frame fills.
 
-Dimensions are HDF5 dimension scales and attributes follow CF 1.11, so that plain h5py, MATLAB, netCDF tools and xarray
-read the same names.
+Dimensions are HDF5 dimension scales and attributes follow CF 1.11. Plain h5py, MATLAB, netCDF tools and xarray
+therefore read the same names.
 """
 
 from __future__ import annotations
@@ -20,9 +20,14 @@ from rso_lidar.records import Frame, Observation, Source, specs
 
 
 def lay_out(file: Any, source: Source, frame: Frame, *, changing_lens: bool = False) -> dict[str, Variable]:
-    """Return the datasets by path after making them all in an empty h5py file, with attributes and dimension scales.
+    """Create all datasets of a recording in an empty h5py file, and return them by path.
 
-    With a lens that changes, the tables /line_of_sight grow too, and /lens says which of them holds for a frame.
+    Parameters
+    ----------
+    file : empty h5py file.
+    source : of the frames.
+    frame : any frame of the recording.
+    changing_lens : store a table of lines of sight that grows, and the number of each frame's in /lens.
     """
     found = list_variables(frame)
     more = list(list_optional(frame))
@@ -73,7 +78,7 @@ def _lay_out_line_of_sight(file: Any, frame: Frame, scales: dict[str, Any], chan
 
 
 def _make_own_scales(dataset: Any, variable: Variable, scales: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
+    """Create the scales of dimensions that only the dataset's group has, such as the samples of waveforms."""
     sizes = zip(variable.spec.dims, variable.shape, strict=True)
     group = dataset.parent
     return {

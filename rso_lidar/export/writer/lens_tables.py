@@ -1,4 +1,4 @@
-"""Lines of sight of a recording whose lens changes: each stored once, whenever it is in force."""
+"""Lines of sight of a recording whose lens changes, each stored once."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class LensNumbers:
         return len(self._known)
 
     def number(self, line_of_sight: np.ndarray) -> int:
-        """Return the number of a line of sight, the next free one where it is new."""
+        """Return the number of a line of sight, the next unused one if it is new."""
         if self._last is None or not is_same_memory(line_of_sight, self._last):
             table = np.ascontiguousarray(line_of_sight, dtype=float)
             digest = hashlib.sha256(table.tobytes()).digest()
@@ -30,14 +30,14 @@ class LensNumbers:
 
 
 class LensTables:
-    """The growing /line_of_sight (lens_number, row, col, xyz) of an h5py file, with the numbers that /lens refers to."""
+    """The growing /line_of_sight (lens_number, row, col, xyz) of an h5py file; /lens refers to its numbers."""
 
     def __init__(self, file: Any) -> None:
         self._tables, self._dimension = file["line_of_sight"], file["lens_number"]
         self._numbers = LensNumbers()
 
     def number(self, line_of_sight: np.ndarray) -> int:
-        """Return the number of a table, which is written if it is a new one."""
+        """Return the number of a line of sight, and write it to the file if it is new."""
         count = len(self._numbers)
         number = self._numbers.number(line_of_sight)
         if number == count:
@@ -51,5 +51,5 @@ class LensTables:
 
 
 def is_same_memory(a: np.ndarray, b: np.ndarray) -> bool:
-    """Return whether two arrays show the same memory in the same way, as the records of several frames do."""
+    """Return whether two arrays are views of the same memory with the same shape, strides and dtype."""
     return a is b or a.__array_interface__ == b.__array_interface__

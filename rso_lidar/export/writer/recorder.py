@@ -1,8 +1,8 @@
-"""Frames to an HDF5 file that a killed run, or a full disk, cannot spoil.
+"""HDF5 recordings that survive a killed run or a full disk.
 
-A recording grows under ``<name>.tmp-<id>`` in HDF5's single-writer-multiple-readers mode, flushed frame by frame with
-/time last, and gets its name at the end: a file without the temporary suffix is complete. Of 90 writers killed at
-random moments, plain HDF5 lost files or last frames; this way lost none.
+A recording grows under ``<name>.tmp-<id>`` in HDF5's single-writer-multiple-readers mode. Each frame is flushed with
+/time last. The file gets its final name at the end, so a file without the temporary suffix is complete. In a test with
+90 writers killed at random times, plain HDF5 lost files or last frames, and this method lost none.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _unclosable: list[Any] = []  # files that HDF5 could not even let go of: kept, f
 
 
 def run_id(source: Source, frames_text: str, version: str) -> str:
-    """Return eight hex digits that name a run: SHA-256 of resolved scenario, seed, chosen frames and version.
+    """Return eight hex digits that identify a run: SHA-256 of scenario, seed, chosen frames and version.
 
     Parameters
     ----------
-    source : what is flown.
-    frames_text : the choice of frames as the user wrote it, empty for all of them.
+    source : of the frames.
+    frames_text : choice of frames as the user wrote it, empty for all of them.
     version : of rso_lidar.
     """
     parts = (source.scenario, str(source.seed), frames_text, version)
@@ -51,7 +51,13 @@ def run_id(source: Source, frames_text: str, version: str) -> str:
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Check that a recording can be written at a path, and return the path; nothing is left behind."""
+    """Check that a recording can be written at a path, and return the path; nothing is left behind.
+
+    Raises
+    ------
+    RecordingError
+        If the path exists and `overwrite` is False, has another suffix, or cannot be written.
+    """
     output = check_writable(path, SUFFIXES, overwrite=overwrite)
     try:  # a long run follows: try what the rights of the folder only promise
         probe = output.with_name(f"{output.name}.tmp-{secrets.token_hex(4)}.probe")
@@ -63,13 +69,20 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
 
 
 class Recorder:
-    """Writes frames, one by one, to an HDF5 recording; a context manager.
+    """Context manager that writes frames, one by one, to an HDF5 recording.
 
-    A clean end gives the file its name. After an exception, and after a kill, the temporary file stays with all its
-    whole frames, and ``resume=True`` with the same `run_id` goes on from `written`. A failed write raises `RunError`.
+    At the end the file gets its final name. After an exception or a kill, the temporary file keeps all complete frames.
+    ``resume=True`` with the same `run_id` then continues after `written` frames. A failed write raises `RunError`.
 
-    A lens that changes needs ``changing_lens=True``: otherwise frames with another line of sight than the first's are
-    refused. None finds out, and copies what is written into a new file where the first such frame comes.
+    Parameters
+    ----------
+    path : of the recording.
+    source : of all frames.
+    run_id : identifies the run, see `run_id`.
+    overwrite : replace an older recording and an interrupted run.
+    resume : continue an interrupted run.
+    changing_lens : whether frames may differ in their line of sight. False refuses such frames. None accepts them, and
+        copies the recording to a new file at the first one.
     """
 
     def __init__(
@@ -107,7 +120,7 @@ class Recorder:
         return self
 
     def _look_at_old(self) -> None:
-        """Go on after the frames of a run that was cut off, or make sure that they may be thrown away."""
+        """Resume an interrupted run, or check that its frames may be discarded."""
         if self._resume:
             with Recording(self.temporary) as old:
                 if len(old):
@@ -145,7 +158,7 @@ class Recorder:
             self._lock.close()
 
     def write(self, frame: Frame) -> None:
-        """Add one frame; when this returns, a kill no longer loses it."""
+        """Write one frame; once this returns, a kill cannot lose the frame."""
         if self._file is None:
             self._start(frame, None)
         filled = self._checked(frame)
@@ -161,7 +174,7 @@ class Recorder:
     # ------------------------------------------------------------------------------------------------ first things
 
     def _start(self, first: Frame, old: Recording | None) -> None:
-        """Make the file with all that a frame can fill, copy an old one's frames, and let readers in."""
+        """Create the file with all its datasets, copy the frames of an interrupted run, and start SWMR mode."""
         import h5py
 
         self._first = first
@@ -197,7 +210,7 @@ class Recorder:
 
     @contextlib.contextmanager
     def _swept(self, starting: Path) -> Any:
-        """Leave nothing behind where the file cannot even be begun."""
+        """Remove the new file if it cannot be started."""
         try:
             with remove_on_signal(lambda: starting.unlink(missing_ok=True)):
                 yield
@@ -207,7 +220,7 @@ class Recorder:
             raise
 
     def _copy(self, path: str, old: Recording) -> None:
-        """Copy a dataset's whole frames chunk by chunk, as they are stored, once their checksums are verified."""
+        """Copy the complete frames of a dataset as stored chunks, after verifying their checksums."""
         have, make, count = old.handle(path), self._file[path], len(old)
         if _get_layout(have) != _get_layout(make):
             raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start afresh")
@@ -221,7 +234,7 @@ class Recorder:
             make.id.write_direct_chunk(place, chunk)
 
     def _copy_lenses(self, old: Recording) -> None:
-        """Copy the tables of lines of sight that whole frames use, and the number of each frame's."""
+        """Copy the lines of sight of complete frames, and the number of each frame's."""
         if self._lenses is None:
             return
         tables = old.line_of_sight if old.changes_lens else old.line_of_sight[None]
@@ -230,7 +243,7 @@ class Recorder:
         self._file["lens"][:] = old.lens[:] if old.changes_lens else numbers[0]
 
     def _begin_again(self) -> None:
-        """Copy what is written into a new file, for a lens that changes."""
+        """Copy the recording to a new file with room for several lines of sight."""
         assert self._first is not None
         self._changing_lens = True
         with self._watched():
@@ -244,7 +257,7 @@ class Recorder:
     # ------------------------------------------------------------------------------------------------ frame by frame
 
     def _checked(self, frame: Frame) -> dict[str, np.ndarray]:
-        """Return what the frame puts into each dataset, once it is sure that it fits the file."""
+        """Return the entry of each dataset, after checking that the frame fits the file."""
         first = self._first
         assert first is not None
         place = f"{self.path}: frame {frame.index}"
@@ -270,7 +283,7 @@ class Recorder:
         return entries
 
     def _has_other_lens(self, frame: Frame, first: Frame, place: str) -> bool:
-        """Return whether a frame's line of sight asks for a file begun again; one that no file takes is refused."""
+        """Return whether the line of sight requires a new file; raise where frames must not differ in it."""
         ours, theirs = frame.line_of_sight, first.line_of_sight
         if is_same_memory(ours, theirs):
             return False
@@ -285,12 +298,12 @@ class Recorder:
     # ------------------------------------------------------------------------------------------------ last things
 
     def _check_place(self) -> None:
-        """Raise an `InterferenceError` where the temporary file is no longer what was written, or no longer lies there."""
+        """Raise an `InterferenceError` where the temporary file was changed, moved or removed by another program."""
         if self._open is not None:
             self._open.check(get_end_of_file(self._superblock))
 
     def _publish(self) -> None:
-        """Read back what was written, and give the finished file its name, durably."""
+        """Read the file back, synchronise it to disk, and give it its final name."""
         if self.path.exists() and not self._overwrite:
             raise RecordingError(f"{self.path}: appeared while this ran; the frames are in {self.temporary}: rename it")
         try:
@@ -312,7 +325,7 @@ class Recorder:
 
     @contextlib.contextmanager
     def _watched(self) -> Any:
-        """Turn a failed write into a `RunError`, and let go of the file so that the interpreter survives its end."""
+        """Turn a failed write into a `RunError`, and release the file so that the interpreter can exit."""
         try:
             yield
         except RunError:
@@ -326,7 +339,7 @@ class Recorder:
             ) from error
 
     def _keep(self, error: BaseException) -> str:
-        """Return where the whole frames are kept after an error, and what to do, as words."""
+        """Keep the complete frames after an error; describe where they are and what to do."""
         cure = error.cure if isinstance(error, InterferenceError) else advise_on_write(get_errno(error))
         if isinstance(error, InterferenceError) and not error.intact:
             return f"they could not be kept: {cure} and run again with --overwrite"
@@ -339,7 +352,7 @@ class Recorder:
         return f"they could not be kept: {cure} and run again" if self.written else f"{cure} and run again"
 
     def _how_to_resume(self, place: Path) -> str:
-        """Return how to go on from where the content lies, which a resume finds by the name of a temporary file."""
+        """Describe how to continue from a copy whose name a resumed run recognises."""
         run, output = self.temporary.name.removeprefix(self.path.name), TEMPORARY.sub("", place.name)
         if place.name == output + run and output.endswith(self.path.suffix):
             return f"go on with -o {place.with_name(output)} --resume"
@@ -348,19 +361,19 @@ class Recorder:
         return f"rename it to {output}{run} and go on with -o {place.with_name(output)} --resume"
 
     def _restore_superblock(self) -> None:
-        """Put the last good superblock back, in place, which needs no room.
+        """Write the last valid superblock back in place, which needs no free space.
 
-        A flush that failed may have written an end of file that was never reached.
+        A failed flush may have written an end of file that was never reached.
         """
         if self._file and self._superblock:
             with contextlib.suppress(OSError, RuntimeError, ValueError):
                 os.pwrite(self._file.id.get_vfd_handle(), self._superblock, 0)
 
     def _abandon(self) -> None:
-        """Close the file with what is unwritten going nowhere.
+        """Close the file and discard what is not written.
 
-        HDF5 keeps what it could not write, tries again when the file closes and when the interpreter ends, and crashes
-        there. So its file descriptor is turned to the null device first.
+        HDF5 keeps what it could not write, retries at closing and at interpreter exit, and crashes there. Its file
+        descriptor is therefore redirected to the null device first.
         """
         file, self._file = self._file, None
         if not file:
@@ -377,7 +390,7 @@ class Recorder:
 
 
 def _get_layout(dataset: Any) -> tuple[Any, ...]:
-    """Return what two h5py datasets have in common whose chunks may be copied as they are stored."""
+    """Return the properties that two datasets must share for stored chunks to be copied."""
     filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
     return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)
 

@@ -1,4 +1,4 @@
-"""The temporary file of a recording: checks for interference by other programs, and a copy of its frames where needed."""
+"""The temporary file of a recording: checks for interference, and a copy of its frames where needed."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _COPY_BYTES = 2**22
 
 
 class InterferenceError(OSError):
-    """A temporary file that another program moved, replaced or cut short, or whose folder may no longer be written.
+    """Another program moved, replaced or truncated the temporary file, or its folder became read-only.
 
-    `cure` says what to do before the run is started again; `intact` that the open file still holds all its frames.
+    `cure` says what to do before the next run. `intact` says whether the open file still holds all its frames.
     """
 
     def __init__(self, what: str, cure: str, *, intact: bool = True) -> None:
@@ -26,12 +26,14 @@ class InterferenceError(OSError):
 
 
 class TemporaryFile:
-    """A file that this process writes, known by its inode and not by its name alone. Where there are no inodes, by neither.
+    """A file that this process writes, identified by its inode as well as its name.
+
+    On systems without inodes (Windows) nothing is checked.
 
     Parameters
     ----------
-    path : where it was made.
-    descriptor : of the open file; a duplicate is held, so that its content outlives its name.
+    path : where it was created.
+    descriptor : of the open file; a duplicate keeps the content alive if the name is removed.
     """
 
     def __init__(self, path: Path, descriptor: int) -> None:
@@ -39,7 +41,12 @@ class TemporaryFile:
         self._descriptor = os.dup(descriptor) if os.name == "posix" else -1
 
     def check(self, least_bytes: int) -> None:
-        """Raise an `InterferenceError` unless the open file lies at its path, so long [bytes], and can be renamed."""
+        """Raise an `InterferenceError` unless the open file is at its path, has the length, and can be renamed.
+
+        Parameters
+        ----------
+        least_bytes : least length of the file [bytes].
+        """
         if self._descriptor < 0:
             return
         folder = self.path.parent
@@ -55,11 +62,11 @@ class TemporaryFile:
             raise InterferenceError(f"the folder {folder} may no longer be written to", "allow writing there again")
 
     def keep(self, output: Path) -> Path | None:
-        """Return where the content lies, which is copied where its file has no name any more; None where that failed.
+        """Return the path of the content, copied if its file has no name any more; None if copying failed.
 
         Parameters
         ----------
-        output : name that the finished recording was to have; a copy is named so that a resume finds it.
+        output : final name of the recording; a copy gets a name that a resumed run recognises.
         """
         for path in (self.path, *self._names()):
             if self._lies_at(path):
@@ -98,14 +105,14 @@ class TemporaryFile:
                 yield Path(f"/proc/self/fd/{self._descriptor}").readlink()
 
     def _folders(self) -> Iterator[Path]:
-        """Yield where a copy may go: the nearest folder that is still there, and the system's for temporary files."""
+        """Yield folders for a copy: the nearest existing parent, and the system's temporary folder."""
         if self._descriptor < 0:
             return
         yield next(folder for folder in self.path.absolute().parents if folder.is_dir())
         yield Path(tempfile.gettempdir())
 
     def _copy(self, path: Path) -> Path:
-        """Copy the content to a new file, never over another one or through a link, and return its path."""
+        """Copy the content to a new file and return its path; never overwrite a file or follow a link."""
         try:
             with path.open("xb") as stream:
                 place = 0

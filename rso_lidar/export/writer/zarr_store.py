@@ -1,6 +1,7 @@
-"""A recording as a Zarr v3 store: names, dtypes and attributes of the HDF5 layout, for object stores and many readers.
+"""Recordings as Zarr v3 stores, with the names, dtypes and attributes of the HDF5 layout.
 
-A chunk is one frame, a shard (one file) up to 100 of them. The store is a folder, written whole or not at all.
+A chunk is one frame, and a shard (one file) holds up to 100 of them. The store is a folder, written completely or not
+at all. It suits object stores and many parallel readers.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ MOST_BATCH_BYTES = 2**28  # a shard is held in memory until it is full; with wav
 
 
 def write_zarr(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of a Zarr store after writing frames to it, a shard at a time.
+    """Write frames to a Zarr store, shard by shard, and return its path.
 
     Parameters
     ----------
     path : of the store, a folder.
-    frames : taken one at a time as they come.
-    overwrite : replace an older export, once the new one is whole.
+    frames : written as they come.
+    overwrite : replace an older export once the new one is complete.
     """
     zarr = _import_zarr(path)
     place = check_folder(path, overwrite=overwrite)
@@ -52,7 +53,7 @@ _ALL_CHUNKS = {"write_empty_chunks": True}  # so that a chunk that is not there 
 
 
 def _import_zarr(path: str | os.PathLike[str]) -> Any:
-    """Return the library; the extra has to be installed."""
+    """Import the library, or raise a `RecordingError` that names the extra to install."""
     try:
         import zarr
     except ImportError:
@@ -61,7 +62,7 @@ def _import_zarr(path: str | os.PathLike[str]) -> Any:
 
 
 class ZarrWriter:
-    """A Zarr store that grows by whole shards."""
+    """A Zarr store that grows by complete shards."""
 
     def __init__(self, zarr: Any, place: Path, folder: Path, first: Frame) -> None:
         self._zarr, self._place, self._folder, self._first = zarr, place, folder, first
@@ -84,7 +85,7 @@ class ZarrWriter:
             self._root[group].attrs.update(held)
 
     def add(self, frame: Frame) -> None:
-        """Take one frame; a full shard is written."""
+        """Add one frame; write the shard when it is full."""
         for name, value in match_entries(self._place, frame, self._first, self._variables).items():
             self._waiting[name].append(value)
         count = len(self._lenses)
@@ -95,7 +96,7 @@ class ZarrWriter:
             self._flush()
 
     def finish(self) -> None:
-        """Write what is left, and what only the end tells: whether the lens changed."""
+        """Write the last shard, /lens if the lens changed, and the consolidated metadata; then check the store."""
         self._flush()
         changed = len(self._lenses) > 1
         if changed:
@@ -121,7 +122,7 @@ class ZarrWriter:
     # ------------------------------------------------------------------------------------------------------ the inside
 
     def _array(self, variable: Variable) -> Any:
-        """Return a new array of no frames."""
+        """Create an empty array."""
         stated = {"dtype": variable.spec.dtype, "dims": ("time", *variable.spec.dims), "fill": variable.fill}
         attributes = get_array_attributes(variable, self._first.source)
         if variable.fill is not None and variable.spec.dtype.kind == "i":
@@ -160,7 +161,7 @@ class ZarrWriter:
         )
 
     def _scales(self) -> None:
-        """Write the coordinates of rows, columns and other dimensions that count something."""
+        """Write the coordinates of rows, columns and other counted dimensions."""
         sizes = {"row": self._first.range_m.shape[0], "col": self._first.range_m.shape[1]}
         for variable in self._variables.values():
             group = variable.path.rpartition("/")[0]
@@ -173,7 +174,7 @@ class ZarrWriter:
             made[:] = np.arange(size, dtype="i4")
 
     def _add_sight(self, line_of_sight: np.ndarray) -> None:
-        """Write a line of sight: one by itself is (row, col, xyz); with the second they become (lens_number, …)."""
+        """Write a line of sight: a single one as (row, col, xyz), several as (lens_number, row, col, xyz)."""
         spec, count, shape = specs(Observation)["line_of_sight"], len(self._lenses), line_of_sight.shape
         attributes = {"units": spec.unit, "long_name": spec.meaning}
         if count == 1:
@@ -188,13 +189,13 @@ class ZarrWriter:
         self._resized("line_of_sight", count)[count - 1] = line_of_sight
 
     def _resized(self, path: str, count: int) -> Any:
-        """Return an array after letting it grow to a count of entries."""
+        """Resize an array to a number of entries and return it."""
         array = self._root[path].with_config(_ALL_CHUNKS)
         array.resize((count, *array.shape[1:]))
         return array
 
     def _flush(self) -> None:
-        """Write the frames that wait, which are a whole shard or the last one."""
+        """Write the pending frames: a full shard, or the last one."""
         count = len(self._waiting["time"])
         for name, column in self._waiting.items():
             if count:
