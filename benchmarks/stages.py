@@ -44,7 +44,7 @@ class Flight:
     def __init__(self, scenario: rl.Scenario) -> None:
         self.scenario = scenario
         self.folder = tempfile.TemporaryDirectory()
-        world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+        world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
         bodies, n_frames = scenario.bodies, scenario.time.n_frames
         start = time.perf_counter()
         self.course = motion.Course(bodies, scenario.epochs(np.arange(n_frames)), **world)

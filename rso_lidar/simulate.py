@@ -71,8 +71,8 @@ def _fly(
     keep: tuple[str, ...],
 ) -> Iterator[Frame]:
     _ = scenario.surfaces, scenario.source, scenario.instrument  # computed once, before workers share them
-    with scenario.placed():
-        world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    with scenario.locate_errors():
+        world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
         course = motion.Course(scenario.bodies, scenario.epochs(numbers), commanded=controller is not None, **world)
         aim = motion.Aim(
             scenario.pan_tilt, scenario.lidar.mount, scenario.bodies, *scenario.span, flights=course.flights, **world

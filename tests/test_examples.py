@@ -24,7 +24,7 @@ def load(name):
 
 def course_of(scenario, frames=None):
     """Return the truth of all epochs at once, without PTU and lidar."""
-    return motion.truth(scenario.bodies, scenario.epochs(frames), local=scenario.local)
+    return motion.truth(scenario.bodies, scenario.epochs(frames), local=scenario.is_local)
 
 
 def fly(scenario, *frames):

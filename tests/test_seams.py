@@ -35,7 +35,7 @@ def test_every_example_flies_and_prints_what_it_flew(name, capsys):
 
 
 def truth_of(scenario, frames):
-    return rl.motion.truth(scenario.bodies, scenario.epochs(np.array(frames)), local=scenario.local)
+    return rl.motion.truth(scenario.bodies, scenario.epochs(np.array(frames)), local=scenario.is_local)
 
 
 def test_a_users_motion_has_rtn_axes_and_carries_a_relative_motion():

@@ -84,7 +84,7 @@ def truth(
         table = tabulate_run(scenario, *fly_open_loop(scenario, frames))
         write_columns(output, table)
     else:
-        if scenario.local:
+        if scenario.is_local:
             raise ScenarioError(f"{output.name}: a local world has no Earth to give positions about; write a .csv")
         if suffix == ".czml":
             place, _ = fly_open_loop(scenario, frames[choose_samples(frames.size)])

@@ -123,10 +123,10 @@ class Mission(Part):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         bodies: list[Body] = [*self.target, self.follower]
-        working_order(bodies, local=self.local)
+        working_order(bodies, local=self.is_local)
         if self.constraints is not None:
-            sun = not self.local or self.world.sun_direction is not None
-            self.constraints.check(self.target, local=self.local, sun=sun)
+            sun = not self.is_local or self.world.sun_direction is not None
+            self.constraints.check(self.target, local=self.is_local, sun=sun)
         if self.ptu is not None and isinstance(self.ptu.point, TrackPoint):
             known = [name for body in bodies for name in (body.name, *(axes.name for axes in body.axes))]
             known.remove("follower")
@@ -138,7 +138,7 @@ class Mission(Part):
         return self
 
     @property
-    def local(self) -> bool:
+    def is_local(self) -> bool:
         """Whether the root axes have no Earth."""
         return self.world.axes == "local"
 
@@ -153,7 +153,7 @@ class Mission(Part):
             part = getattr(body, place)
             if part is None:
                 continue
-            with self.placed(f"{body.name}.{place}"):
+            with self.locate_errors(f"{body.name}.{place}"):
                 self._check_code(part)
                 found = find_named_files(part, self.file)
                 if (check := getattr(found, "check", None)) is not None:
@@ -165,7 +165,7 @@ class Mission(Part):
     @cached_property
     def pan_tilt(self) -> Ptu | None:
         """PTU with the paths of the files that it names."""
-        with self.placed("ptu"):
+        with self.locate_errors("ptu"):
             self._check_code(self.ptu)
             found: Ptu | None = find_named_files(self.ptu, self.file) if self.ptu else None
         return found
@@ -178,7 +178,7 @@ class Mission(Part):
                 "load the scenario from a file, or give trust_code=True to Scenario.loads where you trust it"
             )
 
-    def placed(self, place: str = "") -> AbstractContextManager[None]:
+    def locate_errors(self, place: str = "") -> AbstractContextManager[None]:
         """Return a context that prefixes the messages of errors with the scenario's name and a place in it."""
         return add_place(f"{self._where}: {place}" if place else self._where)
 
@@ -195,7 +195,7 @@ class Mission(Part):
         """Surfaces of the targets: meshes in body axes, with materials. Each hinge carries a surface of its own."""
         surfaces: list[Surface] = []
         for number, target in enumerate(self.target):
-            with self.placed(f"target {target.name}"):
+            with self.locate_errors(f"target {target.name}"):
                 surfaces += build_surfaces(target, number, self.file, self.lidar.laser.wavelength_m)
         return tuple(surfaces)
 
@@ -212,7 +212,7 @@ class Mission(Part):
     @cached_property
     def instrument(self) -> Lidar:
         """Lidar with the paths of the files that it names, all of them read."""
-        with self.placed("lidar"):
+        with self.locate_errors("lidar"):
             found: Lidar = find_named_files(self.lidar, self.file)
             check_instrument(found)
         return found

@@ -54,7 +54,7 @@ def build_source(mission: Mission) -> Source:
 
 
 def describe_arithmetic() -> str:
-    """Return how the busiest stages are worked out, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
+    """Describe how the busiest stages are computed, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
     return f"{arithmetic.name()} with {engine().summary}"
 
 

@@ -81,9 +81,9 @@ def preview_mission(mission: Mission) -> Preview:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RsoLidarWarning)
         _ = mission.surfaces  # warnings of their construction belong to the preview
-        with mission.placed():
+        with mission.locate_errors():
             course = motion.truth(
-                mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
+                mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
             )
             angles, rates, lag_rad = _point_lidar(mission, course)
     poses = motion.with_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
@@ -109,7 +109,7 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
     asked = motion.asked(ptu, mission.bodies, course)
     if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
-    world: dict[str, Any] = {"local": mission.local, "sun_direction": mission.world.sun_direction}
+    world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
     angles, rates = motion.driven(ptu, mission.bodies, course, mission.time.start_utc, **world)
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])

@@ -97,7 +97,7 @@ def compute_sky_geometry(mission: Mission, preview: Preview) -> SkyGeometry:
     position_m = np.broadcast_to(preview.states["follower"].position_m, shape)
     half_field = np.array([mission.instrument.at(float(time_s)).receiver.field_edge for time_s in preview.time_s])
     _, turn = preview.truth.poses.place(ROOT, "lidar")
-    if mission.local:
+    if mission.is_local:
         sun_m = None
         if mission.world.sun_direction is not None:
             sun_m = (

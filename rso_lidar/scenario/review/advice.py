@@ -171,7 +171,7 @@ def _advise_on_sunlight(mission: Mission) -> list[str]:
     """Warn of the noise that sunlight on the brightest material causes."""
     lidar = mission.instrument
     receiver = lidar.receiver
-    sun = not mission.local or mission.world.sun_direction is not None
+    sun = not mission.is_local or mission.world.sun_direction is not None
     if receiver.filter_width_nm is None or not sun or not mission.surfaces:
         return []
     brdf = max(
@@ -211,7 +211,7 @@ def _advise_on_lens(mission: Mission) -> list[str]:
 
 def _advise_on_missing_sun(mission: Mission) -> list[str]:
     """Warn of a filter for sunlight in a world without a Sun."""
-    if mission.lidar.receiver.filter_width_nm is None or not mission.local or mission.world.sun_direction:
+    if mission.lidar.receiver.filter_width_nm is None or not mission.is_local or mission.world.sun_direction:
         return []
     return [
         "lidar.receiver.filter_width_nm asks for sunlight, and this local world has no Sun; set world.sun_direction, or "

@@ -90,7 +90,7 @@ def _check_keep_out(constraints: Constraints, mission: Mission, preview: Preview
         epochs = Epochs(mission.time.start_utc, time_s)
         with suppress_warnings():
             course = motion.truth(
-                mission.bodies, epochs, local=mission.local, sun_direction=mission.world.sun_direction
+                mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
             )
         return course.poses
 

@@ -36,8 +36,8 @@ def fly_open_loop(
     """
     numbers = frame_numbers(scenario, frames)
     ptu, mount = scenario.ptu, scenario.lidar.mount
-    with scenario.placed():
-        world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    with scenario.locate_errors():
+        world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
         truth = motion.truth(scenario.bodies, scenario.epochs(numbers), **world)
         angles: tuple[PtuAngles, ...] = ()
         pan_tilt_rad = rate_rad_s = np.zeros((numbers.size, 2))
@@ -84,7 +84,7 @@ def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     follower = scenario.bodies[-1]
     if motion.chief_of(follower.motion) != target:
         return None
-    with scenario.placed("follower.motion"):
+    with scenario.locate_errors("follower.motion"):
         return motion.plan_of(follower, scenario.bodies, scenario.time.start_utc)
 
 
@@ -113,7 +113,7 @@ def sample_between_impulses(
     ends = [at - back for at in inside for back in (_BESIDE_S, 0.0)]
     kept = [t for t in time_s.tolist() if not any(at - 2.0 * _BESIDE_S < t < at for at in inside)]
     epochs = orbit.Epochs(scenario.time.start_utc, np.union1d(kept, ends))
-    world: Any = {"local": scenario.local, "sun_direction": scenario.world.sun_direction}
+    world: Any = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
     return epochs, motion.truth(scenario.bodies, epochs, **world).states[name], inside
 
 
@@ -133,7 +133,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
 
 def find_umbras(scenario: Scenario) -> dict[str, list[tuple[float, float]]]:
     """Find by body in orbit the spans [s] in the Earth's umbra; nothing for runs of more than 30 days."""
-    if scenario.local or scenario.span[1] > 30.0 * units.DAY_S:
+    if scenario.is_local or scenario.span[1] > 30.0 * units.DAY_S:
         return {}
     ends = orbit.Epochs(scenario.time.start_utc, np.array([0.0, max(scenario.span[1], 1.0)]))
     return {

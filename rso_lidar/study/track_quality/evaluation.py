@@ -118,7 +118,7 @@ def tracking(
     burns = list_known_burns(scenario, time_s)
     table = _tabulate(rows, model)
     tracks = {}
-    for kind, mean_motion in _choose_filters(frames[0], local=scenario.local).items():
+    for kind, mean_motion in _choose_filters(frames[0], local=scenario.is_local).items():
         made = tracks[kind] = kalman(
             time_s,
             np.array([row.place_m(kind) for row in rows]),
@@ -225,7 +225,7 @@ def _evaluate_frame(
     link, turning = truth.poses.link("follower", name), truth.rates(ROOT, "follower")[1]
     true_m = {"cv": rotate_vectors(own, link.translation_m)}
     true_m_s = {"cv": rotate_vectors(own, link.velocity_m_s + cross(turning, link.translation_m))}
-    if not scenario.local:
+    if not scenario.is_local:
         in_rtn = truth.poses.link("follower.rtn", name)
         turns["cw"] = truth.pose("follower.rtn", "follower").rotation
         true_m["cw"], true_m_s["cw"] = in_rtn.translation_m, in_rtn.velocity_m_s

@@ -1,4 +1,4 @@
-"""Parts of an HTML page that needs no network and no script: style, tables, and embedded pictures."""
+"""Elements of an HTML page without network access and scripts: style, tables and embedded pictures."""
 
 from __future__ import annotations
 
@@ -43,7 +43,14 @@ def write_table(heads: Sequence[tuple[str, bool]], rows: Iterable[Sequence[str]]
 
 
 def embed_figure(figure: Any, text: str, caption: str = "") -> str:
-    """Embed a figure as a picture, with an alternative text and a caption that is HTML already."""
+    """Embed a figure as a picture.
+
+    Parameters
+    ----------
+    figure : a matplotlib Figure.
+    text : alternative text.
+    caption : caption as HTML.
+    """
     with io.BytesIO() as held:
         figure.savefig(held, format="png", dpi=_DOTS)
         coded = base64.b64encode(held.getvalue()).decode()

@@ -1,4 +1,4 @@
-"""Figures of merit: each one number that a run of a scenario is judged by, with its unit and which way is better."""
+"""Figures of merit: single numbers that evaluate a run of a scenario, each with its unit and the better direction."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rso_lidar.study.time_history.timeline import in_field_fraction
 from rso_lidar.study.track_quality.evaluation import tracking
 from rso_lidar.viewing_geometry import compute_viewing_geometry
 
-_LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # of the counts of errors: in steps of 1 %, from 0.1 mm to 6.6 km
-_ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal law within one standard deviation
-_WHOLE = 0.999  # share of a target's bounds in the field from which all of it is
+_LEAST_M, _STEP, _BINS = 1e-4, 0.01, 1800  # histogram of errors: bins of 1 %, from 0.1 mm to 6.6 km
+_ONE_SIGMA = math.erf(math.sqrt(0.5))  # share of a normal distribution within one standard deviation
+_WHOLE = 0.999  # share of a target's bounds in the field from which the whole target counts as in the field
 
 
 class RunSums:
-    """What is kept of the frames of a run as they pass: sums and counts, whose size does not grow."""
+    """Sums and counts over the frames of a run, in constant memory."""
 
     def __init__(self, number: int, size_m: float) -> None:
         self._number, self._size_m = number, size_m
@@ -35,7 +35,7 @@ class RunSums:
         self._counts = np.zeros(_BINS, dtype=np.int64)
 
     def add(self, frame: Frame) -> None:
-        """Count one frame. A pixel that reports a range farther from the true one than the target is large, found noise."""
+        """Add one frame. A range error larger than the target's size means that the pixel reported noise."""
         labels = frame.labels
         on_target = (labels.filled_fraction > 0.0) & (labels.target == self._number)
         error_m = np.where(frame.valid, np.asarray(frame.range_m, dtype=float), np.nan) - labels.range_m
@@ -50,7 +50,7 @@ class RunSums:
         self.photons += float(np.sum(labels.photons[on_target], dtype=float))
 
     def error_within_m(self, share: float) -> float:
-        """Return within how much of the true range that share of the found pixels is [m], to 1 %; NaN without any."""
+        """Return the quantile of the absolute range error of detections [m], to 1 %; NaN without any."""
         if not self.found:
             return math.nan
         reached = int(np.searchsorted(np.cumsum(self._counts), share * self.found))
@@ -58,7 +58,7 @@ class RunSums:
 
 
 class _CountedFrames(Sequence[Frame]):
-    """The frames of a run as a sequence: each is counted as it passes, then let go; one asked for alone is flown alone."""
+    """The frames of a run as a sequence that adds each to the sums and keeps none; a single one is simulated anew."""
 
     def __init__(self, scenario: Scenario, numbers: np.ndarray, threads: int | None, sums: RunSums) -> None:
         self._fly = partial(simulate, scenario, threads=threads)
@@ -82,9 +82,9 @@ class _CountedFrames(Sequence[Frame]):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run of a scenario, looked at for one target: what its frames added up to, where any were flashed.
+    """One run of a scenario, evaluated for one target: the sums over its simulated frames, if any.
 
-    `tracker_error_m` are the lengths of the filter's error of place (frame) [m], NaN before the first fix.
+    `tracker_error_m` (frame) is the length of the filter's position error [m], NaN before the first fix.
     """
 
     scenario: Scenario
@@ -94,21 +94,21 @@ class Run:
 
     @cached_property
     def truth(self) -> Any:
-        """Return the truth of all frames of the scenario, as one batch, without any being flashed."""
+        """Truth of all frames of the scenario as one batch, without simulating a flash."""
         return fly_open_loop(self.scenario)[0]
 
     @property
     def target(self) -> str:
-        """Return the target's name."""
+        """Name of the target."""
         return self.scenario.target[self.number].name
 
 
 @dataclass(frozen=True)
 class Merit:
-    """One figure of merit: `needs` says what has to be done for it, and `better` which way is.
+    """One figure of merit: `needs` states what must be computed for it, and `better` the better direction.
 
-    Digits after `decimals` are rounding: of 1e-13 and 2e-13 degrees neither is better. With `of_detected` it describes the
-    pixels that report the target, and ranks a point only where enough of them do.
+    Values are rounded to `decimals`, so that rounding errors decide no ranking. With `of_detected` it describes the pixels
+    that report the target, and ranks a point only where enough of them do.
     """
 
     name: str
@@ -126,7 +126,7 @@ class Merit:
 
     @property
     def sign(self) -> float:
-        """Return 1 where more is better, else −1."""
+        """1 where more is better, else −1."""
         return 1.0 if self.better == "more" else -1.0
 
 
@@ -217,9 +217,9 @@ DETECTION = "detection_fraction"
 
 
 def list_evaluated(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the figures of merit of a run: those asked for, and the detection fraction where one of them depends on it."""
-    held = any(MERITS[name].of_detected for name in names) and DETECTION not in names
-    return (*names, DETECTION) if held else tuple(names)
+    """List the figures of merit of a run: those asked for, and the detection fraction where one depends on it."""
+    lacks_detection = any(MERITS[name].of_detected for name in names) and DETECTION not in names
+    return (*names, DETECTION) if lacks_detection else tuple(names)
 
 
 def evaluate(
@@ -231,16 +231,16 @@ def evaluate(
     folder: Path | None = None,
     threads: int | None = None,
 ) -> dict[str, float]:
-    """Return figures of merit by name, NaN where one has no meaning; frames are flashed only where one needs them.
+    """Compute figures of merit by name, NaN where one has no meaning; frames are simulated only where one needs them.
 
     Parameters
     ----------
     scenario : what to fly, in open loop.
     names : keys of `MERITS`.
-    number : of the target that is looked at.
-    frames : which frames are flashed.
-    folder : where mesh files that the scenario names lie.
-    threads : how many threads work at once (None: one for each core); it does not change a bit.
+    number : index of the evaluated target.
+    frames : indices of the simulated frames.
+    folder : folder of the mesh files that the scenario names.
+    threads : number of threads (None: one for each core); the result does not depend on it.
     """
     needs = {MERITS[name].needs for name in names}
     sums = RunSums(number, _bounding_diagonal_m(scenario, number))
@@ -258,6 +258,6 @@ def evaluate(
 
 
 def _bounding_diagonal_m(scenario: Scenario, number: int) -> float:
-    """Return the diagonal of the box about a target [m], hinges as they stand in the mesh, or a metre if that is more."""
+    """Return the diagonal of a target's bounding box [m] with hinges at zero, at least 1 m."""
     corners = scenario.corners_of(number).reshape(-1, 3)
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1.0)

@@ -1,4 +1,4 @@
-"""Which points of a trade study are best, alone and against each other, and in which words."""
+"""The ranking of points of a trade study, by single figures of merit and by all of them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rso_lidar.picture.plots.trade import format_value
 from rso_lidar.study.trades.merits import DETECTION, MERITS, Merit
 from rso_lidar.study.trades.results import TradeTable
 
-_AMBIGUOUS_END = re.compile(r"\d+|type|name|file|at")  # last steps of a place that say nothing alone
+_AMBIGUOUS_END = re.compile(r"\d+|type|name|file|at")  # ends of a place that are ambiguous alone
 
 
 def rank_points(trade: TradeTable, name: str) -> np.ndarray:
-    """Return the points in order of a figure of merit, mean over seeds, the best first; only those that it ranks."""
+    """Rank points by a figure of merit, averaged over seeds, the best first; points that it does not rank are omitted."""
     values = MERITS[name].sign * trade.of_points(name)[0]
     order = np.argsort(-values, kind="stable")
     points: np.ndarray = order[trade.ranked(name)[order]]
@@ -23,9 +23,10 @@ def rank_points(trade: TradeTable, name: str) -> np.ndarray:
 
 
 def find_pareto_front(trade: TradeTable) -> np.ndarray:
-    """Return a mask (point) of those that no other beats: as good in every figure of merit, and better in one.
+    """Return a mask (point) of the Pareto front: points that no other point dominates.
 
-    Only points that every figure of merit ranks are compared.
+    A point dominates another if it is at least as good in every figure of merit and better in one. Only points that every
+    figure of merit ranks are compared.
     """
     values = np.stack([MERITS[name].sign * trade.of_points(name)[0] for name in trade.study.merits], axis=1)
     stands: np.ndarray = np.all([trade.ranked(name) for name in trade.study.merits], axis=0)
@@ -37,7 +38,7 @@ def find_pareto_front(trade: TradeTable) -> np.ndarray:
 
 
 def describe_unranked(trade: TradeTable) -> str:
-    """Return in one line how many points are not ranked because too little is detected, and the limit; empty without any."""
+    """Describe in one line the points that are not ranked for lack of detections; empty without any."""
     if not trade.needs_detection:
         return ""
     mean = trade.of_points(DETECTION)[0]
@@ -53,24 +54,24 @@ def describe_unranked(trade: TradeTable) -> str:
 
 
 def name_merit(merit: Merit) -> str:
-    """Return the name of a figure of merit in words, with its unit."""
+    """Format the name of a figure of merit, with its unit."""
     unit = "" if merit.unit == "1" else f" [{merit.unit}]"
     name = merit.name.removesuffix(f"_{merit.unit}").replace("_", " ")
     return f"{name[0].upper()}{name[1:]}{unit}"
 
 
 def choose_pictured(trade: TradeTable) -> list[tuple[int, str]]:
-    """Return the points whose frames are shown, and why: the first figure of merit's best, worst, and between, evenly."""
+    """Choose the points whose frames are shown: best, worst, and evenly spaced ones by the first figure of merit."""
     points = rank_points(trade, trade.study.merits[0])
     count = min(trade.study.report.pictures, points.size)
     places = np.linspace(0, points.size - 1, count).round().astype(int).tolist() if count > 1 else [0] * count
-    told = ["the best", *(f"place {place + 1} of {points.size}" for place in places[1:-1]), "the worst"]
+    ranks = ["the best", *(f"place {place + 1} of {points.size}" for place in places[1:-1]), "the worst"]
     name = name_merit(MERITS[trade.study.merits[0]])
-    return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, told, strict=False)]
+    return [(int(points[place]), f"{name}: {why}") for place, why in zip(places, ranks, strict=False)]
 
 
 def summarize(trade: TradeTable) -> list[str]:
-    """Return a few lines for a terminal: how many runs, and the best point of each figure of merit."""
+    """Summarize a trade study in a few lines: the number of runs, and the best point by each figure of merit."""
     study = trade.study
     failed = int(np.sum(trade.table["error"] != ""))
     lines = [f"{study.name}: {study.n_rows:,} runs" + (f", {failed:,} could not be flown" if failed else "")]
@@ -94,21 +95,21 @@ def summarize(trade: TradeTable) -> list[str]:
         lines.append(
             f"{name_merit(MERITS[name]):<28} {MERITS[name].better} is better, best {value:>8} at row {row}: {at}"
         )
-    if told := describe_unranked(trade):
-        lines.append(told)
+    if unranked := describe_unranked(trade):
+        lines.append(unranked)
     if failed:
         lines.append(f"not flown: {next(text for text in trade.table['error'].tolist() if text)}")
     return lines
 
 
 def explain_no_best(trade: TradeTable, name: str) -> str:
-    """Return in words why no point is the best of a figure of merit."""
+    """Explain why no point is the best by a figure of merit."""
     known = np.isfinite(trade.of_points(name)[0]).any()
     return "ranks no point: too little is detected at all of them" if known else "has no meaning at any point"
 
 
 def shorten_places(places: Sequence[str]) -> dict[str, str]:
-    """Return by place the end of it that heads its column: as much as says what it is and tells it from the others.
+    """Shorten places to column heads: the shortest ends that are meaningful and distinct.
 
     >>> shorten_places(("follower.motion.position_m.1", "target.a.material", "target.b.material", "lidar.detector.type"))
     ... # doctest: +NORMALIZE_WHITESPACE
@@ -128,5 +129,5 @@ def shorten_places(places: Sequence[str]) -> dict[str, str]:
 
 
 def is_number(trade: TradeTable, place: str) -> bool:
-    """Return whether a field's values are numbers."""
+    """Return whether the values of a field are numbers."""
     return trade.table[place].dtype.kind in "fiu"

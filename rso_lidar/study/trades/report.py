@@ -1,4 +1,4 @@
-"""The report of a trade study: one HTML file that needs no network and no script."""
+"""The report of a trade study: one HTML file without network access and scripts."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from rso_lidar.study.trades.ranking import shorten_places as column_heads
 from rso_lidar.study.trades.results import TradeTable
 
 SUFFIXES = (".csv", ".parquet", ".html")
-_LISTED = 12  # rows at most in a table of the best
+_LISTED = 12  # greatest number of rows in a table of points
 _MOST_ERRORS = 10
-_DECADES = 30.0  # greatest over least value, from which a figure of merit is drawn on a log scale
+_DECADES = 30.0  # greatest over least value from which the scale of a figure of merit is logarithmic
 
 
 def save_trade(trade: TradeTable, place: Path) -> Path:
-    """Return the path of a trade's table or report, by the suffix, written whole or not at all."""
+    """Write a trade's table or report, by the suffix, and return the path."""
     suffix = place.suffix.lower()
     if suffix == ".csv":
         return write_columns(place, trade.table)
@@ -58,14 +58,17 @@ def save_trade(trade: TradeTable, place: Path) -> Path:
 
 
 def check_formats(places: Sequence[Path]) -> None:
-    """Raise where one of these could not be written for want of a library."""
+    """Raise an error for paths whose format requires a library that is not installed."""
     for place in places:
         if place.suffix.lower() == ".parquet":
             check_parquet(place)
 
 
 def write_report(trade: TradeTable) -> str:
-    """Return the report as HTML, pictures and all; the same for the same study, scenario, versions and working folder."""
+    """Return the report as HTML with embedded pictures.
+
+    It is the same for the same study, scenario, versions and working folder.
+    """
     study = trade.study
     failed = np.flatnonzero(trade.table["error"] != "")
     body = [
@@ -170,16 +173,16 @@ def _write_best(trade: TradeTable) -> list[str]:
             if points
             else "<p>None is ranked in all of them.</p>"
         )
-    if told := describe_unranked(trade):
+    if unranked := describe_unranked(trade):
         left = np.flatnonzero(np.isfinite(trade.of_points(DETECTION)[0]) & ~trade.detected).tolist()
         more = f" (the first {_LISTED} of {len(left):,})" if len(left) > _LISTED else ""
-        made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(told)}.</p>")
+        made.append(f"<h3>Points that are not ranked{more}</h3><p>{escape(unranked)}.</p>")
         made.append(_tabulate_points(trade, [("", point) for point in left[:_LISTED]]))
     return made
 
 
 def _explain_ranking(trade: TradeTable) -> list[str]:
-    """Return in words the detection fraction that a point needs to be ranked."""
+    """Explain the detection fraction that a point needs to be ranked."""
     if not trade.needs_detection:
         return []
     return [
@@ -190,18 +193,25 @@ def _explain_ranking(trade: TradeTable) -> list[str]:
 
 
 def _describe_lead(trade: TradeTable, name: str, points: np.ndarray) -> str:
-    """Return in what a point is the best, and how many are as good."""
+    """Describe the figure of merit by which points are the best, and the number of equal ones.
+
+    Parameters
+    ----------
+    trade : the trade study.
+    name : of the figure of merit.
+    points : ranking of the points.
+    """
     means = trade.of_points(name)[0][points]
     alike = int(np.sum(means == means[0])) - 1
     return escape(name_merit(MERITS[name])) + (f" ({alike:,} more are as good)" if alike else "")
 
 
 def _tabulate_points(trade: TradeTable, points: Sequence[tuple[str, int]]) -> str:
-    """Return points as a table, each with a word before it: what they set, and figures of merit, means over seeds."""
-    told = column_heads(trade.study.places)
+    """Tabulate points: a word, their settings, and their figures of merit averaged over seeds."""
+    columns = column_heads(trade.study.places)
     heads = [("best in", False)] if any(word for word, _ in points) else []
     heads += [("row", True)]
-    heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in told.items()]
+    heads += [(f"<code>{escape(head)}</code>", is_number(trade, place)) for place, head in columns.items()]
     heads += [(escape(name_merit(MERITS[name])), True) for name in trade.study.judged_by]
     first = [[word] if len(heads) and heads[0][0] == "best in" else [] for word, _ in points]
     rows = [[*begin, *_format_cells(trade, point)] for begin, (_, point) in zip(first, points, strict=True)]
@@ -220,7 +230,7 @@ def _format_cells(trade: TradeTable, point: int) -> Iterable[str]:
 
 
 def _draw_plots(trade: TradeTable) -> list[str]:
-    """Return main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
+    """Draw main effects, maps over pairs of axes of a grid, and figures of merit against each other."""
     axes = [_build_quantity(trade, axis) for axis in trade.study.axis]
     made, shown = [], []
     for merit in (MERITS[name] for name in trade.study.merits):
@@ -249,7 +259,7 @@ def _draw_plots(trade: TradeTable) -> list[str]:
 
 
 def _find_common_value(values: np.ndarray) -> float | None:
-    """Return the value that all rows have which have one (NaN: none has); None where they differ."""
+    """Return the value that is common to all rows with a value (NaN: no row has one); None where values differ."""
     known = values[np.isfinite(values)]
     if not known.size:
         return math.nan
@@ -265,7 +275,7 @@ def _build_quantity(trade: TradeTable, axis: Axis) -> Quantity:
 
 
 def _is_geometric(values: np.ndarray) -> bool:
-    """Return whether values look chosen by ratios: over a decade, and nearer to even in their logarithms."""
+    """Return whether values look geometrically spaced: over a wide span, and more regular in their logarithms."""
     if values.dtype.kind not in "fiu" or not np.all(values > 0.0):
         return False
     levels = np.unique(values).astype(float)
@@ -337,7 +347,14 @@ def _draw_frames(trade: TradeTable) -> list[str]:
 
 
 def _write_command(trade: TradeTable, row: int, frame: int) -> str:
-    """Return the command that makes a frame of a row again."""
+    """Return the command that reproduces a frame of a row.
+
+    Parameters
+    ----------
+    trade : the trade study.
+    row : number of the row.
+    frame : index of the frame.
+    """
     changes = (*trade.study.set, *(f"{place}={value}" for place, value in trade.plan.settings(row).items()))
     settings = " ".join(f"--set {shlex.quote(change)}" for change in changes)
     file = shlex.quote(_relative_path(trade.plan.folder / trade.plan.where))
@@ -345,7 +362,7 @@ def _write_command(trade: TradeTable, row: int, frame: int) -> str:
 
 
 def _relative_path(file: Path) -> str:
-    """Return the path of a file from the working folder, or from the root where no path leads there."""
+    """Return the path of a file relative to the working folder, or absolute on another drive."""
     file = file.resolve()
     try:
         return os.path.relpath(file, Path.cwd().resolve())
@@ -354,7 +371,7 @@ def _relative_path(file: Path) -> str:
 
 
 def _try_frame(trade: TradeTable, row: int) -> Frame | RsoLidarError:
-    """Return the frame that is shown of a row, or why there is none."""
+    """Return the frame that is shown of a row, or the error that prevents it."""
     with suppress_warnings():
         try:
             return _make_frame(trade, row)
@@ -363,7 +380,7 @@ def _try_frame(trade: TradeTable, row: int) -> Frame | RsoLidarError:
 
 
 def _make_frame(trade: TradeTable, row: int) -> Frame:
-    """Return the frame that is shown of a row: the study's choice, or the middle one of those flashed."""
+    """Simulate the frame that is shown of a row: the study's choice, or the middle one of its frames."""
     scenario = trade.plan.scenario(row)
     numbers = trade.study.numbers(scenario)
     wanted = trade.study.report.frame
