@@ -1,6 +1,6 @@
-"""What no plan about a body that orbits the Earth is beyond: how long, how fast, how far and in how many pieces.
+"""Limits of plans about a body that orbits the Earth: how long, how fast, how far, and in how many pieces.
 
-Numbers outside are slips of the pen: a plan of them would mean nothing, or take for ever to work out.
+Numbers outside them are typing errors: a plan of such numbers would have no meaning, or take very long to compute.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Count, NotNegative, Number, Positive, Vector
 
 LONGEST_S = 10.0 * 365.25 * units.DAY_S
-FASTEST_M_S = 25_000.0  # twice the escape speed at the Earth's surface is 22.4 km/s: nothing passes faster there
+FASTEST_M_S = 25_000.0  # twice the escape speed at the Earth's surface is 22.4 km/s: no two bodies pass faster
 MOST_PIECES = 1000  # legs of one plan
 
 
@@ -58,12 +58,18 @@ Pieces = Annotated[Count, AfterValidator(_few)]
 
 
 def years(duration_s: float) -> str:
-    """Return a time in years, in words."""
+    """Format a time in years."""
     return f"{duration_s / (365.25 * units.DAY_S):.3g}"
 
 
 def horizon_within(horizon_s: Any) -> float:
-    """Return a horizon [s] as it is; `ScenarioError` where it is no time, or too long."""
+    """Check a horizon [s], and return it.
+
+    Raises
+    ------
+    ScenarioError
+        if it is no positive number, or longer than `LONGEST_S`
+    """
     if (
         isinstance(horizon_s, bool)
         or not isinstance(horizon_s, int | float | np.number)

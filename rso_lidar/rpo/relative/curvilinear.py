@@ -1,8 +1,9 @@
-"""Height, arc along the track and arc across it, instead of straight rtn coordinates: what stays near far along an orbit.
+"""Curvilinear coordinates: height, arc along the track and arc across it, for bodies far apart along an orbit.
 
-Of a body at the distance r from the Earth's centre, theta ahead of the chief in its orbital plane and phi out of it, with
-the chief at R: height r - R, arcs R theta and R phi. Clohessy and Wiltshire's equations hold for these as for x, y, z, and
-to all orders in theta about a circle (Alfriend, Vadali, Gurfil, How & Breger, Spacecraft Formation Flying, 5.3).
+For a body at distance r from the Earth's centre, theta ahead of the chief in its orbital plane and phi out of it, with the
+chief at distance R, they are height r - R and arcs R theta and R phi. Clohessy and Wiltshire's equations hold for them as
+for x, y, z, and about a circle to all orders in theta (Alfriend, Vadali, Gurfil, How & Breger, Spacecraft Formation Flying,
+sec. 5.3).
 """
 
 from __future__ import annotations
@@ -13,9 +14,17 @@ import numpy as np
 def curved(
     position_m: np.ndarray, velocity_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return height and arcs (…, 3) [m] and their rates [m/s] of rtn positions and velocities (…, 3).
+    """Convert rtn positions and velocities to height and arcs.
 
-    `radius_m` (…) is the chief's distance from the Earth's centre and `radial_m_s` (…) its rate.
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) in rtn axes [m], [m/s]
+    radius_m : (…) the chief's distance from the Earth's centre [m]
+    radial_m_s : (…) its rate [m/s]
+
+    Returns
+    -------
+    arcs_m, rates_m_s : (…, 3) height, arc along and arc across [m], and their rates [m/s]
     """
     x, y, z = np.moveaxis(np.asarray(position_m, dtype=float), -1, 0)
     u, v, w = np.moveaxis(np.asarray(velocity_m_s, dtype=float), -1, 0)
@@ -37,7 +46,18 @@ def curved(
 def straight(
     arcs_m: np.ndarray, rates_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return rtn positions [m] and velocities [m/s] (…, 3) of height and arcs (…, 3) and their rates: `curved`, undone."""
+    """Convert height and arcs to rtn positions and velocities; the inverse of `curved`.
+
+    Parameters
+    ----------
+    arcs_m, rates_m_s : (…, 3) height, arc along and arc across [m], and their rates [m/s]
+    radius_m : (…) the chief's distance from the Earth's centre [m]
+    radial_m_s : (…) its rate [m/s]
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) in rtn axes [m], [m/s]
+    """
     height, along, cross = np.moveaxis(np.asarray(arcs_m, dtype=float), -1, 0)
     height_rate, along_rate, cross_rate = np.moveaxis(np.asarray(rates_m_s, dtype=float), -1, 0)
     theta, phi = along / radius_m, cross / radius_m
@@ -45,7 +65,7 @@ def straight(
     s, c, sin_phi, cos_phi = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
     distance, rate = radius_m + height, radial_m_s + height_rate
     flat, flat_rate = distance * cos_phi, rate * cos_phi - distance * sin_phi * phi_rate
-    # R (cos - 1) by half angles: x of what is near must not be the difference of two radii
+    # R (cos - 1) by half angles, so that x of a near body is not the difference of two radii
     back = np.sin(0.5 * theta) ** 2 * cos_phi + np.sin(0.5 * phi) ** 2
     position = (height * c * cos_phi - 2.0 * radius_m * back, flat * s, distance * sin_phi)
     velocity = (

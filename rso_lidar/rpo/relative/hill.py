@@ -1,6 +1,6 @@
-"""Relative motion near a circular orbit, by Clohessy and Wiltshire's closed form, and the rotating rtn axes it lives in.
+"""Relative motion near a circular orbit by Clohessy and Wiltshire's closed form, in rotating rtn axes.
 
-rtn: x radially out, z along r x v, y = z x x (along-track); V-bar is +y, R-bar is -x. Equations: Clohessy & Wiltshire
+rtn: x radially outward, z along r x v, y = z x x (along-track). V-bar is +y, R-bar is -x. Equations: Clohessy & Wiltshire
 (1960), as in Vallado 4th ed. alg. 48; with a constant acceleration as in Fehse, Automated Rendezvous and Docking of
 Spacecraft, app. A.
 """
@@ -26,21 +26,21 @@ from rso_lidar.rpo.relative.relative_motion import RelativeState
 FAR_M = 10_000.0
 ECCENTRIC = 0.005
 TURNED = 0.05  # share of the separation
-_FLATTENED = 8.0  # J2 (R / p)^2 n, the greatest rate of it: found by flying formations of all kinds with J2 and without
-STRAIGHT, CURVED = 6.0, 15.0  # pi rho^2 / r, the neglected second order of a revolution: of x, y, z; of height and arcs
+_FLATTENED = 8.0  # greatest rate over J2 (R / p)^2 n, by numerical integration of many formations with and without J2
+STRAIGHT, CURVED = 6.0, 15.0  # neglected second order per revolution over pi rho^2 / r: in x, y, z; in height and arcs
 GM = units.EARTH_GM_M3_S2
-_BLOCK = 8192  # epochs worked out at a time: what fits a processor's cache
+_BLOCK = 8192  # epochs computed at a time: fits a processor's cache
 
 
 class Hill(RelativeState):
     """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
 
-    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. Off from
-    two bodies by up to 6 pi rho^2 / r for each revolution (rho the greatest separation, r the orbit's radius; 2.7 m
-    at 1 km in low orbit), and by up to 30 e rho (to e = 0.5). With `curvilinear` the equations hold for height, arc
-    along the track and arc across it instead of x, y, z: then the error is up to 15 pi h^2 / r for each revolution,
-    with h the greatest height or arc across, however far along the track, and the acceleration is along the axes at
-    the body.
+    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. With rho the
+    greatest separation and r the orbit's radius, the error against two-body motion is up to 6 pi rho^2 / r per
+    revolution (2.7 m at 1 km in low orbit), and up to 30 e rho (to e = 0.5). With `curvilinear` the equations hold for
+    height, arc along the track and arc across it instead of x, y, z. Then the error is up to 15 pi h^2 / r per
+    revolution, with h the greatest height or arc across, however far along the track. The acceleration is then along
+    the axes at the body.
     """
 
     type: Literal["hill"] = "hill"
@@ -60,12 +60,18 @@ class Hill(RelativeState):
     )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         flown = self._curved(epochs, chief)
         return curvilinear.straight(*flown, *_radius(chief, epochs)) if self.curvilinear else flown
 
     def _curved(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the equations are of: positions and velocities along x, y, z, or along height and arcs."""
+        """Return positions and velocities in the coordinates of the equations: along x, y, z, or height and arcs."""
         n = mean_motion_rad_s(chief, epochs.start_utc)
         start = np.array(self.position_m), np.array(self.velocity_m_s)
         if self.curvilinear:
@@ -74,7 +80,13 @@ class Hill(RelativeState):
         return clohessy_wiltshire(*start, epochs.time_s, n, self.acceleration_m_s2)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         position, _ = self._curved(epochs, chief)
         start = state_at_start(chief, epochs.start_utc)
         if self.curvilinear:
@@ -92,9 +104,14 @@ def validity(
     better: str = "set curvilinear = true, or use relative_elements or nonlinear",
     factor: float = STRAIGHT,
 ) -> list[str]:
-    """Return where Clohessy-Wiltshire is stretched: rtn positions (time, 3) [m] about a chief of this state (3), (3).
+    """Return one sentence for each limit of Clohessy-Wiltshire's equations that a motion exceeds.
 
-    What it neglects is `factor` pi rho^2 / r for each revolution; `better` says what to do about it.
+    Parameters
+    ----------
+    position_m : (time, 3) rtn positions [m]
+    chief_m, chief_m_s : (3,) state of the chief [m], [m/s]
+    better : what to use instead, for the sentence
+    factor : the neglected second order is `factor` pi rho^2 / r per revolution
     """
     farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
     e = eccentricity(chief_m, chief_m_s)
@@ -122,10 +139,21 @@ def clohessy_wiltshire(
     mean_motion_rad_s: np.ndarray | float,
     acceleration_m_s2: np.ndarray | Vector = (0.0, 0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (…, 3) in rtn axes `time_s` (…) [s] after an initial state (…, 3).
+    """Propagate relative states by Clohessy and Wiltshire's equations; all inputs are broadcast against each other.
 
-    States, times, mean motions (…) and constant accelerations (…, 3) [m/s^2] are broadcast against each other.
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) initial states in rtn axes [m], [m/s]
+    time_s : (…) time since the initial state [s]
+    mean_motion_rad_s : (…) mean motion of the chief [rad/s]
+    acceleration_m_s2 : (…, 3) constant acceleration in rtn axes [m/s2]
 
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) in rtn axes [m], [m/s]
+
+    Examples
+    --------
     >>> rest = clohessy_wiltshire((0.0, -3000.0, 0.0), (0.0, 0.0, 0.0), np.array([3600.0]), 7.292e-5)
     >>> rest[0].tolist()
     [[0.0, -3000.0, 0.0]]
@@ -152,7 +180,7 @@ def _fly(
     nt = n * time_s
     s = np.sin(nt)
     k = np.sin(0.5 * nt)
-    k = 2.0 * k * k  # 1 - cos, without the cancellation
+    k = 2.0 * k * k  # 1 - cos, without cancellation
     c = 1.0 - k
     x[...] = x0 + k * (3.0 * x0 + 2.0 * v0 / n) + s * (u0 / n)
     y[...] = y0 + s * (6.0 * x0 + 4.0 * v0 / n) - nt * (6.0 * x0 + 3.0 * v0 / n) - k * (2.0 * u0 / n)
@@ -172,13 +200,28 @@ def _fly(
 
 
 def state_at_start(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
-    """Return a chief's position (3) [m] and velocity (3) [m/s] in GCRS axes at `start_utc`."""
+    """Return the position (3,) [m] and velocity (3,) [m/s] of a chief in GCRS axes at `start_utc`."""
     state = chief.states(Epochs(start_utc, np.zeros(1)))
     return np.asarray(state.position_m)[0], np.asarray(state.velocity_m_s)[0]
 
 
 def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
-    """Return the mean motion [rad/s] of a chief's osculating orbit at `start_utc` (vis-viva and Kepler's third law)."""
+    """Return the mean motion of a chief's osculating orbit, by the vis-viva equation and Kepler's third law.
+
+    Parameters
+    ----------
+    chief : trajectory of the chief
+    start_utc : instant
+
+    Returns
+    -------
+    float [rad/s]
+
+    Raises
+    ------
+    ScenarioError
+        if the orbit is open
+    """
     position, velocity = state_at_start(chief, start_utc)
     alpha = float(2.0 / np.linalg.norm(position) - np.sum(velocity * velocity) / GM)
     if alpha <= 0.0:
@@ -189,7 +232,7 @@ def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
 
 
 def eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return the osculating eccentricity of a state (3), (3) in GCRS axes."""
+    """Return the osculating eccentricity of a state (3,), (3,) in GCRS axes."""
     momentum = np.cross(position_m, velocity_m_s)
     return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / GM - position_m / np.linalg.norm(position_m)))
 
@@ -201,11 +244,18 @@ def flattening(
     chief_m_s: np.ndarray,
     better: str = "use relative_elements, or nonlinear with forces",
 ) -> list[str]:
-    """Return a sentence where J2, which a two-body model leaves out, turns the relative orbit by more than `TURNED`.
+    """Return a sentence if J2, which a two-body model leaves out, moves the relative orbit by more than `TURNED`.
 
-    By 8 J2 (R / p)^2 n at most: the perigee, and the vector of relative eccentricity, turn by up to 3 of that, and two
-    bodies of equal osculating axes drift apart where J2 has given them unlike mean ones (4.5 % of the separation for each
-    revolution at 500 km, flown).
+    It does so by 8 J2 (R / p)^2 n at most. The perigee, and the vector of relative eccentricity, turn by up to 3 of
+    that. Two bodies of equal osculating semi-major axes drift apart because J2 makes their mean axes different: 4.5 %
+    of the separation per revolution at 500 km, by numerical integration.
+
+    Parameters
+    ----------
+    name : name of the model
+    epochs : instants
+    chief_m, chief_m_s : (3,) state of the chief [m], [m/s]
+    better : what to use instead, for the sentence
     """
     alpha = 2.0 / np.linalg.norm(chief_m) - np.sum(chief_m_s**2) / GM
     if alpha <= 0.0 or not len(epochs):
@@ -222,7 +272,7 @@ def flattening(
 
 
 def _radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
-    """Return a chief's distance from the Earth's centre [m] and its rate [m/s] (time)."""
+    """Return the distance of a chief from the Earth's centre [m] and its rate [m/s] (time,)."""
     state = chief.states(epochs)
     radius = np.sqrt(dot(state.position_m, state.position_m))
     return radius, dot(state.position_m, state.velocity_m_s) / radius

@@ -1,4 +1,4 @@
-"""Relative motion without approximation: two orbits under the same forces, and their difference in turning rtn axes."""
+"""Relative motion without approximation: the difference of two orbits under the same forces, in rotating rtn axes."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from rso_lidar.rpo.relative.rtn import rtn_matrix
 class Nonlinear(RelativeState):
     """The difference of two orbits: the chief's, from its osculating state at `start_utc`, and the body's beside it.
 
-    Both are propagated under the same `forces`, or as two bodies without them, and differenced in the rtn axes of the chief
-    so propagated, not of its own model (a TLE); that difference then stands in the chief's real axes. Exact for any
-    separation and eccentricity but for what the forces leave out: both feel the same drag and light pressure per mass.
+    Both are propagated under the same `forces`, or by two-body motion without them. Their difference is taken in the
+    rtn axes of the chief so propagated, not of its own model (a TLE), and is then applied in the chief's actual axes.
+    It is exact for any separation and eccentricity, except for forces left out. Both bodies have the same drag and
+    light pressure per mass.
     """
 
     type: Literal["nonlinear"] = "nonlinear"
@@ -34,7 +35,13 @@ class Nonlinear(RelativeState):
     )
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         start = BodyState(*state_at_start(chief, epochs.start_utc))
         first = Epochs(epochs.start_utc, np.zeros(1))
         rates = self._rates(start, BodyState(start.position_m[None], start.velocity_m_s[None]), first)
@@ -44,7 +51,7 @@ class Nonlinear(RelativeState):
         return rtn_difference(flown, self._flown(body, epochs), self._rates(start, flown, epochs))
 
     def _rates(self, start: BodyState, flown: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the derivatives (time, 3) of the chief's states under the forces; None where its plane stands still."""
+        """Return the derivatives (time, 3) of the chief's states under the forces; None where its orbital plane is fixed."""
         if self.forces is None:
             return None
         return flown.velocity_m_s, state_rates(_Flown(self, start), epochs, flown)[1]
@@ -56,7 +63,13 @@ class Nonlinear(RelativeState):
         return BodyState(rows[:, :3], rows[:, 3:6])
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         if self.forces is not None:
             return []
         return flattening("nonlinear", epochs, *state_at_start(chief, epochs.start_utc), better="give it forces")
@@ -77,10 +90,18 @@ class _Flown:
 def rtn_difference(
     chief: BodyState, body: BodyState, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (…, 3) of a body in a chief's rtn axes, the velocity as those axes see it.
+    """Return the state of a body in a chief's rotating rtn axes.
 
-    What the axes' turning takes off, omega x rho, is in it; differences of inertial coordinates are good to 1e-8 m.
-    `rates` are the derivatives of the chief's state, as `rtn_axes` takes them; without them its plane stands still.
+    The velocity contains the transport term, -omega x rho. Differences of inertial coordinates are good to 1e-8 m.
+
+    Parameters
+    ----------
+    chief, body : inertial states (…, 3)
+    rates : derivatives of the chief's state, see `rtn_axes`; without them its orbital plane is fixed
+
+    Returns
+    -------
+    position_m, velocity_m_s : (…, 3) [m], [m/s]
     """
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     back = np.swapaxes(axes, -1, -2)
@@ -94,9 +115,13 @@ def beside(
     velocity_m_s: np.ndarray,
     rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BodyState:
-    """Return the inertial state of a body at a position and with a velocity (…, 3) in a chief's rtn axes.
+    """Return the inertial state of a body from its state in a chief's rotating rtn axes; the inverse of `rtn_difference`.
 
-    `rates` are the derivatives of the chief's state, as `rtn_axes` takes them; without them its plane stands still.
+    Parameters
+    ----------
+    chief : inertial state (…, 3)
+    position_m, velocity_m_s : (…, 3) in the chief's rtn axes [m], [m/s]
+    rates : derivatives of the chief's state, see `rtn_axes`; without them its orbital plane is fixed
     """
     axes, omega = rtn_matrix(chief.position_m, chief.velocity_m_s, rates)
     return BodyState(

@@ -1,12 +1,13 @@
 """Relative motion by quasi-nonsingular relative orbital elements, with J2.
 
-D'Amico, Autonomous Formation Flying in Low Earth Orbit (2010), eq. 2.2, each times the chief's semi-major axis a: with u the
-mean argument of latitude and (ex, ey) = e (cos, sin) of the argument of perigee, of the chief (c) and the body (d),
+D'Amico, Autonomous Formation Flying in Low Earth Orbit (2010), eq. 2.2, each multiplied by the chief's semi-major axis a.
+With u the mean argument of latitude and (ex, ey) = e (cos, sin) of the argument of perigee, of the chief (c) and the body
+(d):
 
     delta_a = ad - ac                            delta_ex = a (exd - exc)    delta_ix = a (id - ic)
     delta_lambda = a (ud - uc + dRAAN cos ic)    delta_ey = a (eyd - eyc)    delta_iy = a dRAAN sin ic
 
-Rows of elements are those of `mean_elements`, in axes whose z is the Earth's pole of date.
+Rows of elements are those of `orbit.propagation.j2`, in axes whose z is the Earth's pole of date.
 """
 
 from __future__ import annotations
@@ -48,12 +49,12 @@ _NAMES = ("delta_a_m", "delta_lambda_m", "delta_ex_m", "delta_ey_m", "delta_ix_m
 class RelativeElements(RelativeMotion):
     """Motion by relative orbital elements at `start_utc`: mean elements with `j2`, osculating ones without.
 
-    The chief's elements are those of its state at `start_utc`. With `j2` both orbits go by the secular rates of J2 and the
-    first-order map to osculating states, and are differenced exactly: within 1e-5 of the separation over a day of an
-    integration with J2 alone (2e-5 at an eccentricity of 0.7). Left out are J3 to J6, up to 1e-3 of the separation over a
-    day in low orbit, Sun and Moon, 2e-4 in a geostationary one, and drag. Without `j2` both are two-body orbits, off by up
-    to 4.5 % of the separation for each revolution in low orbit. The difference, in the rtn axes of the chief so propagated,
-    stands in its real ones.
+    The chief's elements are those of its state at `start_utc`. With `j2` both orbits follow the secular rates of J2 and
+    the first-order map to osculating states, and their difference is exact. Over a day it agrees with an integration
+    with J2 alone within 1e-5 of the separation (2e-5 at an eccentricity of 0.7). Left out are J3 to J6, up to 1e-3 of
+    the separation over a day in low orbit; Sun and Moon, 2e-4 in geostationary orbit; and drag. Without `j2` both are
+    two-body orbits, and the error is up to 4.5 % of the separation per revolution in low orbit. The difference is taken
+    in the rtn axes of the chief so propagated, and applied in its actual axes.
     """
 
     type: Literal["relative_elements"] = "relative_elements"
@@ -85,11 +86,17 @@ class RelativeElements(RelativeMotion):
 
     @property
     def elements_m(self) -> np.ndarray:
-        """Return delta a, lambda, ex, ey, ix, iy (6), each times the chief's semi-major axis [m]."""
+        """delta a, lambda, ex, ey, ix, iy (6,), each times the chief's semi-major axis [m]."""
         return np.array([getattr(self, name) for name in _NAMES])
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         rows = self._rows(epochs, chief)
         if self.j2:
             of, body = (_MeanFlight(row) for row in rows)
@@ -102,13 +109,19 @@ class RelativeElements(RelativeMotion):
         return rtn_difference(there, here)
 
     def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return the elements of the chief and of the body at `start_utc`, rows (6)."""
-        mean_motion_rad_s(chief, epochs.start_utc)  # says so where the orbit is open
+        """Return the elements of the chief and of the body at `start_utc`, rows (6,)."""
+        mean_motion_rad_s(chief, epochs.start_utc)  # raises an error if the orbit is open
         position, velocity = state_at_start(chief, epochs.start_utc)
         return _start(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         of, body = self._rows(epochs, chief)
         sentences = []
         turned_rad = abs(body[5] - of[5])
@@ -171,14 +184,23 @@ def _start(
 
 
 def in_equator(state: BodyState, epochs: Epochs) -> BodyState:
-    """Return states turned from GCRS axes into those of the equator of date; one epoch serves a single state."""
+    """Rotate states from GCRS axes to those of the equator of date; a single state takes one epoch."""
     turn = equator_axes(epochs)
     turn = turn[0] if state.position_m.ndim == 1 else turn
     return BodyState(rotate_vectors(turn, state.position_m), rotate_vectors(turn, state.velocity_m_s))
 
 
 def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Return delta a, lambda, ex, ey, ix, iy (…, 6) [m] between rows of elements (…, 6)."""
+    """Return the relative elements between two rows of elements.
+
+    Parameters
+    ----------
+    chief, body : (…, 6) rows of elements
+
+    Returns
+    -------
+    (…, 6) delta a, lambda, ex, ey, ix, iy [m]
+    """
     c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
     a, node = c[..., 0], _turn(d[..., 5] - c[..., 5])
     parts = (
@@ -193,9 +215,17 @@ def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
 
 
 def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
-    """Return a body's row of elements (…, 6) from the chief's and relative ones [m]: `relative_elements`, undone.
+    """Return a body's row of elements from the chief's and relative ones; the inverse of `relative_elements`.
 
-    On an equatorial chief there is no node for delta iy to turn: not zero, it is refused.
+    Parameters
+    ----------
+    chief : (…, 6) row of elements
+    elements_m : (…, 6) delta a, lambda, ex, ey, ix, iy [m]
+
+    Raises
+    ------
+    ScenarioError
+        if delta iy is not zero about an equatorial chief, which has no node to turn
     """
     c = np.asarray(chief, dtype=float)
     da, dl, dex, dey, dix, diy = np.moveaxis(np.asarray(elements_m, dtype=float) / c[..., :1], -1, 0)
@@ -220,13 +250,33 @@ def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
 
 
 def relative_elements_from_states(chief: BodyState, body: BodyState) -> np.ndarray:
-    """Return the osculating relative elements (…, 6) [m] of states (…, 3); their z axis is the one inclinations are from."""
+    """Return the osculating relative elements of states. Inclinations are to the plane normal to the z axis of the states.
+
+    Parameters
+    ----------
+    chief, body : states (…, 3) in common inertial axes
+
+    Returns
+    -------
+    (…, 6) delta a, lambda, ex, ey, ix, iy [m]
+    """
     rows = [quasi_nonsingular_from_state(state.position_m, state.velocity_m_s) for state in (chief, body)]
     return relative_elements(*rows)
 
 
 def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> BodyState:
-    """Return the body's state (…, 3) beside a chief's, `relative_elements_from_states` (…, 6) [m] undone."""
+    """Return a body's state from the chief's and relative elements; the inverse of `relative_elements_from_states`.
+
+    Parameters
+    ----------
+    chief : state (…, 3) in inertial axes
+    elements_m : (…, 6) delta a, lambda, ex, ey, ix, iy [m]
+
+    Returns
+    -------
+    BodyState
+        in the same axes
+    """
     return BodyState(
         *state_from_quasi_nonsingular(
             beside_elements(quasi_nonsingular_from_state(chief.position_m, chief.velocity_m_s), elements_m)
@@ -235,6 +285,6 @@ def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> Bo
 
 
 def _turn(angle: np.ndarray) -> np.ndarray:
-    """Return an angle in [-pi, pi]."""
+    """Wrap an angle into [-pi, pi]."""
     turn: np.ndarray = angle - math.tau * np.round(angle / math.tau)
     return turn

@@ -1,4 +1,4 @@
-"""What moves about another body: anything that answers `relative` about a chief, which is a trajectory."""
+"""Motion relative to another body, the chief: anything that answers `relative` about the chief's trajectory."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from rso_lidar.rpo.limits import Velocity
 
 
 class RelativeMotion(Part):
-    """The base of motions about the body `relative_to`, in its rotating rtn axes (x out, z along r x v, y = z x x)."""
+    """Base of motions about the body `relative_to`, in its rotating rtn axes (x radially outward, z along r x v, y = z x x)."""
 
     relative_to: Name = Field(description="Name of a body that orbits, by any orbital motion.")
 
     @abstractmethod
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
         """Return the instants [s] after the start of `epochs` at which the relative velocity jumps or has a corner."""
@@ -28,11 +34,17 @@ class RelativeMotion(Part):
 
     @abstractmethod
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
 
 
 class RelativeState(RelativeMotion):
-    """The base of relative motions that begin with a position and a velocity in the chief's rtn axes at `start_utc`."""
+    """Base of relative motions that begin with a position and a velocity in the chief's rtn axes at `start_utc`."""
 
     position_m: Vector = Field(
         description=(

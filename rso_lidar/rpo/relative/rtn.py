@@ -1,4 +1,4 @@
-"""The rotating rtn axes of an orbit: x radially out, z along r x v, y = z x x (along-track)."""
+"""The rotating rtn axes of an orbit: x radially outward, z along r x v, y = z x x (along-track)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,22 @@ GM = units.EARTH_GM_M3_S2
 def rtn_axes(
     position_m: np.ndarray, velocity_m_s: np.ndarray, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[Rotation, np.ndarray]:
-    """Return inertial_from_rtn, and its angular velocity (…, 3) [rad/s] in rtn axes, of inertial states (…, 3).
+    """Return the rotation inertial_from_rtn of inertial states, and its angular velocity.
 
-    Of two bodies that is omega = r x v / |r|^2, along z. An acceleration a out of the plane turns the plane about the
-    radius, by omega_x = |r| (a . z) / |r x v|: a low orbit's by up to 2e-6 rad/s (J2), which moves the rtn axes 2 mm/s a
-    kilometre away.
+    For two-body motion the angular velocity is r x v / |r|^2, along z. An acceleration a out of the plane turns the
+    plane about the radius by omega_x = |r| (a . z) / |r x v|. In low orbit J2 makes that up to 2e-6 rad/s, which moves
+    the rtn axes by 2 mm/s a kilometre away.
 
     Parameters
     ----------
     position_m, velocity_m_s : (…, 3) inertial state [m], [m/s]
-    rates : derivatives of position and velocity (…, 3) [m/s], [m/s2], as `orbit.state_rates` gives them; without them
-        the plane is taken to stand still
+    rates : derivatives of position and velocity (…, 3) [m/s], [m/s2], see `orbit.trajectory.state_rates`; without them
+        the orbital plane is fixed
+
+    Returns
+    -------
+    inertial_from_rtn : Rotation
+    angular_velocity : (…, 3) [rad/s] in rtn axes
     """
     from scipy.spatial.transform import Rotation
 
@@ -40,7 +45,18 @@ def rtn_axes(
 def rtn_matrix(
     position_m: np.ndarray, velocity_m_s: np.ndarray, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return inertial_from_rtn as matrices (…, 3, 3), and its angular velocity as `rtn_axes` does."""
+    """Return inertial_from_rtn as matrices, and its angular velocity, as `rtn_axes` does.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : (…, 3) inertial state [m], [m/s]
+    rates : derivatives of position and velocity (…, 3) [m/s], [m/s2]; without them the orbital plane is fixed
+
+    Returns
+    -------
+    inertial_from_rtn : (…, 3, 3)
+    angular_velocity : (…, 3) [rad/s] in rtn axes
+    """
     r, v = np.asarray(position_m, dtype=float), np.asarray(velocity_m_s, dtype=float)
     h = cross(r, v)
     radius, momentum = np.sqrt(dot(r, r)), np.sqrt(dot(h, h))
@@ -49,7 +65,7 @@ def rtn_matrix(
     omega = np.zeros_like(r)
     if rates is None:
         omega[..., 2] = momentum / radius**2
-    else:  # the velocity of a model need not be the derivative of its position, so that every axis is differentiated
+    else:  # the velocity of a model need not be the derivative of its position, so every axis is differentiated
         change = cross(rates[0], v) + cross(r, rates[1])
         omega[..., 0] = -dot(y, change) / momentum
         omega[..., 1] = -dot(z, rates[0]) / radius
@@ -63,12 +79,12 @@ def inertial_acceleration(
     turning_rad_s: np.ndarray,
     relative: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """Return the inertial acceleration (time, 3) [m/s2] of a body from its motion in a chief's turning rtn axes.
+    """Return the inertial acceleration (time, 3) [m/s2] of a body from its motion in a chief's rotating rtn axes.
 
-    It is the chief's and rho'' + 2 omega x rho' + omega' x rho + omega x (omega x rho). The chief's is the pull of the Earth
-    as a point and what turns its plane, omega_x |r x v| / |r| along z. Left out are 0.02 m/s2 of perturbation in the plane,
-    and 4e-9 rad/s2 of a change of the plane's turn, both in low orbit: for the plane of the body they are below 1e-9 rad/s
-    for each kilometre between the two.
+    It is the chief's acceleration plus rho'' + 2 omega x rho' + omega' x rho + omega x (omega x rho). That of the chief
+    is the Earth's point-mass gravity and what turns its plane, omega_x |r x v| / |r| along z. In low orbit this leaves
+    out 0.02 m/s2 of perturbation in the plane, and 4e-9 rad/s2 of a change of the plane's rate. For the plane of the
+    body they are below 1e-9 rad/s for each kilometre between the two.
 
     Parameters
     ----------

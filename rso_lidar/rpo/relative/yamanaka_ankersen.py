@@ -1,8 +1,8 @@
 """Relative motion about an orbit of any eccentricity below 1, to first order, by Yamanaka and Ankersen's closed form.
 
-Yamanaka & Ankersen, New State Transition Matrix for Relative Motion on an Arbitrary Elliptical Orbit, Journal of Guidance,
-Control, and Dynamics 25 (2002), 60-66. Their axes (x along the track, y against the orbit normal, z to the Earth) are
-rtn's y, -z and -x.
+Yamanaka & Ankersen, New State Transition Matrix for Relative Motion on an Arbitrary Elliptical Orbit, Journal of
+Guidance, Control, and Dynamics 25 (2002), 60-66. Their axes (x along the track, y against the orbit normal, z toward
+the Earth) are y, -z and -x of rtn.
 """
 
 from __future__ import annotations
@@ -21,27 +21,39 @@ from rso_lidar.part import Vector
 from rso_lidar.rpo.relative.hill import FAR_M, GM, eccentricity, flattening, state_at_start
 from rso_lidar.rpo.relative.relative_motion import RelativeState
 
-_BLOCK = 4096  # epochs worked out at a time: what fits a processor's cache
+_BLOCK = 4096  # epochs computed at a time: fits a processor's cache
 
 
 class YamanakaAnkersen(RelativeState):
-    """Linear motion about an elliptic chief, in its rtn axes.
+    """Linear motion about a chief on an elliptic orbit, in its rtn axes.
 
-    The chief's anomaly is that of its osculating two-body orbit at `start_utc`, so this is two-body motion to first order
-    in the greatest separation rho: off by up to some 6 pi rho^2 / q sqrt((1 + e) / (1 - e)) / (1 - e)^2 for each revolution
-    (q the perigee's distance; 2.7 m at 1 km about a circle in low orbit, 7.5 m at e = 0.3), and by what perturbations do to
-    the two bodies differently.
+    The chief's anomaly is that of its osculating two-body orbit at `start_utc`, so this is two-body motion to first
+    order in the greatest separation rho. The error is up to some 6 pi rho^2 / q sqrt((1 + e) / (1 - e)) / (1 - e)^2 per
+    revolution, with q the distance of perigee: 2.7 m at 1 km about a circle in low orbit, 7.5 m at e = 0.3.
+    Perturbations that act differently on the two bodies are left out.
     """
 
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         start = state_at_start(chief, epochs.start_utc)
         return yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs, naming the better one."""
+        """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         start = state_at_start(chief, epochs.start_utc)
         position, _ = self.relative(epochs, chief)
         farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))
@@ -62,9 +74,17 @@ def yamanaka_ankersen(
     chief_m: np.ndarray,
     chief_m_s: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and velocity [m/s] (time, 3) in rtn axes `time_s` (time) [s] after an initial state (3), (3).
+    """Propagate a relative state by Yamanaka and Ankersen's equations.
 
-    `chief_m` (3) [m] and `chief_m_s` (3) [m/s] are the chief's state in GCRS axes at the start.
+    Parameters
+    ----------
+    position_m, velocity_m_s : (3,) initial state in rtn axes [m], [m/s]
+    time_s : (time,) time since the initial state [s]
+    chief_m, chief_m_s : (3,) state of the chief in GCRS axes at the start [m], [m/s]
+
+    Returns
+    -------
+    position_m, velocity_m_s : (time, 3) in rtn axes [m], [m/s]
     """
     time = np.atleast_1d(np.asarray(time_s, dtype=float))
     orbit = _Orbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float))
@@ -77,7 +97,7 @@ def yamanaka_ankersen(
 
 
 class _Orbit:
-    """The chief's two-body ellipse: `e`, theirs `k2` = k^2 = sqrt(GM / p^3), and the anomalies at the start."""
+    """The chief's two-body ellipse: eccentricity `e`, `k2` = k^2 = sqrt(GM / p^3) of the paper, and the anomalies at the start."""
 
     def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
         radius = float(np.linalg.norm(r))
@@ -98,7 +118,13 @@ class _Orbit:
         self.mean_rad = eccentric - self.e * math.sin(eccentric)
 
     def constants(self, x: float, y: float, z: float, u: float, v: float, w: float) -> tuple[float, ...]:
-        """Return the constants of a motion from its state in rtn axes at the start (their eqs. 82 and 85)."""
+        """Return the constants of a motion from its state in rtn axes at the start (Yamanaka & Ankersen, eqs. 82 and 85).
+
+        Parameters
+        ----------
+        x, y, z : position [m]
+        u, v, w : velocity [m/s]
+        """
         e, sin, cos = self.e, math.sin(self.true_rad), math.cos(self.true_rad)
         rho = 1.0 + e * cos
         s, c = rho * sin, rho * cos
@@ -120,7 +146,14 @@ class _Orbit:
         )
 
     def fly(self, constants: tuple[float, ...], time_s: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Work out (their eq. 84) what became of the motion, into `position` and `velocity` (time, 3)."""
+        """Write the propagated motion (Yamanaka & Ankersen, eq. 84) into two arrays.
+
+        Parameters
+        ----------
+        constants : see `constants`
+        time_s : (time,) time since the start [s]
+        position, velocity : (time, 3) arrays to write into [m], [m/s]
+        """
         k1, k2, k3, k4, k5, k6 = constants
         e = self.e
         sin_e, cos_e = _eccentric_anomaly(self.mean_rad + self.mean_motion_rad_s * time_s, e)
@@ -151,7 +184,7 @@ class _Orbit:
 
 
 def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26; then a step of Newton)."""
+    """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26, then a step of Newton's method)."""
     m = mean_rad - math.tau * np.round(mean_rad / math.tau)
     anomaly = start_eccentric_anomaly(m, e)
     f2, f3 = e * np.sin(anomaly), e * np.cos(anomaly)
@@ -160,13 +193,17 @@ def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.n
     step = -f0 / (f1 + 0.5 * step * (f2 + step * f3 / 3.0))
     anomaly = anomaly - f0 / (f1 + 0.5 * step * (f2 + step / 3.0 * (f3 - 0.25 * step * f2)))
     s, c = np.sin(anomaly), np.cos(anomaly)
-    rest = (anomaly - e * s - m) / (1.0 - e * c)  # what rounding left
+    rest = (anomaly - e * s - m) / (1.0 - e * c)  # residual of rounding
     return s - rest * c, c + rest * s
 
 
 def _second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
-    """Return what the neglected second order may come to in a revolution [m], about a chief of that state: a bound found
-    by flying both.
+    """Return a bound [m] of the neglected second order in one revolution, found by propagating both bodies.
+
+    Parameters
+    ----------
+    separation_m : greatest separation [m]
+    position_m, velocity_m_s : (3,) state of the chief [m], [m/s]
     """
     e = float(eccentricity(position_m, velocity_m_s))
     h = np.cross(position_m, velocity_m_s)
