@@ -1,1 +1,1 @@
-"""Proximity operations, and the plans of legs and impulses that fly them."""
+"""Proximity operations, and the plans of legs and impulses that they make."""

@@ -1,4 +1,4 @@
-"""Holding a place near a body, and coming nearer along its V-bar (+y, along-track) or R-bar (-x, toward the Earth)."""
+"""Station keeping, and approaches along the V-bar (+y, along-track) or the R-bar (-x, toward the Earth)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from rso_lidar.rpo.plans.two_impulse import departure_m_s
 
 
 class StationKeeping(ProximityOperation):
-    """A place held in rtn axes, for ever; `duration_s` is how long the totals count (none: one revolution).
+    """A position held in rtn axes without end; totals count over `duration_s` (one revolution if left out).
 
-    Free on the V-bar. Elsewhere thrust must hold: 3 n^2 |x| radially and n^2 |z| across (Fehse ch. 3).
+    On the V-bar it needs no thrust. Elsewhere thrust must compensate 3 n^2 |x| radially and n^2 |z| across (Fehse ch. 3).
     """
 
     type: Literal["station_keeping"] = "station_keeping"
@@ -36,7 +36,7 @@ class StationKeeping(ProximityOperation):
 
 
 class _AlongAnAxis(ProximityOperation):
-    """The base of approaches along one axis: a forced straight line, or hops."""
+    """Base of approaches along one axis: a forced straight line, or hops."""
 
     axis: ClassVar[int]
     from_m: Number = Field(
@@ -111,12 +111,12 @@ class _AlongAnAxis(ProximityOperation):
 
 
 class VBarApproach(_AlongAnAxis):
-    """From one place on the V-bar to another (along-track y [m], ahead positive), from rest to rest, and then held.
+    """Approach along the V-bar (along-track y [m], ahead positive) from rest to rest; the final position is then held.
 
-    Straight, thrust must hold against the Coriolis acceleration 2 n v, radially (Fehse ch. 3). With `hops`, that many
-    free arcs, each of half a revolution where neither speed nor duration is given: Fehse's radial boosts, n dy / 4 each.
-    Thrust that stops lets the straight line bend up and back, or on through the body where it was fast: see the plan's
-    passive safety.
+    On the straight line thrust must compensate the Coriolis acceleration 2 n v, radially (Fehse ch. 3). With `hops` it
+    is that many free arcs. Each takes half a revolution if neither speed nor duration is given: Fehse's radial boosts,
+    n dy / 4 each. If thrust stops, the straight line bends up and back, or, if it was fast, on through the body: see
+    the plan's passive safety.
     """
 
     type: Literal["v_bar_approach"] = "v_bar_approach"
@@ -124,10 +124,11 @@ class VBarApproach(_AlongAnAxis):
 
 
 class RBarApproach(_AlongAnAxis):
-    """From one place on the R-bar to another (radial x [m], below negative), from rest to rest, and then held by thrust.
+    """Approach along the R-bar (radial x [m], below negative) from rest to rest; the final position is then held by thrust.
 
-    Straight, thrust must hold against 3 n^2 x radially and 2 n v along-track (Fehse ch. 3). Where thrust stops, a
-    body slower than sqrt(7) n |x| turns before the other's height, and drifts away ahead (below) or behind (above).
+    On the straight line thrust must compensate 3 n^2 x radially and 2 n v along-track (Fehse ch. 3). If thrust stops, a
+    body slower than sqrt(7) n |x| turns back before the other's height, and drifts away ahead (below) or behind
+    (above).
     """
 
     type: Literal["r_bar_approach"] = "r_bar_approach"
@@ -135,10 +136,10 @@ class RBarApproach(_AlongAnAxis):
 
 
 class CoElliptic(ProximityOperation):
-    """Drift on a neighbouring circle `radial_m` above (positive) or below the body's, from along-track `from_m`; never ends.
+    """Endless drift on a neighbouring circle, `radial_m` above (positive) or below, from along-track `from_m`.
 
-    It falls back 3/2 n x each second, 3 pi x each revolution (Fehse ch. 3). Totals count until `to_m`, or
-    for `duration_s`; getting onto that circle is not part of the plan.
+    It falls back by 3/2 n x per second, 3 pi x per revolution (Fehse ch. 3). Totals count until `to_m`, or over
+    `duration_s`. The transfer to that circle is not part of the plan.
     """
 
     type: Literal["co_elliptic"] = "co_elliptic"

@@ -1,4 +1,4 @@
-"""Going round a body: natural ellipses, walking safety ellipse, teardrop loops, and forced circles."""
+"""Circumnavigation: natural ellipses, the walking safety ellipse, teardrop loops, and forced circles."""
 
 from __future__ import annotations
 
@@ -20,10 +20,17 @@ from rso_lidar.rpo.plans.two_impulse import departure_m_s
 def _ellipse(
     n: float, radial_m: float, cross_m: float, phase_rad: float, ahead_rad: float, height_m: float, centre_m: float
 ) -> Leg:
-    """Return free flight on a 2:1 ellipse whose centre is `height_m` high and `centre_m` ahead at first.
+    """Make a leg of free flight on a 2:1 ellipse.
 
-    x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the
-    relative orbit elements of Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
+    x = h + b cos(u), y = c - 3/2 n h t - 2 b sin(u), z = q sin(u + a), u = n t + phase (the relative orbit elements of
+    Lovell & Spencer, J. Astronaut. Sci. 61, 2014).
+
+    Parameters
+    ----------
+    n : mean motion of the body [rad/s]
+    radial_m, cross_m : amplitudes b and q [m]
+    phase_rad, ahead_rad : phase, and phase difference a [rad]
+    height_m, centre_m : height h and initial along-track position c of the centre [m]
     """
     s, c = math.sin(phase_rad), math.cos(phase_rad)
     position = (height_m + radial_m * c, centre_m - 2.0 * radial_m * s, cross_m * math.sin(phase_rad + ahead_rad))
@@ -36,11 +43,12 @@ def _ellipse(
 
 
 class Circumnavigation(ProximityOperation):
-    """Natural motion round the body: the 2:1 ellipse of Clohessy-Wiltshire, `radial_m` high and twice as long, for ever.
+    """Natural motion round the body without end: the 2:1 ellipse of Clohessy-Wiltshire.
 
-    It begins at `phase_deg` (0 above, 90 behind its centre, 180 below). Across the track it swings by `cross_track_m`, as
-    the sine of the phase plus `phase_difference_deg`: at 0 it is farthest out where it crosses the body's height. Getting
-    onto it is not part of the plan; totals count for `duration_s` (none: one revolution).
+    Its radial semi-axis is `radial_m`. It begins at `phase_deg` (0 above, 90 behind its centre, 180 below). The
+    cross-track motion, of amplitude `cross_track_m`, is the sine of the phase plus `phase_difference_deg`. At 0 it is
+    greatest where the ellipse crosses the body's height. The transfer to the ellipse is not part of the plan; totals
+    count over `duration_s` (one revolution if left out).
     """
 
     type: Literal["circumnavigation"] = "circumnavigation"
@@ -76,10 +84,10 @@ class Circumnavigation(ProximityOperation):
 class SafetyEllipse(ProximityOperation):
     """A walking safety ellipse: round the track and along it, so that it never crosses the track however far it drifts.
 
-    Relative eccentricity and inclination vectors are parallel at `phase_difference_deg` 0 (180: antiparallel), where height
-    and cross-track never vanish together (D'Amico & Montenbruck, J. Guid. Control Dyn. 29 (2006) 554). The centre walks
-    `drift_m` along the track each revolution. Getting onto it is not part of the plan; totals count for `duration_s` (none:
-    one revolution).
+    Relative eccentricity and inclination vectors are parallel at `phase_difference_deg` 0 (180: antiparallel). Then
+    height and cross-track position never vanish together (D'Amico & Montenbruck, J. Guid. Control Dyn. 29 (2006) 554).
+    The centre walks `drift_m` along the track per revolution. The transfer to the ellipse is not part of the plan;
+    totals count over `duration_s` (one revolution if left out).
     """
 
     type: Literal["safety_ellipse"] = "safety_ellipse"
@@ -130,12 +138,12 @@ class SafetyEllipse(ProximityOperation):
 
     @property
     def height_m(self) -> float:
-        """Return how high the ellipse's centre stands above the body's orbit [m]: what makes it walk."""
+        """Height of the ellipse's centre above the body's orbit [m], which makes it walk."""
         return -self.drift_m / (3.0 * math.pi)
 
     @property
     def separation_m(self) -> float:
-        """Return the least distance from the track [m], seen along it: safe whatever the along-track error."""
+        """Least distance from the track [m] in projection along it: the separation whatever the along-track error."""
         ahead = self.phase_difference_deg * units.DEG
 
         def seen(u: np.ndarray) -> np.ndarray:
@@ -157,12 +165,12 @@ class SafetyEllipse(ProximityOperation):
 
 
 class Teardrop(ProximityOperation):
-    """Loops above or below the body, each from the cusp at `cusp_m` (radial) down to its turn and back in `period_s`.
+    """Loops above or below the body, each from the cusp at `cusp_m` (radial) to its turn and back in `period_s`.
 
-    At the cusp one radial impulse begins the next loop (Lovell & Tollefson, Calculation of impulsive hovering trajectories
-    via relative orbit elements, 2005). Give `period_s`, or `turn_m`, the height of the turn: it lies between the body's
-    height and the cusp, or beyond the body for periods over 0.406 of a revolution. It begins at the cusp, in the loop:
-    getting there is not part of the plan. After `loops` it drifts away.
+    At the cusp one radial impulse begins the next loop (Lovell & Tollefson, Calculation of impulsive hovering
+    trajectories via relative orbit elements, 2005). Give `period_s`, or `turn_m`, the height of the turn. The turn is
+    between the body's height and the cusp, or beyond the body for periods over 0.406 of a revolution. The plan begins
+    in the loop, at the cusp; the transfer there is not part of it. After `loops` the body drifts away.
     """
 
     type: Literal["teardrop"] = "teardrop"
@@ -197,7 +205,7 @@ class Teardrop(ProximityOperation):
         return self
 
     def loop_s(self, mean_motion_rad_s: float) -> float:
-        """Return how long one loop takes [s] about a body of this mean motion [rad/s]."""
+        """Return the duration of one loop [s] about a body of this mean motion [rad/s]."""
         if self.period_s is not None:
             if self.period_s >= math.tau / mean_motion_rad_s:
                 raise ScenarioError(
@@ -206,7 +214,7 @@ class Teardrop(ProximityOperation):
                 )
             return self.period_s
         wanted = (self.turn_m or 0.0) / self.cusp_m
-        low, high = 0.0, math.pi  # half the loop's angle; the turn over the cusp falls from 1 to -1
+        low, high = 0.0, math.pi  # half the loop's angle; turn over cusp falls from 1 to -1 with it
         while (middle := 0.5 * (low + high)) not in (low, high):
             pull = 4.0 * math.sin(middle) / (3.0 * middle)
             if (1.0 - pull) / (math.cos(middle) - pull) > wanted:
@@ -227,11 +235,12 @@ class Teardrop(ProximityOperation):
 
 
 class ForcedCircumnavigation(ProximityOperation):
-    """A circle about the body at a steady rate, by thrust, for ever: in rtn axes, so a rate of 0 is not a hold in space.
+    """A circle about the body at a constant rate, by thrust, without end. In rtn axes, a rate of 0 is not a hold in space.
 
-    `axis` is what it turns about, right-handed; it begins `phase_deg` on from the radial direction's projection into the
-    circle's plane (along-track where the axis is radial). Thrust holds against centrifugal, Coriolis and tidal
-    acceleration. Getting onto it is not part of the plan; totals count for `duration_s` (none: one turn).
+    The rotation about `axis` is right-handed. It begins `phase_deg` from the projection of the radial direction onto
+    the circle's plane (along-track if the axis is radial). Thrust compensates centrifugal, Coriolis and tidal
+    acceleration. The transfer to the circle is not part of the plan; totals count over `duration_s` (one turn if left
+    out).
     """
 
     type: Literal["forced_circumnavigation"] = "forced_circumnavigation"
@@ -265,7 +274,7 @@ class ForcedCircumnavigation(ProximityOperation):
 
     @property
     def turn_s(self) -> float:
-        """Return how long one turn takes [s]."""
+        """Duration of one turn [s]."""
         return self.period_s or 360.0 / (self.rate_deg_s or math.nan)
 
     def flown(self, mean_motion_rad_s: float) -> Plan:

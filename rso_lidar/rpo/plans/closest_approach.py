@@ -1,4 +1,4 @@
-"""The least distance to the origin along a path: sampled, then refined about each place where it may be least."""
+"""The least distance of a path from the origin: sampled, then refined about each local minimum."""
 
 from __future__ import annotations
 
@@ -19,10 +19,21 @@ def closest(
     to_s: float,
     step_s: float,
 ) -> tuple[float, float]:
-    """Return the least distance [m] of a path from the origin, and `begin_s` plus the path's own time of it [s].
+    """Find the least distance of a path from the origin.
 
-    `path` gives position [m] and velocity [m/s] (time, 3); it is looked at every `step_s` from `from_s` to `to_s`, and
-    about each local minimum finer and finer, down to a millionth of the step. Of equal minima the first counts.
+    It is sampled every `step_s`, and refined about each local minimum down to a millionth of the step. Of equal minima
+    the first counts.
+
+    Parameters
+    ----------
+    path : function of time (time,) [s] that returns position [m] and velocity [m/s] (time, 3)
+    begin_s : added to the time that is returned [s]
+    from_s, to_s : first and last time of the path [s]
+    step_s : step of the samples [s]
+
+    Returns
+    -------
+    distance [m], and `begin_s` plus the time of it [s]
     """
     times = (
         np.linspace(from_s, to_s, max(2, int(np.ceil((to_s - from_s) / step_s)) + 1))
@@ -33,7 +44,7 @@ def closest(
     fenced = np.concatenate([[np.inf], distance, [np.inf]])
     lowered = distance * (1.0 - EQUAL)
     least = np.flatnonzero((lowered <= fenced[:-2]) & (lowered <= fenced[2:]))
-    if len(least) > 64:  # a path that stands still is nearest everywhere, and rounding makes minima of it
+    if len(least) > 64:  # on a path that does not move, rounding makes a minimum of every sample
         equal = np.flatnonzero(distance[least] <= distance[least].min() * (1.0 + EQUAL))
         order = np.argsort(distance[least], kind="stable")
         least = least[np.unique(np.concatenate([equal[:1], order[:63]]))]
@@ -43,7 +54,7 @@ def closest(
         for k in range(_ROUNDS):
             finer = np.clip(centre[:, None] + width[:, None] * np.linspace(-1.0, 1.0, _FINER), from_s, to_s)
             values = _distance(path, finer.ravel()).reshape(finer.shape)
-            if k == 0:  # where the distance stays the same, its first sample stands
+            if k == 0:  # where the distance is constant, keep its first sample
                 varies = np.ptp(values, axis=1) > EQUAL * values.max(axis=1)
             chosen = np.argmin(values, axis=1)
             centre, width = finer[rows, chosen], width * 2.0 / (_FINER - 1)

@@ -1,4 +1,4 @@
-"""What all proximity operations share: a plan about a chief, made once, kept out of a sphere, and where it is good."""
+"""Proximity operations in common: a plan about a chief, made once, checked against a keep-out sphere and limits."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.rpo.relative import hill
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 
-_LOOKS = 5  # at a leg, for how far and how fast it goes
-# What says how fast a plan is flown, most telling first
+_LOOKS = 5  # samples of a leg for its greatest distance and speed
+# Keys that set the pace of a plan, the most direct first
 _PACE = ("times_s", "duration_s", "speed_m_s", "hops", "rate_deg_s", "period_s", "loops", "radial_m", "position_m")
 
 
 class ProximityOperation(RelativeMotion):
     """An operation about the body `relative_to`, planned by Clohessy-Wiltshire in its rtn axes from `start_utc` on.
 
-    Good for near-circular chiefs and short distances: off by up to 6 pi rho^2 / r for each revolution of free flight, and
-    by up to 30 e rho (see `Hill`); the Earth's flattening moves what flies freely in low orbit by up to 4.5 % of the
-    separation for each revolution. `validity` says where that matters.
+    It is good for near-circular chiefs and short distances. The error is up to 6 pi rho^2 / r per revolution of free
+    flight, and up to 30 e rho (see `Hill`). In low orbit J2 moves a free body by up to 4.5 % of the separation per
+    revolution. `validity` says where that matters.
     """
 
     keep_out_m: NotNegative = Field(
@@ -40,19 +40,36 @@ class ProximityOperation(RelativeMotion):
 
     @property
     def name(self) -> str:
-        """Return what the operation is called: its `type`."""
+        """Name of the operation: its `type`."""
         return str(type(self).model_fields["type"].default)
 
     @abstractmethod
     def flown(self, mean_motion_rad_s: float) -> Plan:
-        """Return the plan about a body of this mean motion [rad/s], whatever it comes near to."""
+        """Return the plan about a body of this mean motion [rad/s], without checks."""
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
-        """Return the plan: legs, impulses, costs and safety; `ScenarioError` where it cannot be flown."""
+        """Return the plan: legs, impulses, costs and safety.
+
+        Parameters
+        ----------
+        start_utc : start of the plan
+        chief : trajectory of the chief
+
+        Raises
+        ------
+        ScenarioError
+            if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
+        """
         return _flown(self, hill.mean_motion_rad_s(chief, start_utc))
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the chief's rtn axes, the velocity as those axes see it."""
+        """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         position, velocity = self.plan(epochs.start_utc, chief).relative(epochs.time_s)
         distance = np.sqrt(np.sum(position * position, axis=1))
         if len(distance) and distance.min() < self.keep_out_m:
@@ -65,7 +82,13 @@ class ProximityOperation(RelativeMotion):
         return np.array([leg.begin_s for leg in self.plan(epochs.start_utc, chief).legs])
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which Clohessy-Wiltshire is stretched at these epochs."""
+        """Return one sentence for each limit of Clohessy-Wiltshire's equations that these epochs exceed.
+
+        Parameters
+        ----------
+        epochs : instants
+        chief : trajectory of the chief
+        """
         position, _ = self.relative(epochs, chief)
         sentences = hill.validity(
             position,
@@ -76,7 +99,7 @@ class ProximityOperation(RelativeMotion):
         return named + self.flattened(epochs, chief)
 
     def flattened(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return a sentence where J2 moves the body in its free flight at these epochs; thrust along a path holds it."""
+        """Return a sentence if J2 moves the body in its free flight at these epochs; thrust along a path compensates it."""
         free_s = self.plan(epochs.start_utc, chief).free_s(epochs.time_s)
         return hill.flattening(
             self.name,
@@ -93,7 +116,7 @@ def _flown(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
 
 
 def kept_out(plan: Plan, keep_out_m: float) -> Plan:
-    """Return the plan itself; `ScenarioError` where its path enters a sphere about the body's origin [m]."""
+    """Check that a plan does not enter a sphere about the body's origin [m], and return it; else raise `ScenarioError`."""
     if keep_out_m > 0.0:
         nearest_m, at_s = plan.nearest()
         if nearest_m < keep_out_m:
@@ -110,7 +133,7 @@ def _too_near(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.n
 
 
 def places_within(operation: Any, mean_motion_rad_s: float) -> None:
-    """Refuse lengths of an operation beyond the radius of the body's orbit, where its rtn axes mean nothing."""
+    """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning."""
     radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
     for name in type(operation).model_fields:
         if not name.endswith("_m") or name == "keep_out_m" or getattr(operation, name) is None:
@@ -126,7 +149,19 @@ def places_within(operation: Any, mean_motion_rad_s: float) -> None:
 
 
 def plan_within(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
-    """Return the plan itself; `ScenarioError`, naming the key that sets its pace, where it is too long, fast or far."""
+    """Check that a plan is not too long, too fast or too far, and return it.
+
+    Parameters
+    ----------
+    plan : the plan
+    operation : the part it was made from
+    far : whether it may go beyond the radius of the body's orbit
+
+    Raises
+    ------
+    ScenarioError
+        if the plan exceeds a limit; the message names the key that sets its pace
+    """
     given = type(operation).model_fields
     key = next((name for name in _PACE if name in given and getattr(operation, name) is not None), plan.name)
     if not plan.duration_s <= LONGEST_S:

@@ -1,8 +1,9 @@
-"""Plans of proximity operations: legs flown freely or held to a path, the impulses between them, and what they cost.
+"""Plans of proximity operations: legs of free flight or forced motion, the impulses between them, and their costs.
 
-Everything is in the rotating rtn axes of the body that is approached. Free flight is Clohessy-Wiltshire's, and so is the
-acceleration a_control that a given path needs: x'' - 3 n^2 x - 2 n y', y'' + 2 n x', z'' + n^2 z (Hill's equations; Fehse,
-Automated Rendezvous and Docking of Spacecraft, ch. 3 and app. A, with his axes turned into ours).
+Everything is in the rotating rtn axes of the body that is approached. Free flight follows Clohessy and Wiltshire's
+equations. So does the acceleration a_control that a given path requires: x'' - 3 n^2 x - 2 n y', y'' + 2 n x', z'' +
+n^2 z (Hill's equations; Fehse, Automated Rendezvous and Docking of Spacecraft, ch. 3 and app. A, with his axes turned
+into ours).
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from rso_lidar.rpo.plans.closest_approach import closest
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-SAFE_REVOLUTIONS = 2.0  # of free drift after thrust stops, where no horizon is given
-_PER_REVOLUTION = 360  # samples of a path, before the least distance is refined
-_FINE_REVOLUTIONS = 100.0  # so far a path is looked at so often; all that is later, in as many samples together
+SAFE_REVOLUTIONS = 2.0  # free drift after thrust stops, without a given horizon
+_PER_REVOLUTION = 360  # samples of a path before the least distance is refined
+_FINE_REVOLUTIONS = 100.0  # a path is sampled this finely up to here; the rest gets as many samples in all
 _FAILURES = 121  # instants along a forced leg at which its thrust may stop
-_FINE_DRIFT = 10.0  # the same for the drifts from all of them
+_FINE_DRIFT = 10.0  # the same for the drifts from these instants
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _PANELS = 32
 
@@ -43,9 +44,14 @@ class Impulse:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One stretch of a plan, until the next begins. `path` gives position [m] and velocity [m/s] `begin_s` later on.
+    """One stretch of a plan, until the next begins.
 
-    `acceleration_m_s2` is the path's own in the turning axes (time, 3), where thrust holds to it; None is free flight.
+    Parameters
+    ----------
+    begin_s : begin of the leg since the start of the plan [s]
+    path : function of time since `begin_s` (time,) [s] that returns position [m] and velocity [m/s] (time, 3)
+    acceleration_m_s2 : the path's own acceleration in the rotating axes (time, 3), where thrust holds it; None in free
+        flight
     """
 
     begin_s: float
@@ -54,13 +60,27 @@ class Leg:
 
 
 def coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
-    """Return a leg of free flight from a position (3) [m] and a velocity (3) [m/s]."""
+    """Make a leg of free flight.
+
+    Parameters
+    ----------
+    begin_s : begin of the leg [s]
+    position_m, velocity_m_s : (3,) state at its begin [m], [m/s]
+    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+    """
     start = np.array(position_m, dtype=float), np.array(velocity_m_s, dtype=float)
     return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
 
 
 def line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None = None) -> Leg:
-    """Return a leg held to a straight line at a steady velocity (3) [m/s], or to a point."""
+    """Make a leg held to a straight line at a constant velocity, or to a point.
+
+    Parameters
+    ----------
+    begin_s : begin of the leg [s]
+    position_m : (3,) position at its begin [m]
+    velocity_m_s : (3,) [m/s]; None holds the position
+    """
     start = np.array(position_m, dtype=float)
     speed = np.zeros(3) if velocity_m_s is None else np.array(velocity_m_s, dtype=float)
 
@@ -72,7 +92,15 @@ def line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None
 
 @dataclass(frozen=True, eq=False)
 class PassiveSafety:
-    """The least distance [m] to the body if thrust stops for good at the worst instant, `failure_s`; met at `nearest_s`."""
+    """The least distance to the body if thrust stops for good at the worst instant.
+
+    Parameters
+    ----------
+    distance_m : least distance [m]
+    failure_s : instant at which thrust stops [s]
+    nearest_s : instant of the least distance [s]
+    horizon_s : for how long the drift is followed [s]
+    """
 
     distance_m: float
     failure_s: float
@@ -82,10 +110,16 @@ class PassiveSafety:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Legs in order, the first from time 0 and the last for ever, and the impulses that join them.
+    """Legs in order, the first from time 0 and the last without end, and the impulses that join them.
 
-    `duration_s` is how long totals count: where the operation ends, or one turn of what goes on for ever. `adrift` is the
-    path where the first impulse does not come, none: by Clohessy-Wiltshire.
+    Parameters
+    ----------
+    name : name of the operation
+    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+    duration_s : time over which totals are counted [s]: to the end of the operation, or one turn of an endless one
+    legs : the legs
+    impulses : the impulses
+    adrift : path if the first impulse fails; None for Clohessy-Wiltshire's
     """
 
     name: str
@@ -100,7 +134,7 @@ class Plan:
         object.__setattr__(self, "_begins", np.array([leg.begin_s for leg in self.legs]))
 
     def relative(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3); at an impulse, what is after it."""
+        """Return position [m] and velocity [m/s] (time, 3); at an impulse, those after it."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         position, velocity = np.empty((len(times), 3)), np.empty((len(times), 3))
         leg = np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
@@ -111,11 +145,11 @@ class Plan:
 
     @property
     def revolution_s(self) -> float:
-        """Return the period of the body that is approached [s]."""
+        """Period of the body that is approached [s]."""
         return math.tau / self.mean_motion_rad_s
 
     def control_m_s2(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the acceleration (time, 3) [m/s^2] by which thrust holds to the path, zero in free flight."""
+        """Return the acceleration (time, 3) [m/s2] by which thrust holds the path, zero in free flight."""
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
         n, leg = self.mean_motion_rad_s, np.maximum(np.searchsorted(self._begins, times, side="right") - 1, 0)
         control = np.zeros((len(times), 3))
@@ -130,7 +164,7 @@ class Plan:
 
     @property
     def thrust(self) -> tuple[tuple[float, float, float], ...]:
-        """Return when thrust holds to a path, and what that costs: from [s], to [s], delta-v [m/s]; up to `duration_s`."""
+        """Intervals of continuous thrust up to `duration_s`: begin [s], end [s], delta-v [m/s]."""
         return tuple(
             (begin_s, end_s, self._held_m_s(begin_s, end_s))
             for leg, begin_s, end_s in self.stretches()
@@ -139,24 +173,25 @@ class Plan:
 
     @property
     def impulsive_delta_v_m_s(self) -> float:
-        """Return the sum of the impulses [m/s]."""
+        """Sum of the impulses [m/s]."""
         return math.fsum(impulse.size_m_s for impulse in self.impulses)
 
     @property
     def continuous_delta_v_m_s(self) -> float:
-        """Return what thrust along paths costs up to `duration_s` [m/s]: the integral of |a_control|."""
+        """Delta-v of continuous thrust up to `duration_s` [m/s]: the integral of |a_control|."""
         return math.fsum(cost for _, _, cost in self.thrust)
 
     @property
     def delta_v_m_s(self) -> float:
-        """Return what the plan costs up to `duration_s` [m/s], impulses and continuous thrust."""
+        """Total delta-v up to `duration_s` [m/s], impulses and continuous thrust."""
         return self.impulsive_delta_v_m_s + self.continuous_delta_v_m_s
 
     def nearest(self) -> tuple[float, float]:
-        """Return the least distance [m] to the body on the path as planned, up to `duration_s`, and when [s].
+        """Return the least distance [m] to the body on the planned path up to `duration_s`, and when it occurs [s].
 
-        A leg is looked at 360 times a revolution for 100 of them, and 36 000 times in all that follows, and refined about
-        the 64 nearest: between later samples a lower point may be missed, by half of what the path moves in a step.
+        A leg is sampled 360 times a revolution for 100 revolutions, and 36 000 times over the rest, and refined about
+        the 64 nearest samples. Between later samples a lower point may be missed, by half the distance that the path
+        moves in a step.
         """
         return min(
             closest(leg.path, begin_s, *span)
@@ -165,7 +200,7 @@ class Plan:
         )
 
     def free_s(self, time_s: np.ndarray) -> float:
-        """Return how long the body flies freely from time 0 to the last of these instants, and back to the first [s]."""
+        """Return the time of free flight [s] from time 0 to the last of these instants, or back to the first."""
         last_s, first_s = float(np.max(time_s, initial=0.0)), float(np.min(time_s, initial=0.0))
         ends = [*self._begins[1:].tolist(), math.inf]
         free = [(leg, end_s) for leg, end_s in zip(self.legs, ends, strict=True) if leg.acceleration_m_s2 is None]
@@ -174,7 +209,7 @@ class Plan:
 
     @property
     def nearest_m(self) -> float:
-        """Return the least distance [m] to the body on the path as planned, up to `duration_s`."""
+        """Least distance [m] to the body on the planned path, up to `duration_s`."""
         return self.nearest()[0]
 
     def passive_safety_m(self, horizon_s: float | None = None) -> float:
@@ -182,23 +217,26 @@ class Plan:
         return self.passive_safety(horizon_s).distance_m
 
     def passive_safety(self, horizon_s: float | None = None) -> PassiveSafety:
-        """Return how near free drift leads if thrust stops at the worst instant up to `duration_s`.
+        """Return how near free drift leads if thrust stops for good at the worst instant up to `duration_s`.
 
-        Any impulse may fail to come, and so may all after it; thrust along a path may stop anywhere. The drift is followed
-        for `horizon_s` [s] after the failure, two revolutions of the body where none is given, by Clohessy-Wiltshire (a
-        free leg by its own path). Drifts are looked at as `nearest` looks at legs. Where thrust holds to a path, the instant
-        at which it stops is zoomed in on from 121, and drifts are looked at 360 times a revolution for ten of them, and 3600
-        times in all that follows: what comes near for a moment later on may be missed.
+        Any impulse may fail, with all after it; thrust along a path may stop at any instant. The drift follows
+        Clohessy-Wiltshire's equations (a free leg its own path) and is sampled as `nearest` samples legs. On a forced
+        leg, the worst instant is searched for among 121, with refinement. Drifts are sampled 360 times a revolution for
+        ten revolutions, and 3600 times over the rest: a brief approach later on may be missed.
+
+        Parameters
+        ----------
+        horizon_s : how long after the failure the drift is followed [s]; two revolutions of the body if left out
         """
         horizon = SAFE_REVOLUTIONS * self.revolution_s if horizon_s is None else horizon_within(horizon_s)
         found: list[tuple[float, float, float]] = []  # distance, failure, nearest
         first = self.impulses[0] if self.impulses else None
-        if first is not None and first.time_s <= 0.0:  # the first impulse does not come
+        if first is not None and first.time_s <= 0.0:  # the first impulse fails
             position, velocity = self.relative(np.zeros(1))
             before = coast(0.0, position[0], velocity[0] - first.delta_v_m_s, self.mean_motion_rad_s).path
             found.append(self._drifted(self.adrift or before, 0.0, 0.0, horizon))
         for leg, begin_s, end_s in self.stretches():
-            if leg.acceleration_m_s2 is None:  # what ends it does not come: it goes on
+            if leg.acceleration_m_s2 is None:  # the impulse that ends it fails, and it continues
                 found.append(self._drifted(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon))
                 continue
             spans = self._spans(horizon, _FINE_DRIFT)
@@ -213,13 +251,20 @@ class Plan:
     def _worst_stop(
         self, leg: Leg, begin_s: float, length_s: float, span: tuple[float, float, float]
     ) -> tuple[float, float, float]:
-        """Return distance, failure and nearest approach, in a span of the drift, if thrust stops along a forced leg."""
+        """Find the worst instant at which thrust may stop along a forced leg: distance, failure and nearest approach.
+
+        Parameters
+        ----------
+        leg : the leg
+        begin_s, length_s : its begin and length [s]
+        span : from, to and step of the samples of the drift [s]
+        """
         n, (from_s, to_s, step_s) = self.mean_motion_rad_s, span
         low, high, best = 0.0, length_s, (math.inf, 0.0, 0.0)
-        for _ in range(8):  # the instant of the failure is zoomed in on
+        for _ in range(8):  # refine the instant of the failure
             stops = np.linspace(low, high, _FAILURES)
             position, velocity = leg.path(stops)
-            if np.all(position == position[0]) and np.all(velocity == velocity[0]):  # it stands still
+            if np.all(position == position[0]) and np.all(velocity == velocity[0]):  # it holds its position
                 stops, position, velocity = stops[:1], position[:1], velocity[:1]
             drift = np.arange(from_s, to_s + step_s, step_s)
             away = clohessy_wiltshire(position[:, None], velocity[:, None], drift, n)[0]
@@ -237,7 +282,7 @@ class Plan:
         return best
 
     def stretches(self) -> list[tuple[Leg, float, float]]:
-        """Return each leg that begins by `duration_s`, with begin and end [s]."""
+        """Return each leg that begins by `duration_s`, with its begin and end [s]."""
         ends = [*self._begins[1:], math.inf]
         return [
             (leg, leg.begin_s, min(float(end_s), self.duration_s))
@@ -246,7 +291,7 @@ class Plan:
         ]
 
     def _spans(self, until_s: float, fine_revolutions: float) -> list[tuple[float, float, float]]:
-        """Return from, to and step [s] by which to look at what lasts so long: finely at first, then as often again."""
+        """Return from, to and step [s] of the samples of a duration: fine at first, then as many again over the rest."""
         fine_s, step_s = fine_revolutions * self.revolution_s, self.revolution_s / _PER_REVOLUTION
         spans = [(0.0, min(until_s, fine_s), min(step_s, max(until_s, 1e-6) / 48.0))]
         if until_s > fine_s:
@@ -255,7 +300,7 @@ class Plan:
         return spans
 
     def _held_m_s(self, begin_s: float, end_s: float) -> float:
-        """Return the integral of |a_control| from one instant to another [m/s], by Gauss's rule in panels."""
+        """Return the integral of |a_control| between two instants [m/s], by Gauss-Legendre quadrature in panels."""
         edges = np.linspace(begin_s, end_s, _PANELS + 1)
         half = 0.5 * np.diff(edges)
         times = (edges[:-1] + half)[:, None] + half[:, None] * _NODES
@@ -264,7 +309,7 @@ class Plan:
         return float(np.sum(half[:, None] * _WEIGHTS * size))
 
     def table(self) -> tuple[tuple[str, ...], ...]:
-        """Return the manoeuvres as rows of words, a heading first: when, what, delta-v in r, t and n, and its size."""
+        """Return the maneuvers as rows of text under a heading: time, kind, delta-v in r, t and n, and its magnitude."""
         rows: list[tuple[float, tuple[str, ...]]] = []
         for impulse in self.impulses:
             parts = (*impulse.delta_v_m_s, impulse.size_m_s)
@@ -276,7 +321,7 @@ class Plan:
         return (heading, *(row for _, row in sorted(rows, key=lambda pair: pair[0])))
 
     def describe(self) -> str:
-        """Return the plan in lines: manoeuvres, totals, least distance as planned, and passive safety."""
+        """Return the plan as lines of text: maneuvers, totals, least distance as planned, and passive safety."""
         rows = self.table()
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [f"{self.name}: {self.duration_s:.1f} s, {self.duration_s / self.revolution_s:.3f} revolutions"]

@@ -1,4 +1,4 @@
-"""Flying from place to place with impulses: hop, waypoints, rendezvous, and Lambert's transfer."""
+"""Transfers by impulses: hop, waypoints, rendezvous, and Lambert's transfer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ from rso_lidar.rpo.relative.rtn import rtn_matrix
 class Hop(ProximityOperation):
     """A two-impulse transfer from rest at `from_m` to `to_m` in `duration_s` (Fehse ch. 3).
 
-    With `stop` the second impulse stops it there and it is held (free on the V-bar); without, it flies on.
+    With `stop` a second impulse stops the body there, and it holds its position (without thrust on the V-bar). Otherwise it
+    drifts on.
     """
 
     type: Literal["hop"] = "hop"
@@ -59,7 +60,7 @@ class Hop(ProximityOperation):
 
 
 class Rendezvous(ProximityOperation):
-    """A two-impulse transfer from a place and a velocity, as the body's rtn axes see it, to rest at `to_m`; then held.
+    """A two-impulse transfer from a position and a velocity relative to the rotating rtn axes, to rest at `to_m`, then held.
 
     Clohessy-Wiltshire targeting: Vallado 4th ed. sec. 6.8.
     """
@@ -82,7 +83,17 @@ class Rendezvous(ProximityOperation):
 def _transferred(
     name: str, start: np.ndarray, before_m_s: np.ndarray, aim: np.ndarray, duration_s: float, n: float, stop: bool
 ) -> Plan:
-    """Return the plan of one two-impulse transfer [m, m/s, s], held at its end where it stops."""
+    """Make the plan of one two-impulse transfer, held at its end if it stops.
+
+    Parameters
+    ----------
+    name : name of the operation
+    start, before_m_s : (3,) state before the first impulse [m], [m/s]
+    aim : (3,) position of arrival [m]
+    duration_s : time between the impulses [s]
+    n : mean motion of the body [rad/s]
+    stop : whether a second impulse stops it
+    """
     departure = departure_m_s(start, aim, duration_s, n)
     leg = coast(0.0, start, departure, n)
     first = Impulse(0.0, departure - before_m_s)
@@ -93,10 +104,10 @@ def _transferred(
 
 
 class Waypoints(ProximityOperation):
-    """Two-impulse transfers through a list of places, from rest at the first to rest at the last; then held.
+    """Two-impulse transfers through a list of positions, from rest at the first to rest at the last, which is then held.
 
-    `times_s` are when each is reached, the first 0; or `speed_m_s` is the mean speed along each straight line between. One
-    impulse turns the path at each place; with `stop` it comes to rest there first, and stays `hold_s`.
+    `times_s` are the times of arrival, the first 0. Or `speed_m_s` is the mean speed along each straight line between.
+    One impulse turns the path at each position; with `stop` the body comes to rest there first, and stays for `hold_s`.
     """
 
     type: Literal["waypoints"] = "waypoints"
@@ -178,16 +189,18 @@ class Waypoints(ProximityOperation):
 
 
 class Lambert(ProximityOperation):
-    """A transfer of two bodies from `from_m` to rest at `to_m` (rtn axes of departure and of arrival); then held.
+    """A two-body transfer from `from_m` to rest at `to_m` (rtn axes of departure and of arrival), which is then held.
 
-    Exact for two bodies at any distance and about a chief of any eccentricity: the difference of two propagated
-    orbits, in the rtn axes of the chief's own propagated one. What moves both alike (J2, drag) is left out: in low
-    orbit the difference of J2 is up to 4.5 % of the separation for each revolution (integrated; less where it
-    starts at a node). After `duration_s`, control and passive safety are Clohessy-Wiltshire's. `revolutions` are
-    whole ones about the Earth before arrival (none: as many as cost least); from one on, two orbits take the same
-    time, and `branch` chooses the `low`, of the smaller semi-major axis, or the `high` (none: the one that costs
-    less). `way` is `prograde` (with the chief), `retrograde`, or `short` and `long` (less or more than half a
-    revolution).
+    It is exact for two-body motion at any distance and about a chief of any eccentricity: the difference of two
+    propagated orbits in the rtn axes of the chief's own propagated one. Perturbations common to both (J2, drag) are
+    left out. In low orbit the difference of J2 is up to 4.5 % of the separation per revolution, by numerical
+    integration, and less if it starts at a node. After `duration_s`, control and passive safety are
+    Clohessy-Wiltshire's.
+
+    `revolutions` are whole ones about the Earth before arrival; if left out, the number with the least cost. From one
+    on, two orbits take the same time, and `branch` chooses `low` (the smaller semi-major axis) or `high`; if left out,
+    the one that costs less. `way` is `prograde` (with the chief), `retrograde`, or `short` and `long` (less or more
+    than half a revolution).
     """
 
     type: Literal["lambert"] = "lambert"
@@ -228,19 +241,36 @@ class Lambert(ProximityOperation):
         return _two_body_plan(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
-        """Return the plan: legs, impulses, costs and safety; `ScenarioError` where it cannot be flown."""
+        """Return the plan: legs, impulses, costs and safety.
+
+        Parameters
+        ----------
+        start_utc : start of the plan
+        chief : trajectory of the chief
+
+        Raises
+        ------
+        ScenarioError
+            if there is no such transfer, or it meets the Earth, exceeds a limit, or enters the keep-out sphere
+        """
         position, velocity = hill.state_at_start(chief, start_utc)
-        hill.mean_motion_rad_s(chief, start_utc)  # which an open orbit has not
+        hill.mean_motion_rad_s(chief, start_utc)  # raises an error if the orbit is open
         return _two_body_plan(self, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
-        """Return one sentence for each way in which the model is stretched at these epochs."""
+        """Return one sentence for each limit of the model that these epochs exceed."""
         return self.flattened(epochs, chief)
 
 
 @functools.lru_cache(maxsize=128)
 def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
-    """Return the plan about a chief of this state [m, m/s] in inertial axes."""
+    """Make the plan about a chief.
+
+    Parameters
+    ----------
+    part : the operation
+    chief_m, chief_m_s : (3,) state of the chief in inertial axes [m], [m/s]
+    """
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
     r1, v1 = kepler.propagate_two_body(r0, v0, np.array([part.duration_s]))
     chief, there = BodyState(r0, v0), BodyState(r1[0], v1[0])
@@ -291,14 +321,27 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
 
 
 def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
-    """Return the least distance from the Earth's centre [m] during a transfer."""
+    """Return the least distance from the Earth's centre [m] during a transfer.
+
+    Parameters
+    ----------
+    start_m : (3,) position of departure [m]
+    orbit : the transfer
+    duration_s : its duration [s]
+    """
     once_s = min(duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
     low_m = kepler.propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
 def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the difference of two orbits `time_s` after these states (time, 3), in the chief's turning rtn axes."""
+    """Return the difference of two orbits in the chief's rotating rtn axes.
+
+    Parameters
+    ----------
+    chief, body : states at the start
+    time_s : (time,) time since the start [s]
+    """
     there, here = (
         BodyState(*kepler.propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )
@@ -310,7 +353,7 @@ def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
 
 
 def _mean_motion(state: BodyState) -> float:
-    """Return the mean motion [rad/s] of an orbit, 0 of an open one."""
+    """Return the mean motion of an orbit [rad/s], 0 if it is open."""
     r, v = state.position_m, state.velocity_m_s
     alpha = float(2.0 / np.linalg.norm(r) - np.sum(v * v) / units.EARTH_GM_M3_S2)
     return math.sqrt(units.EARTH_GM_M3_S2 * max(alpha, 0.0) ** 3)

@@ -1,4 +1,4 @@
-"""The velocity that flies from one place to another in a given time, by Clohessy-Wiltshire (Vallado 4th ed. sec. 6.8)."""
+"""The velocity that leads from one position to another in a given time, by Clohessy-Wiltshire (Vallado 4th ed. sec. 6.8)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,30 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 _SINGULAR = 1e-9  # ratio of the singular values below which a direction cannot be commanded
-_MISSED = 1e-9  # share of the way by which an aim may be missed
+_MISSED = 1e-9  # miss distance allowed, as a fraction of the way
 
 
 def departure_m_s(from_m: np.ndarray, to_m: np.ndarray, duration_s: float, mean_motion_rad_s: float) -> np.ndarray:
-    """Return the departure velocity (3) [m/s] from one place (3) [m] to another in `duration_s`, rtn axes.
+    """Return the departure velocity of a transfer between two positions.
 
-    After whole half revolutions across the track, and whole revolutions in the plane, not every place can be reached: where
-    the aim is one of those that can, the least velocity is returned, such as Fehse's tangential hop along the V-bar.
+    After whole half revolutions across the track, and after whole revolutions in the plane, not every position can be
+    reached. If the aim is one of those that can, the smallest velocity is returned, such as that of Fehse's tangential
+    hop along the V-bar.
+
+    Parameters
+    ----------
+    from_m, to_m : (3,) positions in rtn axes [m]
+    duration_s : time of the transfer [s]
+    mean_motion_rad_s : mean motion of the body that is approached [rad/s]
+
+    Returns
+    -------
+    (3,) [m/s] in rtn axes
+
+    Raises
+    ------
+    ScenarioError
+        if no velocity reaches the aim
     """
     if not duration_s > 0.0:
         raise ScenarioError(f"transfer: one in {duration_s:g} s needs infinite speed: give more than zero")

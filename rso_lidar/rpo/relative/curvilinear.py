@@ -1,9 +1,9 @@
 """Curvilinear coordinates: height, arc along the track and arc across it, for bodies far apart along an orbit.
 
-For a body at distance r from the Earth's centre, theta ahead of the chief in its orbital plane and phi out of it, with the
-chief at distance R, they are height r - R and arcs R theta and R phi. Clohessy and Wiltshire's equations hold for them as
-for x, y, z, and about a circle to all orders in theta (Alfriend, Vadali, Gurfil, How & Breger, Spacecraft Formation Flying,
-sec. 5.3).
+They are height r - R and arcs R theta and R phi. Here r and R are the distances of the body and of the chief from the
+Earth's centre. The body is theta ahead of the chief in its orbital plane, and phi out of it. Clohessy and Wiltshire's
+equations hold for them as for x, y, z. About a circle they do so to all orders in theta (Alfriend, Vadali, Gurfil, How &
+Breger, Spacecraft Formation Flying, sec. 5.3).
 """
 
 from __future__ import annotations

@@ -35,12 +35,13 @@ _BLOCK = 8192  # epochs computed at a time: fits a processor's cache
 class Hill(RelativeState):
     """Clohessy-Wiltshire motion about a chief on a near-circular orbit, with a constant acceleration in rtn axes.
 
-    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. With rho the
-    greatest separation and r the orbit's radius, the error against two-body motion is up to 6 pi rho^2 / r per
-    revolution (2.7 m at 1 km in low orbit), and up to 30 e rho (to e = 0.5). With `curvilinear` the equations hold for
-    height, arc along the track and arc across it instead of x, y, z. Then the error is up to 15 pi h^2 / r per
-    revolution, with h the greatest height or arc across, however far along the track. The acceleration is then along
-    the axes at the body.
+    The mean motion is that of the chief's osculating orbit at `start_utc`, whatever the chief's own model. Let rho be
+    the greatest separation and r the orbit's radius. The error against two-body motion is up to 6 pi rho^2 / r per
+    revolution (2.7 m at 1 km in low orbit), and up to 30 e rho (to e = 0.5).
+
+    With `curvilinear` the equations hold for height, arc along the track and arc across it instead of x, y, z. Then the
+    error is up to 15 pi h^2 / r per revolution, with h the greatest height or arc across. The arc along the track does
+    not matter. The acceleration is then along the axes at the body.
     """
 
     type: Literal["hill"] = "hill"
@@ -173,7 +174,15 @@ def clohessy_wiltshire(
 def _fly(
     start: list[np.ndarray], time_s: np.ndarray, n: np.ndarray, position: np.ndarray, velocity: np.ndarray
 ) -> None:
-    """Work out the closed form into `position` and `velocity` (…, 3)."""
+    """Write the closed form into two arrays.
+
+    Parameters
+    ----------
+    start : position [m], velocity [m/s] and acceleration [m/s2], each (…, 3)
+    time_s : (…) time since the start [s]
+    n : (…) mean motion [rad/s]
+    position, velocity : (…, 3) arrays to write into [m], [m/s]
+    """
     (x0, y0, z0), (u0, v0, w0) = (np.moveaxis(vector, -1, 0) for vector in start[:2])
     x, y, z = (position[..., k] for k in range(3))
     u, v, w = (velocity[..., k] for k in range(3))

@@ -24,9 +24,9 @@ class Nonlinear(RelativeState):
     """The difference of two orbits: the chief's, from its osculating state at `start_utc`, and the body's beside it.
 
     Both are propagated under the same `forces`, or by two-body motion without them. Their difference is taken in the
-    rtn axes of the chief so propagated, not of its own model (a TLE), and is then applied in the chief's actual axes.
-    It is exact for any separation and eccentricity, except for forces left out. Both bodies have the same drag and
-    light pressure per mass.
+    rtn axes of the chief so propagated, not of its own model (a TLE). It is then applied in the chief's actual axes. It
+    is exact for any separation and eccentricity, except for forces left out. Both bodies have the same drag and light
+    pressure per mass.
     """
 
     type: Literal["nonlinear"] = "nonlinear"

@@ -86,7 +86,7 @@ class RelativeElements(RelativeMotion):
 
     @property
     def elements_m(self) -> np.ndarray:
-        """delta a, lambda, ex, ey, ix, iy (6,), each times the chief's semi-major axis [m]."""
+        """Relative elements delta a, lambda, ex, ey, ix, iy (6,), each times the chief's semi-major axis [m]."""
         return np.array([getattr(self, name) for name in _NAMES])
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +163,14 @@ class _MeanFlight:
 def _start(
     part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the elements of the chief and of the body, rows (6); the mean ones take milliseconds, so they are kept."""
+    """Compute the elements of the chief and of the body, rows (6,); the result is cached.
+
+    Parameters
+    ----------
+    part : the motion
+    start_utc : instant of the state
+    chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
+    """
     state = in_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
     of = (mean_from_osculating if part.j2 else quasi_nonsingular_from_state)(state.position_m, state.velocity_m_s)
     half_m = math.pi * float(of[0])

@@ -14,7 +14,10 @@ from rso_lidar.rpo.limits import Velocity
 
 
 class RelativeMotion(Part):
-    """Base of motions about the body `relative_to`, in its rotating rtn axes (x radially outward, z along r x v, y = z x x)."""
+    """Base of motions about the body `relative_to`, in its rotating rtn axes.
+
+    rtn: x radially outward, z along r x v, y = z x x.
+    """
 
     relative_to: Name = Field(description="Name of a body that orbits, by any orbital motion.")
 

@@ -28,9 +28,12 @@ class YamanakaAnkersen(RelativeState):
     """Linear motion about a chief on an elliptic orbit, in its rtn axes.
 
     The chief's anomaly is that of its osculating two-body orbit at `start_utc`, so this is two-body motion to first
-    order in the greatest separation rho. The error is up to some 6 pi rho^2 / q sqrt((1 + e) / (1 - e)) / (1 - e)^2 per
-    revolution, with q the distance of perigee: 2.7 m at 1 km about a circle in low orbit, 7.5 m at e = 0.3.
-    Perturbations that act differently on the two bodies are left out.
+    order. With rho the greatest separation and q the distance of perigee, the error per revolution is up to some
+
+        6 pi rho^2 / q sqrt((1 + e) / (1 - e)) / (1 - e)^2,
+
+    which is 2.7 m at 1 km about a circle in low orbit, and 7.5 m at e = 0.3. Perturbations that act differently on the
+    two bodies are left out.
     """
 
     type: Literal["yamanaka_ankersen"] = "yamanaka_ankersen"
@@ -97,7 +100,10 @@ def yamanaka_ankersen(
 
 
 class _Orbit:
-    """The chief's two-body ellipse: eccentricity `e`, `k2` = k^2 = sqrt(GM / p^3) of the paper, and the anomalies at the start."""
+    """The chief's two-body ellipse.
+
+    `e` is its eccentricity and `k2` the paper's k^2 = sqrt(GM / p^3); the anomalies are those at the start.
+    """
 
     def __init__(self, r: np.ndarray, v: np.ndarray) -> None:
         radius = float(np.linalg.norm(r))
