@@ -20,9 +20,9 @@ import numpy as np
 import rso_lidar as rl
 from rso_lidar import picture, units
 from rso_lidar.detector import detect
-from rso_lidar.detector.bench.calibrate import REFERENCE_FWHM_S, reference_pulse
+from rso_lidar.detector.bench.calibrate import REFERENCE_FWHM_S, make_reference_pulse
 from rso_lidar.detector.bench.separation import simulate_pairs
-from rso_lidar.detector.bench.trial import Trial, plate, point_returns, trial
+from rso_lidar.detector.bench.trial import Trial, make_plate, make_point_returns, run_trial
 from rso_lidar.detector.chain.analog import base_rate_per_s, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.measure import measure
@@ -63,7 +63,7 @@ def seen(
     """Return what `n` pixels of a detector make of so many photons."""
     laser = rl.Laser(pulse_fwhm_ns=pulse_fwhm_ns)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(20_240_917, spawn_key=(seed, round(photons)))))
-    return trial(detector, plate(photons, n, laser.pulse, laser.pulse_fwhm_s, range_m), rng)
+    return run_trial(detector, make_plate(photons, n, laser.pulse, laser.pulse_fwhm_s, range_m), rng)
 
 
 def binomial_bars(found: int, n: int) -> tuple[float, float, float]:
@@ -231,7 +231,7 @@ def precision() -> Any:
 
 
 def _pulse() -> Pulse:
-    step_s, power = reference_pulse()
+    step_s, power = make_reference_pulse()
     amplifier = rl.detector.Amplifier()
     return Pulse.after(step_s, power, amplifier.pole_s, amplifier.integration_s)
 
@@ -354,7 +354,9 @@ def pixel() -> Any:
 
 def _edge(ranges_m: Sequence[float], photons: Sequence[float]) -> Photons:
     pixel = np.zeros(len(ranges_m), int)
-    return point_returns((1, 1), reference_pulse(), REFERENCE_FWHM_S, pixel, np.array(ranges_m), np.array(photons))
+    return make_point_returns(
+        (1, 1), make_reference_pulse(), REFERENCE_FWHM_S, pixel, np.array(ranges_m), np.array(photons)
+    )
 
 
 def gate() -> Any:
@@ -449,7 +451,7 @@ def shared() -> Any:
 
 def _flat(pixel: np.ndarray, photons: float) -> Photons:
     """Return the light of a facing plate at 50 m in some pixels of 128 x 128."""
-    one = plate(photons, len(pixel), reference_pulse(), REFERENCE_FWHM_S)
+    one = make_plate(photons, len(pixel), make_reference_pulse(), REFERENCE_FWHM_S)
     return replace(
         one,
         shape=(128, 128),
@@ -482,7 +484,7 @@ def separation() -> Any:
 
 
 def _both(axes: Any, detector: Any, separation_m: np.ndarray, photons: float, label: str, colour: str) -> None:
-    pulse, fwhm_s = reference_pulse(), REFERENCE_FWHM_S
+    pulse, fwhm_s = make_reference_pulse(), REFERENCE_FWHM_S
     made = simulate_pairs(detector, pulse, fwhm_s, separation_m, (photons, photons), 300)
     axes.plot(made.separation_m, made.probability, ".-", color=colour, ms=4, lw=1.0, label=label)
     listed = [[round(float(end), 2) for end in made.interval_m(share) or ()] for share in (0.5, 0.9)]

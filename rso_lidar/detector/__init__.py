@@ -18,7 +18,7 @@ from rso_lidar.detector.detect import (
     false_alarm_probability,
     frame_jitter_s,
     isolate,
-    list_uncounted,
+    list_neglected_effects,
     noise_growth,
 )
 from rso_lidar.detector.questions.array_load import ArrayLoad
@@ -70,7 +70,7 @@ __all__ = [
     "false_alarm_probability",
     "frame_jitter_s",
     "isolate",
-    "list_uncounted",
+    "list_neglected_effects",
     "noise_growth",
     "predict",
 ]

@@ -7,7 +7,7 @@ asks which detector it has.
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
   A gated detector has ``with_gate_delay(delay_ns)`` as well.
-- `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_uncounted` serve the checks and
+- `check_size`, `describe`, `advise`, `describe_window`, `describe_storage` and `list_neglected_effects` serve the checks and
   the texts of a scenario.
 - `false_alarm_probability`, `detection_probability`, `predict_closed_form` and `noise_growth` are closed forms.
   `prediction.predict` tries pixels where there is no closed form.
@@ -196,11 +196,11 @@ def describe_window(detector: Gsfl | Empirical | Detector) -> str:
     return str(_call(detector, "describe_window", default=f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"))
 
 
-def list_uncounted(detector: Gsfl | Empirical | Detector) -> list[str]:
+def list_neglected_effects(detector: Gsfl | Empirical | Detector) -> list[str]:
     """List the settings of a detector that its closed form does not count; by default none."""
     if isinstance(detector, Gsfl):
-        return description.list_uncounted_gsfl(detector)
-    return list(_call(detector, "list_uncounted", default=[]))
+        return description.list_neglected_gsfl(detector)
+    return list(_call(detector, "list_neglected_effects", default=[]))
 
 
 # ---------------------------------------------------------------------------------------------------- closed forms
@@ -219,7 +219,7 @@ def false_alarm_probability(detector: Gsfl | Empirical | Detector, range_m: np.n
 
 
 def detection_probability(detector: Gsfl | Empirical | Detector, photons: np.ndarray) -> np.ndarray | None:
-    """Return the probability (return) that returns of so many photons are detected; None where only a trial tells."""
+    """Return the probability (return) of detection by expected photons; None where only a trial can find it."""
     if isinstance(detector, Gsfl):
         return None
     found = _call(detector, "detection_probability", photons, default=None)
@@ -253,7 +253,13 @@ def predict_closed_form(
 
 
 def noise_growth(detector: Gsfl | Empirical | Detector, background_photons_per_s: float) -> float:
-    """Return the rms noise with so many photons a second of sunlight on a pixel, over that in the dark; by default 1."""
+    """Return the rms noise under sunlight over that in the dark; by default 1.
+
+    Parameters
+    ----------
+    detector : the detector.
+    background_photons_per_s : sunlight on a pixel [photons/s].
+    """
     if isinstance(detector, Gsfl):
         dark = detector.noise_electrons
         return detector.noise_in_light(background_photons_per_s) / dark if dark > 0.0 else float("inf")
@@ -307,6 +313,6 @@ def frame_jitter_s(detector: Gsfl | Empirical | Detector) -> float:
 
 
 def _call(detector: object, name: str, *given: Any, default: Any = None) -> Any:
-    """Call a method that a detector may have, or return the default where it does not."""
+    """Call a method that a detector may have, or return the default where it has none of that name."""
     method = getattr(detector, name, None)
     return default if method is None else method(*given)

@@ -6,7 +6,7 @@ import pytest
 from rso_lidar import detector as rd
 from rso_lidar import units
 from rso_lidar.detector.bench.separation import simulate_pairs
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Part
 from rso_lidar.records import Photons, Reading
@@ -64,8 +64,8 @@ def test_a_field_takes_an_object():
 
 def test_trials_of_an_object_follow_poisson():
     photons = np.repeat([0.2, 1.0, 3.0], 3000)
-    light = plate(photons, photons.size, (PULSE.step_s, PULSE.power_per_s), PULSE.fwhm_s, 1000.0)
-    found = trial(Counting(), light, np.random.default_rng(3)).detected.reshape(3, -1).mean(axis=1)
+    light = make_plate(photons, photons.size, (PULSE.step_s, PULSE.power_per_s), PULSE.fwhm_s, 1000.0)
+    found = run_trial(Counting(), light, np.random.default_rng(3)).detected.reshape(3, -1).mean(axis=1)
     expected = 1.0 - np.exp(-np.array([0.2, 1.0, 3.0]))
     assert np.all(np.abs(found - expected) < 5.0 * np.sqrt(expected * (1.0 - expected) / 3000))
 
@@ -98,14 +98,14 @@ def test_defaults_of_what_an_object_does_not_say():
     assert rd.describe(mine, 16) == ["detector    Counting, sees 0 to 2000 m"]
     assert rd.advise(mine, 8e-9) == []
     assert rd.describe_window(mine) == "armed 0 to 2000 m"
-    assert rd.list_uncounted(mine) == []
+    assert rd.list_neglected_effects(mine) == []
     assert rd.describe_storage(mine) == []
     np.testing.assert_array_equal(rd.false_alarm_probability(mine, range_m), 0.0)
     assert rd.detection_probability(mine, range_m) is None
     assert rd.noise_growth(mine, 1e12) == 1.0
     assert rd.isolate(mine) is mine
     assert rd.frame_jitter_s(mine) == 0.0
-    light = plate(10.0, 4, (PULSE.step_s, PULSE.power_per_s), PULSE.fwhm_s)
+    light = make_plate(10.0, 4, (PULSE.step_s, PULSE.power_per_s), PULSE.fwhm_s)
     load = rd.array_load(mine, light)
     np.testing.assert_array_equal(load.gain, np.ones(4))
     np.testing.assert_array_equal(load.together_fraction, np.zeros(4))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gsfl, LaserPulse, detect, predict
-from rso_lidar.detector.bench.trial import plate
+from rso_lidar.detector.bench.trial import make_plate
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.stages.time_axis import place_rows
 from rso_lidar.optics import Laser
@@ -28,7 +28,7 @@ CLOSED = 0.003  # of a probability: the closed form's lattice, and depths rounde
 
 def found(photons, depth_s, steps, seed=1):
     """Return the share of pixels that find a return as deep as this, through the whole chain."""
-    seen = plate(photons, N, Laser().pulse, FWHM_S, 50.0)  # so near, one of 250,000 pixels triggers falsely before
+    seen = make_plate(photons, N, Laser().pulse, FWHM_S, 50.0)  # so near, one of 250,000 pixels triggers falsely before
     seen = replace(seen, depth_spread_s=np.full(N, depth_s))
     reading, _ = detect(seen, Gsfl(steps_per_sample=steps), np.random.default_rng(seed))
     return float(np.isfinite(reading.range_m).mean())
@@ -92,6 +92,6 @@ def test_these_returns_do_reach_over_several_rows():
     """Else the tests above would say nothing; a facing plate needs one row."""
     plan = plan_time(Gsfl(), FWHM_S)
     for _, depth_s in BY_HAND:
-        seen = replace(plate(1000.0, 50, Laser().pulse, FWHM_S), depth_spread_s=np.full(50, depth_s))
+        seen = replace(make_plate(1000.0, 50, Laser().pulse, FWHM_S), depth_spread_s=np.full(50, depth_s))
         assert len(place_rows(seen, plan).pixel) >= 90
-    assert len(place_rows(plate(1000.0, 50, Laser().pulse, FWHM_S), plan).pixel) == 50
+    assert len(place_rows(make_plate(1000.0, 50, Laser().pulse, FWHM_S), plan).pixel) == 50

@@ -13,7 +13,7 @@ from scipy import stats
 
 import rso_lidar as rl
 from rso_lidar.detector import Apd, Gsfl, detect
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
@@ -32,11 +32,11 @@ FOCAL_M = 128 * 100e-6 / (2 * math.tan(math.radians(1.25)))  # of the lens of Fu
 def seen(photons, n, fwhm_s=8e-9, range_m=1000.0):
     """Return the photons of n pixels that see the same plate."""
     pulse = bell(fwhm_s)
-    return plate(photons, n, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), fwhm_s, range_m)
+    return make_plate(photons, n, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), fwhm_s, range_m)
 
 
 def found(part, photons, n, seed=1, fwhm_s=8e-9):
-    return trial(part, seen(photons, n, fwhm_s), np.random.default_rng(seed))
+    return run_trial(part, seen(photons, n, fwhm_s), np.random.default_rng(seed))
 
 
 def share_band(p, *numbers):

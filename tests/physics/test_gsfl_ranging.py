@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.detector import Amplifier, Apd, Gsfl, Ranging, Readout, Timing, Trigger, detect
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.full import store_waveforms
@@ -33,8 +33,8 @@ STILL = Timing(pixel_jitter_ns=0.0)
 
 def found(part, photons, n, seed=1):
     pulse = bell(FWHM_S)
-    seen = plate(photons, n, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
-    return trial(part, seen, np.random.default_rng(seed))
+    seen = make_plate(photons, n, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
+    return run_trial(part, seen, np.random.default_rng(seed))
 
 
 def averaged(covariance_at, weight=None, reach_s=math.inf):
@@ -280,7 +280,7 @@ def test_noise_of_counts_ends_where_they_clip(validation):
 def test_quantisation_adds_a_twelfth(validation):
     """The same flash converted with and without rounding: errors uniform over a count, 1/sqrt(12) rms."""
     pulse = bell(FWHM_S)
-    seen = plate(3000.0, 4096, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
+    seen = make_plate(3000.0, 4096, (pulse["pulse_step_s"], pulse["pulse_power_per_s"]), FWHM_S, 1000.0)
     whole, exact = (
         store_waveforms(
             Gsfl(readout=Readout(quantised=quantised)), seen, np.random.default_rng(2)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Droop, Gsfl
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.separation import listed_separations
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.separation import simulate_separations
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.timing import shape_pulse
 from rso_lidar.detector.stages.array_effects import solve_gain
@@ -34,7 +34,7 @@ def test_a_pulse_latches_where_its_edge_passes_the_threshold(over, validation):
 def test_two_returns_part_and_are_lost_where_pulse_and_trace_say(validation):
     """Near: a valley of a tenth between Gaussians, less half a sample of smoothing. Far: see tests/detector."""
     part = Gsfl(max_returns=2)
-    near, far = listed_separations(part, reference_pulse(), 8e-9).interval_m(0.5)
+    near, far = simulate_separations(part, make_reference_pulse(), 8e-9).interval_m(0.5)
     pulse = shape_pulse(part, returns(100.0, 1.0))
     validation(
         case="least separation of two equal returns that are listed half the time, 8 ns",

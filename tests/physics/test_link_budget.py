@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.detector import Amplifier, Apd, Gate, Gsfl, LaserPulse, Readout, Timing, Trigger, detect, predict
-from rso_lidar.detector.bench.trial import plate as pixels
-from rso_lidar.detector.bench.trial import trial
+from rso_lidar.detector.bench.trial import make_plate as pixels
+from rso_lidar.detector.bench.trial import run_trial
 from rso_lidar.detector.ranging.pulse import Pulse, crlb_s, noise_covariance
 from rso_lidar.optics import Laser, Receiver
 from rso_lidar.scene import Ggx, Lambertian, OrenNayar, Phong, TableBrdf
@@ -119,7 +119,7 @@ def tried(detector, photons, n=16_384, laser=None):
     laser = laser or Laser()
     near_m = 0.5 * (detector.sees_from_m + detector.sees_to_m) - 0.5 if getattr(detector, "gate", None) else 300.0
     seen = pixels(float(photons), n, laser.pulse, laser.pulse_fwhm_s, near_m)
-    return trial(detector, seen, np.random.default_rng(int(photons)))
+    return run_trial(detector, seen, np.random.default_rng(int(photons)))
 
 
 def compare(validation, case, detector, photons, floor, n=16_384):

@@ -1,9 +1,10 @@
 """Solve the constants of the shipped detectors through the whole chain: `python -m rso_lidar.detector.bench.calibrate`.
 
-The reference state: 1000 mean photons on the pixel after the optics and before quantum efficiency, a Gaussian pulse of
-8 ns, a plate at normal incidence, dark current and threshold spread on, background off; 95 % of flashes are detected there
-(seed 3.3). ``noise_limited`` asks besides that threshold over noise be 6, ``offset_limited`` that the amplifier have 300
-electrons. The fast detector's curves are then fitted to the chain's. Nothing here runs when a user changes a setting.
+The reference state is a plate at normal incidence and a Gaussian pulse of 8 ns. 1000 mean photons reach the pixel, after the
+optics and before quantum efficiency. Dark current and threshold spread are on, background is off. There 95 % of flashes are
+detected (Fuller et al., sec. 3.3). ``noise_limited`` also asks that threshold over noise be 6, ``offset_limited`` that the
+amplifier have 300 electrons. The curves of the empirical detector are then fitted to the chain's. Nothing here runs when a
+user changes a setting.
 """
 
 import math
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.bench.trial import Trial, plate, trial
+from rso_lidar.detector.bench.trial import Trial, make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera, mean_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
@@ -31,7 +32,7 @@ _LEVELS = (400, 500, 600, 650, 700, 750, 800, 850, 900, 950, 1000, 1100, 1200, 1
 _COUNTS = (1000, 3000, 10_000, 30_000, 60_000, 80_000, 95_000, 110_000, 150_000, 300_000)
 
 
-def reference_pulse() -> tuple[float, np.ndarray]:
+def make_reference_pulse() -> tuple[float, np.ndarray]:
     """Return step [s] and power (tap) [1/s] of the reference pulse."""
     step_s = REFERENCE_FWHM_S / 48.0
     time = np.arange(-177, 178) / 24.0
@@ -39,10 +40,10 @@ def reference_pulse() -> tuple[float, np.ndarray]:
     return step_s, power / (power.sum() * step_s)
 
 
-def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
-    """Return the greatest amplitude that comparators see of the reference pulse, over their pixel's factor of threshold."""
+def simulate_peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
+    """Simulate the greatest amplitude of the reference pulse at the comparators, over their pixel's factor of threshold."""
     rng = np.random.Generator(np.random.Philox(_SEED))
-    photons = plate(REFERENCE_PHOTONS, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
+    photons = make_plate(REFERENCE_PHOTONS, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
     plan, camera = plan_time(gsfl, REFERENCE_FWHM_S), build_camera(gsfl, _PIXELS)
     rows, _ = arm_rows(gsfl, place_rows(photons, plan), plan.step_s)
     watched = mark_watched(rows.length, rows.first, rows.last)
@@ -62,14 +63,14 @@ def peaks(gsfl: Gsfl, repeats: int) -> np.ndarray:
     return np.concatenate(found)
 
 
-def solve(noise_electrons: float | None, repeats: int = 24) -> tuple[float, float]:
-    """Return amplifier noise and threshold [electrons] for the reference state; noise None: of threshold / noise = 6."""
+def solve_preset(noise_electrons: float | None, repeats: int = 24) -> tuple[float, float]:
+    """Solve amplifier noise and threshold [electrons] for the reference state. Noise None: for threshold / noise = 6."""
     noise = noise_electrons or 1000.0
     threshold = 6.0 * noise
     for _ in range(1 if noise_electrons else 6):
         gsfl = Gsfl()
         gsfl = gsfl.replace(amplifier=gsfl.amplifier.replace(noise_electrons=noise))
-        threshold = float(np.quantile(peaks(gsfl, repeats), 1.0 - REFERENCE_PROBABILITY))
+        threshold = float(np.quantile(simulate_peaks(gsfl, repeats), 1.0 - REFERENCE_PROBABILITY))
         if noise_electrons is None:
             shot2 = gsfl.noise_electrons**2 - noise**2
             noise = math.sqrt((threshold / THRESHOLD_OVER_NOISE) ** 2 - shot2)
@@ -77,15 +78,22 @@ def solve(noise_electrons: float | None, repeats: int = 24) -> tuple[float, floa
 
 
 def run_reference_trial(gsfl: Gsfl, photons: float, repeats: int = 2) -> Trial:
-    """Return a trial of so many photons at the reference state, over several flashes of a camera."""
+    """Run a trial at the reference state, over several flashes of a camera.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    photons : on each pixel.
+    repeats : number of flashes.
+    """
     rng = np.random.Generator(np.random.Philox(_SEED + round(photons)))
-    seen = plate(photons, _PIXELS, reference_pulse(), REFERENCE_FWHM_S)
-    trials = [trial(gsfl, seen, rng) for _ in range(repeats)]
+    seen = make_plate(photons, _PIXELS, make_reference_pulse(), REFERENCE_FWHM_S)
+    trials = [run_trial(gsfl, seen, rng) for _ in range(repeats)]
     return Trial(*(np.concatenate([getattr(one, name) for one in trials]) for name in Trial.__dataclass_fields__))
 
 
-def fit(gsfl: Gsfl) -> dict[str, float]:
-    """Return the coefficients of the empirical detector that follow this detector's curves, by least squares."""
+def fit_empirical(gsfl: Gsfl) -> dict[str, float]:
+    """Fit the coefficients of the empirical detector to this detector's curves, by least squares."""
     from scipy.optimize import least_squares
     from scipy.special import ndtr
 
@@ -146,15 +154,15 @@ def fit(gsfl: Gsfl) -> dict[str, float]:
     }
 
 
-def _table(name: str, values: dict[str, float]) -> str:
+def _format_table(name: str, values: dict[str, float]) -> str:
     return "\n".join([f"[{name}]", *(f"{key} = {float(f'{value:.5g}')}" for key, value in values.items()), ""])
 
 
-def write(path: Path) -> None:
+def write_presets(path: Path) -> None:
     """Solve both presets, fit the empirical detector to the first, and write all to a file."""
     tables = []
     for name, noise_electrons in (("noise_limited", None), ("offset_limited", OFFSET_NOISE_ELECTRONS)):
-        noise, threshold = solve(noise_electrons)
+        noise, threshold = solve_preset(noise_electrons)
         values = {"noise_electrons": noise, "threshold_electrons": threshold}
         tables.append((name, values))
         gsfl = Gsfl()
@@ -165,13 +173,13 @@ def write(path: Path) -> None:
         reached = run_reference_trial(gsfl, REFERENCE_PHOTONS, 8).probability
         sys.stdout.write(f"{name}: {values}, detects {reached:.4f} of {REFERENCE_PHOTONS:g} photons\n")
         if noise_electrons is None:
-            fitted = fit(gsfl)
+            fitted = fit_empirical(gsfl)
             sys.stdout.write(f"empirical: {fitted}\n")
     remark = "# Written by `make calibrate` (python -m rso_lidar.detector.bench.calibrate); edit that, not this.\n"
     path.write_text(
-        "\n".join([remark, *(_table(*table) for table in [*tables, ("empirical", fitted)])]), encoding="utf-8"
+        "\n".join([remark, *(_format_table(*table) for table in [*tables, ("empirical", fitted)])]), encoding="utf-8"
     )
 
 
 if __name__ == "__main__":
-    write(Path(presets.__file__).with_name("presets.toml"))
+    write_presets(Path(presets.__file__).with_name("presets.toml"))

@@ -1,4 +1,4 @@
-"""What a detector makes of returns of given light: in closed form where it has one, else by trials."""
+"""Predictions of a detector's reports: in closed form where it has one, else by trials."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.detect import Detector, predict_closed_form
 from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.empirical import Empirical
@@ -43,14 +43,20 @@ def predict(
 def _predict_by_trial(
     detector: Gsfl | Empirical | Detector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray
 ) -> Prediction:
-    """Predict from pixels that each meet one of the returns, in the middle of what the detector sees."""
+    """Predict from pixels that each meet one of the returns, in the middle of what the detector sees.
+
+    Parameters
+    ----------
+    detector, pulse : as for `predict`.
+    photons, depth_s : (return) as for `predict`.
+    """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
     traits, levels = detector.traits, photons.size
     n = max(min(_TRIALS, _MOST_SAMPLES // (traits.samples * traits.pulses * max(levels, 1))), _FEWEST)
     middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, _FARTHEST_M))
-    light = plate(np.repeat(photons, n), n * levels, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, middle_m)
+    light = make_plate(np.repeat(photons, n), n * levels, (pulse.step_s, pulse.power_per_s), pulse.fwhm_s, middle_m)
     light = replace(light, depth_spread_s=np.repeat(depth_s.ravel(), n))
-    found = trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
+    found = run_trial(detector, light, np.random.Generator(np.random.Philox(_SEED)))
     level = np.flatnonzero(found.detected) // n
     precision_m, snr = np.full(levels, np.inf), np.zeros(levels)
     jitter_m = pulse.timing_jitter_ns * units.NS * units.RANGE_PER_DELAY_M_S

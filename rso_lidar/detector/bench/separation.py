@@ -1,4 +1,4 @@
-"""How far apart two returns of a pixel may lie for a detector to list both."""
+"""Separations at which a detector lists two returns of a pixel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.bench.trial import point_returns
+from rso_lidar.detector.bench.trial import make_point_returns
 from rso_lidar.detector.detect import Detector, detect, isolate
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
@@ -23,7 +23,13 @@ _SEED = 9  # random seed of the trials
 
 @dataclass(frozen=True, eq=False)
 class Separations:
-    """The probability that both of two returns are listed, against their separation (separation) [m], rising."""
+    """Probability that both of two returns are listed, against their separation.
+
+    Parameters
+    ----------
+    separation_m : (separation) distance of the two in range [m], rising.
+    probability : (separation) that both are listed.
+    """
 
     separation_m: np.ndarray
     probability: np.ndarray
@@ -44,7 +50,13 @@ class Separations:
         return self._interpolate(first - 1, first, probability), self._interpolate(last + 1, last, probability)
 
     def _interpolate(self, out: int, inside: int, probability: float) -> float:
-        """Interpolate the separation [m] at which the probability is passed, from one below it to one above it."""
+        """Interpolate the separation [m] at which the probability is passed.
+
+        Parameters
+        ----------
+        out, inside : number of a separation where the probability is below it, and of one where it is not.
+        probability : to pass.
+        """
         if not 0 <= out < len(self.probability):
             return float(self.separation_m[inside])
         low, high = self.probability[out], self.probability[inside]
@@ -82,7 +94,7 @@ def simulate_pairs(
     if traits.is_gated or float((near_m + separation).max()) + _MARGIN_M > traits.sees_to_m:
         near_m = np.maximum(0.5 * (traits.sees_from_m + traits.sees_to_m - separation) + phase, 0.1)
     true_m = np.stack([near_m, near_m + separation], axis=1)
-    light = point_returns(
+    light = make_point_returns(
         (1, n), pulse, pulse_fwhm_s, np.repeat(np.arange(n), 2), true_m.ravel(), np.tile([float(near), float(far)], n)
     )
     reading, _ = detect(light, isolate(detector), np.random.Generator(np.random.Philox(_SEED)))
@@ -94,7 +106,7 @@ def simulate_pairs(
     return Separations(np.asarray(separation_m, dtype=float), found.reshape(-1, each).mean(axis=1))
 
 
-def listed_separations(
+def simulate_separations(
     detector: Gsfl | Empirical | Detector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
 ) -> Separations:
     """Simulate pairs at the separations that decide: about the pulse's length, and about the end of the stored depth.

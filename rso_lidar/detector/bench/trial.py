@@ -1,4 +1,4 @@
-"""A detector on the bench: the same return in many pixels, and what becomes of it."""
+"""Trials of a detector on a bench: the same return in many pixels, and what is reported of it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from rso_lidar.records import Photons
 COHERENCE_CELLS = (
     885.0  # A_lens A_pixel / (wavelength focal_length)² of a pixel that the default lens fills, at 1064 nm
 )
-_NEAR_M = 5.0  # what is reported farther from the plate than a pulse reaches is a false trigger
+_NEAR_M = 5.0  # a report farther from the plate than a pulse reaches is a false trigger
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Effects on the pixels of a trial of the flashes that they are taken from.
+    """Effects of whole flashes on the pixels of a trial, each of which represents one pixel of a flash of its own.
 
-    `gain` is the APD's under the array's current, relative to rest; `together_fraction` (scalar or (pixel)) the share of
-    the array that latches with a pixel, see `array_load`. `energy_jitter_fraction` and `timing_jitter_s` [s] are those of
-    the laser, 1 sigma: each pixel stands for a flash of its own.
+    Parameters
+    ----------
+    gain : of the APD under the array's current, relative to rest.
+    together_fraction : scalar or (pixel), share of the array that latches with a pixel; see `array_load`.
+    energy_jitter_fraction : of the laser, 1 sigma.
+    timing_jitter_s : of the laser, 1 sigma [s].
     """
 
     gain: float = 1.0
@@ -36,7 +39,14 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What `n` pixels made of a return: which reported it, and of those the error of range [m] and the counts."""
+    """Results of a trial.
+
+    Parameters
+    ----------
+    detected : (pixel) whether the return was reported.
+    range_error_m : (detected pixel) [m].
+    intensity_counts : (detected pixel) [counts].
+    """
 
     detected: np.ndarray
     range_error_m: np.ndarray
@@ -54,32 +64,39 @@ class Trial:
 
     @property
     def range_noise_m(self) -> float:
-        """Standard deviation of range [m] by the quartiles, so that a stray report does not decide it."""
+        """Standard deviation of range [m] by the quartiles, so that single outliers do not decide it."""
         if len(self.range_error_m) < 2:
             return float("nan")
         low, high = np.quantile(self.range_error_m, [0.25, 0.75])
         return float(high - low) / 1.348_979_500_392_163_6
 
 
-def plate(
+def make_plate(
     photons: float | np.ndarray,
     n: int,
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
     range_m: float | np.ndarray = 3000.0,
 ) -> Photons:
-    """Return the photons of `n` pixels that a plate facing the lidar fills: one return each, of no depth.
+    """Make the light of a plate facing the lidar that fills each of `n` pixels: one return each, without depth.
 
-    `photons` (scalar or (n)) is the mean on the pixel after the optics, `pulse` the laser's step [s] and power (tap) [1/s].
-    Ranges run evenly over a metre from `range_m` on, nearly three samples of the default, so that no phase of the clock is
+    Ranges are spread evenly over a metre from `range_m` on, nearly three samples of the default. So no phase of the clock is
     favoured.
+
+    Parameters
+    ----------
+    photons : scalar or (n), mean on the pixel after the optics.
+    n : number of pixels.
+    pulse : the laser's step [s] and power (tap) [1/s].
+    pulse_fwhm_s : length of the pulse [s].
+    range_m : scalar or (n), least range [m].
     """
     golden = np.modf(np.arange(n) * 0.618_033_988_749_894_9)[0]
     photons = np.broadcast_to(np.asarray(photons, dtype=float), (n,))
-    return point_returns((1, n), pulse, pulse_fwhm_s, np.arange(n), range_m + golden, photons)
+    return make_point_returns((1, n), pulse, pulse_fwhm_s, np.arange(n), range_m + golden, photons)
 
 
-def point_returns(
+def make_point_returns(
     shape: tuple[int, int],
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
@@ -88,7 +105,7 @@ def point_returns(
     photons: np.ndarray,
     coherence_cells: float = COHERENCE_CELLS,
 ) -> Photons:
-    """Return the light of returns without depth, each in a cluster of its own.
+    """Make the light of returns without depth, each in a cluster of its own.
 
     Parameters
     ----------
@@ -118,14 +135,14 @@ def point_returns(
     )
 
 
-def trial(
+def run_trial(
     detector: Gsfl | Empirical | Detector,
     photons: Photons,
     rng: np.random.Generator,
     true_m: np.ndarray | None = None,
     around: Surroundings = Surroundings(),
 ) -> Trial:
-    """Simulate what a detector makes of a return in each pixel, such as `plate` makes.
+    """Simulate what a detector makes of a return in each pixel, such as `make_plate` makes.
 
     Each pixel represents one pixel of a flash of its own. So the pixels of a trial draw no common current, do not latch
     together and share no jitter; `around` holds what their own flashes do to them.

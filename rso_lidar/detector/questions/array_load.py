@@ -1,4 +1,4 @@
-"""What the pixels of one flash do to each other: gain lost to the sagging bias, and how many latch together."""
+"""Effects of the pixels of one flash on each other: gain lost to the sagging bias, and how many latch together."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ _SEED = 128  # random seed of the noise that decides when the pixels of the flas
 
 @dataclass(frozen=True, eq=False)
 class ArrayLoad:
-    """What the other pixels of a flash do to each pixel of the array.
+    """Effects of the other pixels of a flash on each pixel.
 
-    `gain` (pixel) is the APD's relative to rest, the mean over the pixel's own light; `together_fraction` (pixel) the share
-    of the array that latches within a clock of it. A pixel without light has 1 and 0.
+    Parameters
+    ----------
+    gain : (pixel) of the APD relative to rest, the mean over the pixel's own light. 1 without light.
+    together_fraction : (pixel) share of the array that latches within a clock of it. 0 without light.
     """
 
     gain: np.ndarray

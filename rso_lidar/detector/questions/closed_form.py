@@ -1,12 +1,16 @@
-"""What a detector makes of so many photons, in closed form: probability of detection, range precision, SNR, false alarms.
+"""Closed forms of the full chain: probability of detection, range precision, SNR, saturation.
 
-A return of N photons is QE N primaries, each an avalanche of mean M and excess noise F through the amplifier's h(t):
-Campbell's theorem gives mean, covariance and third cumulant of the amplitude, on top of the amplifier's own noise and the
-dark current's. The comparator misses the return where the amplitude stays below its threshold all along the pulse, which is
-the integral of a Gaussian over an orthant (Genz 1992), at instants a sixth of the amplifier's pole apart. Approximate are:
-the normal law, bent at each instant to the third cumulant (a gamma law); a long stretched pulse, whose instants lie farther
-apart; a gate, which may find a bump of noise beside a weak pulse; precision where few returns pass the threshold, which
-picks those that noise has raised.
+A return of N photons is QE N primaries. Each is an avalanche of mean M and excess noise F through the amplifier's h(t).
+Campbell's theorem gives mean, covariance and third cumulant of the amplitude. The noise of the amplifier and of the dark
+current adds to them. The comparator misses the return where the amplitude stays below its threshold all along the pulse.
+That is the integral of a Gaussian over an orthant (Genz 1992), at instants a sixth of the amplifier's pole apart.
+
+Four things are approximate:
+
+- the normal law, bent at each instant to the third cumulant (a gamma law);
+- a long stretched pulse, whose instants lie farther apart;
+- a gate, where noise beside a weak pulse may be found;
+- precision where few returns pass the threshold, which selects those that noise has raised.
 """
 
 from __future__ import annotations
@@ -120,7 +124,7 @@ def predict_gsfl(
         of = np.abs(number - k) < 1.0
         weight = 1.0 - np.abs(number[of] - k)
         stretch_s = pulse.fwhm_s * _depth_of(k)
-        seen = _response(gsfl, pulse.step_s, power, stretch_s)
+        seen = _compute_response(gsfl, pulse.step_s, power, stretch_s)
         probability[of] += weight * seen.probability(photons[of])
         if not only_probability:
             widest_m = (stretch_s + pulse.fwhm_s) / math.sqrt(12.0) * units.RANGE_PER_DELAY_M_S
@@ -221,8 +225,15 @@ class _Response:
 
 
 @lru_cache(maxsize=1024)
-def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
-    """Return what a pulse of these taps, stretched evenly over `stretch_s` [s], becomes behind the amplifier."""
+def _compute_response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -> _Response:
+    """Compute what a pulse, stretched evenly by a surface, becomes behind the amplifier.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    step_s, power_per_s : taps of the pulse, the second as bytes.
+    stretch_s : time over which the surface stretches it [s].
+    """
     pole_s, width_s = gsfl.amplifier.pole_s, gsfl.amplifier.integration_s
     taps = np.frombuffer(power_per_s)
     energy = np.cumsum(taps) * step_s
@@ -272,11 +283,19 @@ def _response(gsfl: Gsfl, step_s: float, power_per_s: bytes, stretch_s: float) -
 def _fit(
     gsfl: Gsfl, step_s: float, power_per_s: bytes, light: np.ndarray, respond: _Kernel, dark: _Kernel, beside_s: float
 ) -> tuple[tuple[float, float], tuple[float, float, float], float]:
-    """Return `place_s2`, `fitted` and `threshold_electrons` of a response.
+    """Compute `place_s2`, `fitted` and `threshold_electrons` of a response.
 
-    The matched filter believes in the pulse as it left and in noise of the amplifier's colour, with a little white. Its
-    error is that of a linear fit with these weights in the noise there is, shot noise included (Kay 1993, sec. 6.5). Slopes
-    are differences over `beside_s` [s] to each side, half a step of time: then it does not matter how the steps lie.
+    The matched filter assumes the pulse as it left, and noise of the amplifier's colour with a little white noise. Its
+    error is that of a linear fit with these weights in the true noise, shot noise included (Kay 1993, sec. 6.5). Slopes
+    are differences over half a step of time to each side: then it does not matter how the steps lie.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    step_s, power_per_s : taps of the pulse, the second as bytes.
+    light : (step) the stretched pulse.
+    respond, dark : response at some instants to charge in each step, and covariance of the noise in the dark there.
+    beside_s : half a step of time [s].
     """
     readout, amplifier = gsfl.readout, gsfl.amplifier
     pulse = Pulse.after(step_s, np.frombuffer(power_per_s), amplifier.pole_s, amplifier.integration_s)
@@ -339,8 +358,8 @@ def _as_normal(z: np.ndarray, skewness: np.ndarray) -> np.ndarray:
 def _integrate_orthant(correlation: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Return the probability (row) that normal numbers of these correlations (row, i, i) all stay below z (row, i).
 
-    Genz (1992): one number after the other, each given those before it, is an integral over the unit cube, here over a
-    lattice of Richtmyer's with the ends of each axis folded together.
+    By Genz (1992): each number, given those before it, is one coordinate of the unit cube. The integral is taken over a
+    lattice of Richtmyer's, with the ends of each axis folded together.
     """
     from scipy.special import ndtr, ndtri
 

@@ -94,7 +94,7 @@ def describe_window_gsfl(gsfl: Gsfl) -> str:
     return f"armed {gsfl.sees_from_m:g} to {gsfl.sees_to_m:g} m"
 
 
-def list_uncounted_gsfl(gsfl: Gsfl) -> list[str]:
+def list_neglected_gsfl(gsfl: Gsfl) -> list[str]:
     """List the settings of the full chain that its closed form does not count."""
     dropped = [name for name in _OPTIONAL if getattr(gsfl, name) is not None]
     if gsfl.ranging.algorithm != "matched_filter":

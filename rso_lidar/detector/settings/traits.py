@@ -1,4 +1,4 @@
-"""What a scenario must know of a detector, whatever kind of detector it is."""
+"""Facts about a detector that the rest of the package reads, whatever kind of detector it is."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import array_load
-from rso_lidar.detector.bench.trial import Surroundings, Trial, trial
+from rso_lidar.detector.bench.trial import Surroundings, Trial, run_trial
 from rso_lidar.records import Photons
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.returns import TargetReturns
@@ -116,7 +116,7 @@ def try_pixels(mission: Mission, casts: Sequence[TargetReturns], share: float, t
     shift_m = 0.72 * (np.modf((np.arange(n) // len(casts)) * 0.618_033_988_749_894_9)[0] - 0.5)
     photons, true_m = copy_pixels(casts, pixels, n, shift_m)
     around = estimate_surroundings(lidar, casts, pixels, n)
-    return trial(lidar.detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
+    return run_trial(lidar.detector, photons, np.random.Generator(np.random.Philox(_TRIALS)), true_m, around)
 
 
 @dataclass(frozen=True, eq=False)

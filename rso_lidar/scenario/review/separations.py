@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rso_lidar.detector import describe_storage
-from rso_lidar.detector.bench.separation import OVER, listed_separations
+from rso_lidar.detector.bench.separation import OVER, simulate_separations
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 
@@ -122,7 +122,7 @@ def _find_listed_interval_m(mission: Mission, over: float) -> tuple[float, float
     lidar = mission.instrument
     if lidar.detector.traits.max_returns == 1:
         return None
-    return listed_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(
+    return simulate_separations(lidar.detector, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, over).interval_m(
         _LISTED_PROBABILITY
     )
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from rso_lidar.detector import AnyDetector, describe_window, list_uncounted
+from rso_lidar.detector import AnyDetector, describe_window, list_neglected_effects
 from rso_lidar.errors import MeshError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.files import MOST_BYTES, read_text
 from rso_lidar.scenario import Lidar, Scenario
@@ -248,6 +248,6 @@ def describe_omissions(lidar: Lidar, false_alarms: float, *, retros: bool = Fals
         dropped.append("sunlight")
     if laser.energy_jitter_fraction:
         dropped.append("energy jitter")
-    dropped += list_uncounted(lidar.detector)
+    dropped += list_neglected_effects(lidar.detector)
     lines = [f"{describe_window(lidar.detector)}: {false_alarms:.2g} false alarms a frame in the dark"]
     return (*lines, f"not counted: {', '.join(dropped)}") if dropped else tuple(lines)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rso_lidar.detector import array_load, detection_probability
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.records import Truth
 from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.returns import cast_target
@@ -71,8 +71,8 @@ def find_detection_curve(lidar: Lidar) -> DetectionCurve:
     photons = np.repeat(10.0**logs, n)
     middle_m = 0.5 * (traits.sees_from_m + min(traits.sees_to_m, 1e6))
     rng = np.random.Generator(np.random.Philox(_LEVELS))
-    hit = plate(photons, photons.size, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
-    share = trial(detector, hit, rng).detected.reshape(_LEVELS, n).mean(axis=1)
+    hit = make_plate(photons, photons.size, lidar.laser.pulse, lidar.laser.pulse_fwhm_s, max(middle_m - 0.5, 0.0))
+    share = run_trial(detector, hit, rng).detected.reshape(_LEVELS, n).mean(axis=1)
     return DetectionCurve(logs, np.asarray(isotonic_regression(share).x))
 
 

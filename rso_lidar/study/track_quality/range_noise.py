@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector import array_load, detect, isolate
-from rso_lidar.detector.bench.trial import Surroundings, plate, point_returns, trial
+from rso_lidar.detector.bench.trial import Surroundings, make_plate, make_point_returns, run_trial
 from rso_lidar.records import Frame, Photons, Reading
 from rso_lidar.scenario import Lidar
 
@@ -46,7 +46,7 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
         together.append(load.together_fraction[light.pixel])
         gain.append(load.gain[light.pixel])
     every = np.linspace(0, sum(map(len, photons)) - 1, _TRIALS).round().astype(int)
-    seen = plate(
+    seen = make_plate(
         np.concatenate(photons)[every],
         _TRIALS,
         lidar.laser.pulse,
@@ -58,7 +58,7 @@ def estimate_range_noise_m(lidar: Lidar, frames: Sequence[Frame]) -> float:
         together_fraction=np.concatenate(together)[every],
         timing_jitter_s=lidar.laser.timing_jitter_ns * units.NS,
     )
-    noise_m = trial(lidar.detector, seen, rng, around=around).range_noise_m
+    noise_m = run_trial(lidar.detector, seen, rng, around=around).range_noise_m
     return max(noise_m, _FLOOR_M) if np.isfinite(noise_m) else _UNKNOWN_M
 
 
@@ -80,7 +80,7 @@ def _mean_intensity(lidar: Lidar, range_m: float, rng: np.random.Generator) -> n
     n = len(_LEVELS) * _EACH
     level = np.arange(n) % len(_LEVELS)
     laser = lidar.laser
-    seen = plate(_LEVELS[level], n, laser.pulse, laser.pulse_fwhm_s, max(range_m - 0.5, 0.0))
+    seen = make_plate(_LEVELS[level], n, laser.pulse, laser.pulse_fwhm_s, max(range_m - 0.5, 0.0))
     reading, _ = detect(seen, isolate(lidar.detector), rng)
     counts = reading.intensity_counts.ravel().astype(float)
     found = np.bincount(level, counts > 0, len(_LEVELS))
@@ -106,4 +106,4 @@ def _light_of_reading(lidar: Lidar, reading: Reading, answers: np.ndarray) -> Ph
     range_m = reading.range_m.ravel()[pixel].astype(float)
     # The recorded intensities include speckle, which must not be drawn again.
     laser, shape = lidar.laser, reading.range_m.shape
-    return point_returns(shape, laser.pulse, laser.pulse_fwhm_s, pixel, range_m, photons, coherence_cells=np.inf)
+    return make_point_returns(shape, laser.pulse, laser.pulse_fwhm_s, pixel, range_m, photons, coherence_cells=np.inf)

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gsfl
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.separation import Separations, listed_separations, simulate_pairs
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.separation import Separations, simulate_pairs, simulate_separations
 from rso_lidar.detector.chain.timing import shape_pulse
 from tests.detector.returns_for_tests import returns
 
 C = 299_792_458.0
-PULSE = reference_pulse()
+PULSE = make_reference_pulse()
 
 
 def listed(over=5.0, **settings):
-    return listed_separations(Gsfl(max_returns=2, **settings), PULSE, 8e-9, over).interval_m(0.5)
+    return simulate_separations(Gsfl(max_returns=2, **settings), PULSE, 8e-9, over).interval_m(0.5)
 
 
 def end_of_trace_m(over, samples, pretrigger, sample_s=2.38e-9):
@@ -54,7 +54,7 @@ def test_the_near_end_goes_with_the_length_of_the_pulse(fwhm_ns):
     step_s, power = PULSE
     pulse = (step_s * fwhm_ns / 8.0, power * 8.0 / fwhm_ns)
     part = Gsfl(max_returns=2, readout={"sample_ns": 1.0, "samples": 60})
-    near, _ = listed_separations(part, pulse, fwhm_ns * 1e-9).interval_m(0.5)
+    near, _ = simulate_separations(part, pulse, fwhm_ns * 1e-9).interval_m(0.5)
     wide_s = shape_pulse(part, replace(_light(), pulse_step_s=pulse[0], pulse_power_per_s=pulse[1])).fwhm_s
     assert 1.02 < near / (wide_s * C / 2.0) < 1.3
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Empirical, Gsfl
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import Trial, plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import Trial, make_plate, run_trial
 
 C = 299_792_458.0
 
 
 def test_a_plate_lights_every_pixel_at_all_phases_of_the_clock():
-    photons = plate(500.0, 1000, reference_pulse(), 8e-9, range_m=2000.0)
+    photons = make_plate(500.0, 1000, make_reference_pulse(), 8e-9, range_m=2000.0)
     range_m = photons.delay_s * C / 2.0
     assert photons.shape == (1, 1000) and np.array_equal(photons.pixel, np.arange(1000))
     assert range_m.min() >= 2000.0 and range_m.max() < 2001.0
@@ -19,14 +19,14 @@ def test_a_plate_lights_every_pixel_at_all_phases_of_the_clock():
     phase = np.sort(np.mod(photons.delay_s / 2.38e-9, 1.0))
     assert np.diff(phase).max() < 0.01
     assert np.all(photons.photons == 500.0) and not photons.depth_spread_s.any()
-    ramp = plate(np.arange(4.0), 4, reference_pulse(), 8e-9, range_m=np.arange(4.0) * 100.0)
+    ramp = make_plate(np.arange(4.0), 4, make_reference_pulse(), 8e-9, range_m=np.arange(4.0) * 100.0)
     assert ramp.photons.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert np.floor(ramp.delay_s * C / 2.0 / 100.0).tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_the_pulse_of_the_reference_state():
     """Area 1, 8 ns full width at half maximum, centred."""
-    step_s, power = reference_pulse()
+    step_s, power = make_reference_pulse()
     assert power.sum() * step_s == pytest.approx(1.0, rel=1e-12)
     above = np.flatnonzero(power >= 0.5 * power.max())
     assert (above[-1] - above[0]) * step_s == pytest.approx(8e-9, rel=0.03)
@@ -55,8 +55,8 @@ def test_nothing_reported_is_told_as_such():
 def test_both_detectors_stand_the_trial(part):
     """A bright plate is seen by all, a dark one by none but noise, and false triggers far from it do not count."""
     rng = np.random.default_rng(2)
-    bright = trial(part, plate(20_000.0, 2000, reference_pulse(), 8e-9), rng)
+    bright = run_trial(part, make_plate(20_000.0, 2000, make_reference_pulse(), 8e-9), rng)
     assert bright.probability > 0.99 and abs(bright.range_bias_m) < 0.01
     assert len(bright.range_error_m) == len(bright.intensity_counts) == bright.detected.sum()
-    dark = trial(part, plate(0.0, 2000, reference_pulse(), 8e-9), rng)
+    dark = run_trial(part, make_plate(0.0, 2000, make_reference_pulse(), 8e-9), rng)
     assert dark.probability < 0.005

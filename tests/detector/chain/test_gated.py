@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Gate, Gsfl, detect
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.errors import ScenarioError
 from tests.detector.returns_for_tests import nothing, returns
@@ -58,7 +58,9 @@ def test_a_view_full_of_light_does_not_lower_the_threshold():
     alone, among = np.zeros(4000), np.full(4000, 50_000.0)
     alone[:2000] = among[:2000] = 500.0
     seen = [
-        trial(gated(width_ns=60.0), plate(photons, 4000, reference_pulse(), 8e-9), np.random.default_rng(13 + k))
+        run_trial(
+            gated(width_ns=60.0), make_plate(photons, 4000, make_reference_pulse(), 8e-9), np.random.default_rng(13 + k)
+        )
         for k, photons in enumerate((alone, among))
     ]
     one, other = (found.detected[:2000].mean() for found in seen)
@@ -93,10 +95,10 @@ def test_background_raises_the_noise_in_the_gate():
 
 
 def test_background_costs_detection():
-    photons = plate(400.0, 2048, reference_pulse(), 8e-9)
+    photons = make_plate(400.0, 2048, make_reference_pulse(), 8e-9)
     sunlit = replace(photons, background_photons_per_s=np.full((1, 2048), 3e11))
-    dark = trial(gated(width_ns=60.0), photons, np.random.default_rng(5)).probability
-    assert trial(gated(width_ns=60.0), sunlit, np.random.default_rng(5)).probability < dark - 0.1
+    dark = run_trial(gated(width_ns=60.0), photons, np.random.default_rng(5)).probability
+    assert run_trial(gated(width_ns=60.0), sunlit, np.random.default_rng(5)).probability < dark - 0.1
 
 
 def test_nothing_outside_the_gate_is_seen_and_all_inside():
@@ -133,9 +135,9 @@ def test_several_returns_in_the_gate():
 def test_averaging_pulses_makes_30_photons_visible():
     """A quiet amplifier (300 electrons): one flash shows next to none of them; 40 have a matched signal of 5 sigma."""
     part = Gsfl(preset="offset_limited", timing={"pixel_jitter_ns": 0.0})
-    photons = plate(30.0, 1024, reference_pulse(), 8e-9)
-    one = trial(gated(part, width_ns=60.0), photons, np.random.default_rng(9)).probability
-    many = trial(gated(part, width_ns=60.0, pulses=40), photons, np.random.default_rng(9)).probability
+    photons = make_plate(30.0, 1024, make_reference_pulse(), 8e-9)
+    one = run_trial(gated(part, width_ns=60.0), photons, np.random.default_rng(9)).probability
+    many = run_trial(gated(part, width_ns=60.0, pulses=40), photons, np.random.default_rng(9)).probability
     assert one < 0.1 and many > 0.8
 
 

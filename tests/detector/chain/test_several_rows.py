@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Droop, Gsfl, detect
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time
@@ -70,7 +70,9 @@ def test_steady_sunlight_sags_the_bias_before_the_flash():
 def test_each_pulse_of_a_gate_jitters_by_itself(pulses):
     """0.334 ns or 5 cm in each of M flashes is 5/sqrt(M) cm in their mean; bright light adds 1 cm at most."""
     part = Gsfl(gate={"delay_ns": 19_990.0, "pulses": pulses})
-    error_m = trial(part, plate(30_000.0, 4000, reference_pulse(), 8e-9), np.random.default_rng(2)).range_noise_m
+    error_m = run_trial(
+        part, make_plate(30_000.0, 4000, make_reference_pulse(), 8e-9), np.random.default_rng(2)
+    ).range_noise_m
     assert error_m == pytest.approx(np.hypot(0.050_07, 0.0083) / np.sqrt(pulses), rel=0.06)
 
 
@@ -79,7 +81,7 @@ def test_one_clipped_pulse_of_many_is_told():
     share = []
     for pulses in (1, 8):
         part = Gsfl(gate={"delay_ns": 19_990.0, "pulses": pulses})
-        reading, _ = detect(plate(109_000.0, 3000, reference_pulse(), 8e-9), part, np.random.default_rng(3))
+        reading, _ = detect(make_plate(109_000.0, 3000, make_reference_pulse(), 8e-9), part, np.random.default_rng(3))
         share.append(reading.saturated.mean())
     assert 0.01 < share[0] < 0.95
     assert share[1] > share[0]

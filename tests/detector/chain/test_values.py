@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, stats
 
 from rso_lidar.detector import Amplifier, Apd, Empirical, Gate, Gsfl, Maps, Readout, detect
-from rso_lidar.detector.bench.calibrate import reference_pulse
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera, false_trigger_fraction, mean_false_alarms_per_s
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measure import measure
@@ -177,7 +177,7 @@ def test_a_gates_threshold_knows_pulses_rounding_and_offsets_at_once(quantised, 
     amplifier = Amplifier(bandwidth_mhz=130.0, noise_electrons=90.0)
     readout = Readout(sample_ns=2.0, electrons_per_count=90.0, quantised=quantised)
     apd = Apd(gain=8.0, ionisation_ratio=0.3, dark_current_na=0.0)
-    pulse = Pulse.after(*reference_pulse(), TAU, amplifier.integration_s)
+    pulse = Pulse.after(*make_reference_pulse(), TAU, amplifier.integration_s)
     matched = Matched.of(pulse, 2e-9, TAU, 1.0)
     found = solve_gate_thresholds(
         gate, np.zeros(2), apd=apd, amplifier=amplifier, readout=readout, matched=matched, offset_counts=0.4

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Crosstalk, Droop, Empirical, Gsfl, array_load
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import Surroundings, plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import Surroundings, make_plate, run_trial
 from rso_lidar.detector.questions.array_load import simulate_array_load
 from tests.detector.returns_for_tests import nothing, returns
 
@@ -50,35 +50,35 @@ def test_without_coupling_or_light_nothing_is_done():
 
 def test_a_trial_s_pixels_do_nothing_to_each_other_but_what_is_said():
     """4000 pixels at once: neither droop nor crosstalk of their own. With a share of 0.5, 1 m of noise is 0.5 m."""
-    seen, noise = plate(20_000.0, 4000, reference_pulse(), 8e-9), Crosstalk(noise_m=1.0)
-    plain = trial(Gsfl(), seen, np.random.default_rng(1))
+    seen, noise = make_plate(20_000.0, 4000, make_reference_pulse(), 8e-9), Crosstalk(noise_m=1.0)
+    plain = run_trial(Gsfl(), seen, np.random.default_rng(1))
     coupled = Gsfl(crosstalk=noise, droop=DROOP.replace(capacitance_nf=0.001))
-    alone = trial(coupled, seen, np.random.default_rng(1))
+    alone = run_trial(coupled, seen, np.random.default_rng(1))
     assert np.array_equal(alone.range_error_m, plain.range_error_m)
-    together = trial(coupled, seen, np.random.default_rng(1), around=Surroundings(together_fraction=0.5))
+    together = run_trial(coupled, seen, np.random.default_rng(1), around=Surroundings(together_fraction=0.5))
     # A quartile range of n normal values is known to 1.17/√n.
     assert together.range_noise_m == pytest.approx(
         math.hypot(0.5, plain.range_noise_m), rel=4.0 * 1.17 / math.sqrt(4000)
     )
-    sagged = trial(coupled, seen, np.random.default_rng(1), around=Surroundings(gain=0.8))
+    sagged = run_trial(coupled, seen, np.random.default_rng(1), around=Surroundings(gain=0.8))
     assert sagged.intensity_counts.mean() / plain.intensity_counts.mean() == pytest.approx(0.8, rel=0.01)
 
 
 @pytest.mark.parametrize("part", [Gsfl(timing={"pixel_jitter_ns": 0.0, "frame_jitter_ns": 0.6}), Empirical()])
 def test_jitter_of_frames_and_laser_is_noise_of_a_pixel(part):
     """0.6 ns of a frame and 0.8 ns of the laser are 15 cm of range together; the fast detector has no frame jitter."""
-    seen = plate(20_000.0, 4000, reference_pulse(), 8e-9)
-    still = trial(part, seen, np.random.default_rng(2)).range_noise_m
-    moved = trial(part, seen, np.random.default_rng(2), around=Surroundings(timing_jitter_s=0.8e-9)).range_noise_m
+    seen = make_plate(20_000.0, 4000, make_reference_pulse(), 8e-9)
+    still = run_trial(part, seen, np.random.default_rng(2)).range_noise_m
+    moved = run_trial(part, seen, np.random.default_rng(2), around=Surroundings(timing_jitter_s=0.8e-9)).range_noise_m
     assert moved == pytest.approx(math.hypot(0.8e-9 * 299_792_458.0 / 2.0, still), rel=4.0 * 1.17 / math.sqrt(4000))
     if isinstance(part, Gsfl):
         assert still == pytest.approx(math.hypot(0.6e-9 * 299_792_458.0 / 2.0, 0.012), rel=4.0 * 1.17 / math.sqrt(4000))
 
 
 def test_energy_jitter_spreads_the_counts():
-    seen = plate(20_000.0, 4000, reference_pulse(), 8e-9)
-    made = trial(Gsfl(), seen, np.random.default_rng(3), around=Surroundings(energy_jitter_fraction=0.2))
-    plain = trial(Gsfl(), seen, np.random.default_rng(3))
+    seen = make_plate(20_000.0, 4000, make_reference_pulse(), 8e-9)
+    made = run_trial(Gsfl(), seen, np.random.default_rng(3), around=Surroundings(energy_jitter_fraction=0.2))
+    plain = run_trial(Gsfl(), seen, np.random.default_rng(3))
     relative = made.intensity_counts.std() / made.intensity_counts.mean()
     own = plain.intensity_counts.std() / plain.intensity_counts.mean()
     assert relative == pytest.approx(math.hypot(0.2, own), rel=4.0 / math.sqrt(8000))

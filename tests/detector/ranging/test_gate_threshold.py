@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from rso_lidar.detector import Amplifier, Apd, Defects, Gate, Gsfl, detect
-from rso_lidar.detector.bench.calibrate import reference_pulse
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.ranging.gate_threshold import solve_gate_thresholds
 from rso_lidar.detector.ranging.matched import Matched
@@ -18,7 +18,7 @@ GATE = Gate(delay_ns=19_990.0, width_ns=200.0, false_alarm_probability=1e-3)
 
 
 def matched_of(part):
-    pulse = Pulse.after(*reference_pulse(), part.amplifier.pole_s, part.amplifier.integration_s)
+    pulse = Pulse.after(*make_reference_pulse(), part.amplifier.pole_s, part.amplifier.integration_s)
     return Matched.of(pulse, part.readout.sample_s, part.amplifier.pole_s, 5.0)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.detector import Crosstalk, Defects, Droop, Gsfl, Maps, Saturation, Speckle, Timing, detect
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.analog import draw_speckle_factors, simulate_analog
 from rso_lidar.detector.chain.camera import build_camera
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
@@ -28,7 +28,7 @@ FLOAT32_M = 3e-4  # a range of 3 km in float32, twice
 
 def flash(gsfl, photons=20_000.0, n=N, seed=1):
     """Return ranges [m] and counts of n pixels on a plate, NaN where none."""
-    reading, _ = detect(plate(photons, n, reference_pulse(), 8e-9), gsfl, np.random.default_rng(seed))
+    reading, _ = detect(make_plate(photons, n, make_reference_pulse(), 8e-9), gsfl, np.random.default_rng(seed))
     ranges = reading.range_m.ravel().astype(float)
     return ranges, np.where(np.isfinite(ranges), reading.intensity_counts.ravel().astype(float), np.nan)
 
@@ -105,7 +105,7 @@ def test_counts_follow_the_offset_map_and_calibration_takes_nine_tenths_off():
 def test_dead_pixels_never_report(gate):
     part = Gsfl(defects=Defects(dead_fraction=0.05, hot_fraction=0.0), gate=gate)
     dead = build_camera(part, N).dead
-    reading, waveforms = detect(plate(20_000.0, N, reference_pulse(), 8e-9), part, np.random.default_rng(2))
+    reading, waveforms = detect(make_plate(20_000.0, N, make_reference_pulse(), 8e-9), part, np.random.default_rng(2))
     valid = np.isfinite(reading.range_m.ravel())
     assert 150 < dead.sum() < 260 and not valid[dead].any() and valid[~dead].all()
     assert not np.isin(waveforms.pixel, np.flatnonzero(dead)).any()
@@ -158,15 +158,15 @@ def test_an_overdriven_pulse_leaves_the_rail_late():
 def test_a_saturated_return_is_late_flagged_and_no_higher_than_the_rail():
     saturation = Saturation(rail_electrons=200_000.0, recovery_ns=4.0)
     centroid = QUIET.replace(ranging={"algorithm": "centroid"})
-    seen = plate(100_000.0, 1000, reference_pulse(), 8e-9)
-    clean = trial(centroid, seen, np.random.default_rng(3))
-    railed = trial(centroid.replace(saturation=saturation), seen, np.random.default_rng(3))
+    seen = make_plate(100_000.0, 1000, make_reference_pulse(), 8e-9)
+    clean = run_trial(centroid, seen, np.random.default_rng(3))
+    railed = run_trial(centroid.replace(saturation=saturation), seen, np.random.default_rng(3))
     assert abs(clean.range_bias_m) < 0.05 and railed.range_bias_m > clean.range_bias_m + 0.1
     reading, _ = detect(seen, QUIET.replace(saturation=saturation), np.random.default_rng(3))
     assert reading.saturated.all()
-    dim = plate(20_000.0, 1000, reference_pulse(), 8e-9)  # 160,000 electrons
+    dim = make_plate(20_000.0, 1000, make_reference_pulse(), 8e-9)  # 160,000 electrons
     assert not detect(dim, QUIET.replace(saturation=saturation), np.random.default_rng(3))[0].saturated.any()
-    assert not detect(plate(80_000.0, 1000, reference_pulse(), 8e-9), QUIET, np.random.default_rng(3))[
+    assert not detect(make_plate(80_000.0, 1000, make_reference_pulse(), 8e-9), QUIET, np.random.default_rng(3))[
         0
     ].saturated.any()
 

@@ -8,7 +8,7 @@ import pytest
 
 from rso_lidar import detector
 from rso_lidar.detector import Amplifier, Gsfl, Trigger, detect
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.detector.chain.timing import plan_time
 from rso_lidar.detector.settings.presets import PRESETS
@@ -77,8 +77,8 @@ def test_95_percent_at_1000_photons_and_a_shorter_pulse_does_better():
     for preset in ("noise_limited", "offset_limited"):
         for fwhm_ns in (6.0, 8.0, 10.0):
             laser = Laser(pulse_fwhm_ns=fwhm_ns)
-            photons = plate(1000.0, n, laser.pulse, laser.pulse_fwhm_s)
-            found[fwhm_ns] = trial(Gsfl(preset=preset), photons, np.random.default_rng(int(fwhm_ns))).probability
+            photons = make_plate(1000.0, n, laser.pulse, laser.pulse_fwhm_s)
+            found[fwhm_ns] = run_trial(Gsfl(preset=preset), photons, np.random.default_rng(int(fwhm_ns))).probability
         assert abs(found[8.0] - 0.95) < 4.0 * sigma
         assert found[6.0] > 0.95 + 10.0 * sigma and found[10.0] < 0.95 - 10.0 * sigma
 

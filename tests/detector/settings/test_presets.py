@@ -33,10 +33,10 @@ def test_solving_again_gives_the_shipped_threshold(preset, noise):
     4 standard errors of it, and the rounding to five digits; noise is a sixth of the threshold.
     """
     repeats = 2
-    found, threshold = calibrate.solve(noise, repeats)
+    found, threshold = calibrate.solve_preset(noise, repeats)
     shipped = PRESETS[preset]
     gsfl = Gsfl(preset=preset)
-    peaks = calibrate.peaks(gsfl, 1)
+    peaks = calibrate.simulate_peaks(gsfl, 1)
     low, high = np.quantile(peaks, [0.03, 0.07])
     error = math.sqrt(0.0475 / (repeats * calibrate._PIXELS)) * (high - low) / 0.04
     assert abs(threshold - shipped["threshold_electrons"]) < 4.0 * error + 0.5
@@ -52,7 +52,7 @@ def test_fitting_again_gives_the_shipped_curves(monkeypatch):
     makes of neighbours.
     """
     monkeypatch.setattr(calibrate, "_PIXELS", 4096)
-    again = Empirical(**calibrate.fit(Gsfl()))
+    again = Empirical(**calibrate.fit_empirical(Gsfl()))
     shipped = Empirical()
     photons = np.array([600.0, 700.0, 800.0, 900.0, 1000.0, 1200.0])
     assert again.detection_probability(photons) == pytest.approx(shipped.detection_probability(photons), abs=0.033)

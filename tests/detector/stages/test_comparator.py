@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.detector.bench.calibrate import reference_pulse
-from rso_lidar.detector.bench.trial import plate, trial
+from rso_lidar.detector.bench.calibrate import make_reference_pulse
+from rso_lidar.detector.bench.trial import make_plate, run_trial
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.comparator import NEVER, Bridge, find_crossings_between, mark_watched
 from tests.reference.detector.comparator import first_crossing
@@ -123,10 +123,10 @@ def test_crossed_between_reports_the_first_step_of_each_row():
 def test_detection_does_not_move_with_the_step_of_time():
     """900 photons, 49,152 pixels for each number of steps: any two shares agree, 3.5 sigma of a binomial, 0.008."""
     found, n = [], 3 * 16_384
-    photons = plate(900.0, 16_384, reference_pulse(), 8e-9)
+    photons = make_plate(900.0, 16_384, make_reference_pulse(), 8e-9)
     for steps in (2, 3, 6):
         gsfl = Gsfl(steps_per_sample=steps)
-        shares = [trial(gsfl, photons, np.random.default_rng(10 * steps + k)).probability for k in range(3)]
+        shares = [run_trial(gsfl, photons, np.random.default_rng(10 * steps + k)).probability for k in range(3)]
         found.append(float(np.mean(shares)))
     assert 0.5 < min(found) < 0.95  # where the share depends on the threshold most
     for a, b in itertools.combinations(found, 2):
