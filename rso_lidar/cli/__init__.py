@@ -1,4 +1,4 @@
-"""The command line: one file for each command, and one place where errors become a line and an exit status."""
+"""The command line: one file per command, and one place that turns errors into a line and an exit status."""
 
 import atexit
 import gc
@@ -17,7 +17,7 @@ _INTERRUPTED = 128 + signal.SIGINT
 
 
 class _Outcome(NamedTuple):
-    """How a command ended: its exit status, and a last line of standard error where there is one to say."""
+    """Exit status of a command, and its last line on standard error, if any."""
 
     status: int = 0
     line: str = ""
@@ -25,7 +25,14 @@ class _Outcome(NamedTuple):
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run the command line and leave: status 0 good, 2 bad input, 1 a run that failed, 128 + n ended by signal n."""
+    """Run the command line and exit.
+
+    The status is 0 for success, 2 for bad input, 1 for a failed run, and 128 + n after signal n.
+
+    Parameters
+    ----------
+    arguments : words of the command line, those of the process by default.
+    """
     _collect_garbage_less_often()
     warnings.showwarning = _show_warning
     warnings.simplefilter("always", RsoLidarWarning)
@@ -43,7 +50,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
 
 def _run(arguments: list[str] | None) -> _Outcome:
-    """Run one command, and turn what it raises into a status and a line."""
+    """Run one command, and turn exceptions into a status and a line."""
     from rso_lidar.cli.app import app, usage_error
 
     try:
@@ -76,14 +83,14 @@ def _run(arguments: list[str] | None) -> _Outcome:
 
 
 def _add_hint(message: str, error: Any) -> str:
-    """Return the message of a usage error with the command whose help tells more."""
+    """Add to the message of a usage error the command that prints help."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "rso-lidar"
     return f"{message}{' ' if message.endswith('?') else '; '}try '{command} --help'"
 
 
 def _collect_garbage_less_often() -> None:
-    """Run the garbage collector less often: it took a quarter of a short command, and found nothing."""
+    """Run the garbage collector less often: it took a quarter of the time of a short command."""
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
 

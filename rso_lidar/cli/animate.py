@@ -1,4 +1,4 @@
-"""`rso-lidar animate`: a recording as a moving picture."""
+"""`rso-lidar animate`: animations of recordings."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""The application: all commands in the order in which a user meets them, each loaded when it is called."""
+"""The application: all commands in the order in which a user needs them, each loaded when it is called."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ GROUPS = ("models",)
 
 
 class _Commands(TyperGroup):
-    """The commands, of which only the one that is called is loaded."""
+    """The group of all commands; only the one that is called is loaded."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self.commands: Any = dict.fromkeys(COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command by name, None where there is none of that name."""
+        """Return a command by name, or None if there is none of that name."""
         if cmd_name not in self.commands:
             return None
         return self.commands[cmd_name] or self._load(cmd_name)
@@ -68,7 +68,7 @@ def load_command(name: str) -> Callable[..., None] | typer.Typer:
 
 
 def _build_command(name: str) -> Any:
-    """Return a command as typer's own copy of click takes it."""
+    """Build a command as typer's own copy of click represents it."""
     found = load_command(name)
     if not isinstance(found, typer.Typer):
         found, function = typer.Typer(rich_markup_mode=None, add_completion=False), found

@@ -1,4 +1,4 @@
-"""`rso-lidar budget`: how far a pixel that is filled sees, in closed form."""
+"""`rso-lidar budget`: closed-form link budget of a pixel that the target fills."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`rso-lidar catalog`: what a file of element sets holds, what is wrong with it, and a part of it as a file of its own."""
+"""`rso-lidar catalog`: contents and problems of a file of element sets, and selections from it."""
 
 import datetime
 import math
@@ -96,9 +96,10 @@ def catalog(
 
 
 def compute_heights_km(entry: ElementSet) -> tuple[float, float]:
-    """Return perigee and apogee [km] over the equatorial radius, of the ellipse that mean motion and eccentricity give.
+    """Compute perigee and apogee heights [km] above the equatorial radius.
 
-    Kepler's third law on SGP4's mean motion: within some 10 km of an osculating orbit's, as in the tables of catalogues.
+    Kepler's third law is applied to the mean motion of SGP4, as catalogues do. The result is within some 10 km of the
+    osculating orbit.
     """
     per_second = 2.0 * math.pi * entry.mean_motion_rev_day / units.DAY_S
     axis_m = math.cbrt(units.EARTH_GM_M3_S2 / per_second**2)
@@ -107,7 +108,7 @@ def compute_heights_km(entry: ElementSet) -> tuple[float, float]:
 
 
 def _parse_numbers(words: Sequence[str]) -> list[int]:
-    """Return the catalogue numbers of some options."""
+    """Parse the catalogue numbers of an option."""
     found = []
     for word in (word for option in words for word in option.replace(",", " ").split() or [option]):
         if not (word.isascii() and word.isdigit() and 0 < len(word) <= 9):
@@ -117,7 +118,7 @@ def _parse_numbers(words: Sequence[str]) -> list[int]:
 
 
 def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
-    """Refuse a catalogue number that the file has not, or only in a bad record."""
+    """Raise a `CatalogError` for a catalogue number that is not in the file, or only in a bad record."""
     held = {entry.norad_id for entry in whole}
     for number in numbers:
         if number in held:
@@ -130,7 +131,7 @@ def _check_known(whole: Catalog, file: Path, numbers: Sequence[int]) -> None:
 
 
 def _group_objects(chosen: Catalog) -> list[list[ElementSet]]:
-    """Return the sets of each object in the order of their epochs, the objects in the order of the file."""
+    """Group sets by object: objects in the order of the file, sets in the order of their epochs."""
     grouped: dict[object, list[ElementSet]] = {}
     for entry in chosen:
         grouped.setdefault(entry.identity, []).append(entry)
@@ -138,7 +139,7 @@ def _group_objects(chosen: Catalog) -> list[list[ElementSet]]:
 
 
 def _format_table(objects: Sequence[Sequence[ElementSet]]) -> list[str]:
-    """Return the lines of a table with a row for each object, of its newest set."""
+    """Format a table with one row per object, for its newest set."""
     if not objects:
         return ["no object found"]
     rows = [("name", "norad", "regime", "perigee x apogee, km", "incl, deg", "sets", "epoch, UTC")]
@@ -173,7 +174,7 @@ def _format_minute(at: datetime.datetime) -> str:
 
 
 def _describe_jumps(sets: Sequence[ElementSet]) -> list[str]:
-    """Return a line for each switch from one set of an object to the next."""
+    """Describe each switch from one set of an object to the next, a line each."""
     if len(sets) == 1:
         return [f"{sets[0].label}: one set, no jump"]
     lines = [f"{sets[0].label}: {len(sets)} sets, which give way to the next half-way between their epochs:"]
@@ -194,7 +195,7 @@ def _summarise(file: Path, whole: Catalog, chosen: Catalog, count: int) -> str:
 
 
 def _write(chosen: Catalog, output: Path) -> None:
-    """Write the sets whole or not at all."""
+    """Write the sets completely or not at all."""
     with write_atomically(output) as draft:
         try:
             chosen.write(draft)

@@ -1,4 +1,4 @@
-"""`rso-lidar check`: whether a scenario is sound, and what it means."""
+"""`rso-lidar check`: checks and summary of a scenario."""
 
 from rso_lidar.cli.progress import announce_compiling
 from rso_lidar.cli.scenarios import ScenarioFile, Settings

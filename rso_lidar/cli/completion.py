@@ -1,4 +1,4 @@
-"""Names for completion in a shell: quick to find, and empty where they cannot be found."""
+"""Names for shell completion; a list is empty where its source cannot be read."""
 
 from collections.abc import Iterable
 from typing import get_args

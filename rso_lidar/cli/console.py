@@ -1,4 +1,4 @@
-"""Tables on a terminal, their texts printed literally: names come from users and files."""
+"""Consoles that print tables literally, since names come from users and files."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,7 +12,7 @@ _NO_END = 1000  # columns into a file or a pipe
 
 
 class _Literal(Console):
-    """A console that escapes control characters in all texts, those in tables too, and keeps its own colours."""
+    """A console that escapes control characters in all texts, also in tables, but keeps its own colours."""
 
     def render(self, renderable: Any, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         for segment in super().render(renderable, options):
@@ -21,11 +21,11 @@ class _Literal(Console):
 
 
 def make_console(least_width: int = 0) -> Console:
-    """Return a console that prints text literally.
+    """Make a console that prints text literally.
 
     Parameters
     ----------
-    least_width : columns that tables need; narrower terminals wrap lines. A file or a pipe gets all columns.
+    least_width : columns that tables need. Narrower terminals wrap lines. Files and pipes get all columns.
     """
     plain = {"markup": False, "emoji": False, "highlight": False}
     console = _Literal(**plain)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""`rso-lidar encounters`: all close approaches of one object of a catalogue to the others."""
+"""`rso-lidar encounters`: close approaches of one object of a catalogue to the others."""
 
 import datetime
 from collections.abc import Mapping, Sequence
@@ -139,7 +139,7 @@ def encounters(
 
 
 def _print_table(table: Encounters) -> None:
-    """Print the table: on a terminal the columns that fit, into a file or a pipe all of them."""
+    """Print the table: the columns that fit a terminal, or all of them to a file or pipe."""
     from rich.table import Table
 
     console = make_console()
@@ -164,7 +164,7 @@ def _print_table(table: Encounters) -> None:
 
 
 def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int]:
-    """Choose the columns that fit a terminal, the most telling ones first.
+    """Choose the columns that fit a terminal, the most informative ones first.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def choose_columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
     Returns
     -------
     list of int
-        Places of the chosen columns, in their order; those that name an encounter are always among them.
+        Indices of the chosen columns, in order; those that identify an encounter are always included.
     """
     needs = [max(map(len, column)) + _GAP for column in zip(heads, *rows, strict=True)]
     left = width + _GAP
@@ -211,7 +211,14 @@ def _draw(table: Encounters, place: Path) -> Path:
 def _choose_constraints(
     asked: Constraints | None, angles_deg: Mapping[str, float | None], keep_out_m: float | None
 ) -> Constraints | None:
-    """Return the constraints of a scenario file, with what the options say instead."""
+    """Return the constraints of a scenario file, overridden by those of the options.
+
+    Parameters
+    ----------
+    asked : constraints of the scenario file, if any.
+    angles_deg : angles of options, by name [deg].
+    keep_out_m : keep-out distance of an option [m].
+    """
     changes: dict[str, Any] = {}
     for name, angle in angles_deg.items():
         if angle is not None:
@@ -228,7 +235,7 @@ def _choose_constraints(
 
 
 def _load_lidar(text: str) -> tuple[Lidar, Constraints | None]:
-    """Return the camera of that name, or that of a scenario file and what the file asks of its geometry."""
+    """Load the camera of that name, or the camera and the constraints of a scenario file."""
     if text in load_presets():
         return Lidar(preset=text), None  # type: ignore[call-arg]
     if Path(text).suffix.lower() == ".toml" or Path(text).exists():

@@ -1,4 +1,4 @@
-"""`rso-lidar export`: a recording written in the format of another tool."""
+"""`rso-lidar export`: recordings written in the formats of other tools."""
 
 from pathlib import Path
 from typing import Annotated, Any

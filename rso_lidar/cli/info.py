@@ -1,4 +1,4 @@
-"""`rso-lidar info`: what is in a recording."""
+"""`rso-lidar info`: the contents of a recording."""
 
 from typing import Annotated
 
@@ -60,7 +60,7 @@ def info(
 
 
 def _describe_more(frames: export.Recording, first: Frame) -> list[str]:
-    """Return lines on what not every recording holds."""
+    """Describe the optional contents of a recording, a line each."""
     lines = []
     if frames.changes_lens:
         count = len(frames.line_of_sight)

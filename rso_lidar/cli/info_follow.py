@@ -1,4 +1,4 @@
-"""`rso-lidar info --follow`: a recording followed while another process writes it."""
+"""`rso-lidar info --follow`: the progress of a recording that another process writes."""
 
 import time
 from pathlib import Path
@@ -12,7 +12,14 @@ _SILENCE_S = 30.0  # without a new frame, after which a line says so
 
 
 def follow_recording(recording: Path, every_s: float, timeout_s: float | None) -> None:
-    """Print a line of frames and rate every so often [s], until the recording is complete, left alone, or time is up."""
+    """Print frames and rate periodically until the recording is complete or abandoned, or the time is up.
+
+    Parameters
+    ----------
+    recording : path, final or temporary.
+    every_s : time between two lines [s].
+    timeout_s : greatest time to wait [s].
+    """
     for what, seconds in (("--every", every_s), ("--timeout", timeout_s)):
         if seconds is not None and not 0.0 < seconds < float("inf"):
             raise RecordingError(f"{what} {seconds:g}: needs seconds above 0")
@@ -49,7 +56,7 @@ def _describe_start(seen: RecordingStatus) -> str:
 
 
 def _describe_progress(seen: RecordingStatus) -> str:
-    """Return how much of the scenario's time is flown, as text; nothing where it does not say."""
+    """Describe the share of the scenario's time that is simulated; empty where the scenario does not say."""
     if seen.source is None or seen.time_s is None:
         return ""
     try:
@@ -60,7 +67,7 @@ def _describe_progress(seen: RecordingStatus) -> str:
 
 
 def _report_end(seen: RecordingStatus) -> None:
-    """Raise what there is to say when nobody writes any more, and the recording is not complete."""
+    """Raise an error if no process writes the recording any more and it is not complete."""
     raise RunError(
         f"{seen.output}: the run that wrote it has ended after {seen.frames} frames, which are in {seen.file.name}; "
         f"go on with: rso-lidar run SCENARIO -o {seen.output} --resume, "

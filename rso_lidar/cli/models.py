@@ -1,4 +1,4 @@
-"""`rso-lidar models`: what can be flown past, shipped and of one's own."""
+"""`rso-lidar models`: the models that can be targets, shipped ones and the user's own."""
 
 from typing import Any, get_args
 
@@ -18,12 +18,12 @@ class _NameOrCommand(TyperGroup):
     """`models NAME` is `models show NAME`."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that the words begin with; a word that is none is the name of a model."""
+        """Return the command of the first word; a word that is no command is the name of a model."""
         known = args[0].startswith("-") or self.get_command(ctx, args[0]) is not None
         return super().resolve_command(ctx, args if known else ["show", *args])
 
     def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """Return what a shell offers for the next word: commands, and names of models."""
+        """Return the completions of the next word: commands, and names of models."""
         (name,) = self.commands["show"].params[:1]
         return [*super().shell_complete(ctx, incomplete), *name.shell_complete(ctx, incomplete)]
 
@@ -62,7 +62,7 @@ def print_models() -> None:
 
 
 def _get_rank(taxonomy: Taxonomy) -> tuple[int, int]:
-    """Return where a model stands in the list: by class, then by size class."""
+    """Return the sort key of a model: its class, then its size class."""
     classes, sizes = get_args(ObjectClass), get_args(SizeClass)
     return classes.index(taxonomy.object_class), -sizes.index(taxonomy.size_class)
 

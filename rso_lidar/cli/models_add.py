@@ -1,4 +1,4 @@
-"""`rso-lidar models add` and `remove`: the user's own library."""
+"""`rso-lidar models add` and `remove`: models in the user's own library."""
 
 import math
 from pathlib import Path
@@ -52,7 +52,7 @@ def add(
     what: Annotated[str | None, typer.Option("--what", help="A line for the list.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a model of yours of that name.")] = False,
 ) -> None:
-    """Bring a mesh into your own library; what is guessed is said."""
+    """Add a mesh to your own library. Values that are guessed are printed."""
     axes: Literal["z_up", "y_up"] = "y_up" if y_up else "z_up"
     wanted = Wanted(
         name=name,
@@ -84,7 +84,7 @@ def remove(
         str, typer.Argument(metavar="NAME", help="A model of your own library.", autocompletion=list_own_models)
     ],
 ) -> None:
-    """Take a model out of your own library."""
+    """Remove a model from your own library."""
     echo(f"removed {remove_model(name)}")
 
 

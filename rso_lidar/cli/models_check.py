@@ -1,4 +1,4 @@
-"""`rso-lidar models check`: what is to be known of a mesh before it flies."""
+"""`rso-lidar models check`: examination of a mesh before it is used."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,9 +21,9 @@ def check(
     path: MeshFile,
     scale: Annotated[float | None, typer.Option("--scale", help="Metres in one unit of the file.")] = None,
 ) -> None:
-    """Examine a mesh: units, holes, winding, strays, what lies hidden, and what was repaired on loading.
+    """Examine a mesh: units, holes, winding, strays, hidden parts, and repairs made on loading.
 
-    PATH may be the name of a model, too. Nothing is changed; whatever can be loaded can be flown.
+    PATH may also be the name of a model. Nothing is changed; any mesh that can be loaded can be simulated.
     """
     if scale is not None and not 0.0 < scale < float("inf"):
         raise MeshError(f"--scale {scale:g}: is no scale; give a number over 0")
@@ -41,7 +41,7 @@ def check(
 
 
 def _load_mesh(path: Path) -> Mesh:
-    """Return the mesh of a file, of a solid, or of a model by name."""
+    """Load the mesh of a mesh file, of a CAD solid, or of a model by name."""
     if is_cad(path):
         blob, unit_m = tessellated(path)
         with make_temporary_folder() as folder:

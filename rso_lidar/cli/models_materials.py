@@ -1,4 +1,4 @@
-"""`rso-lidar models materials`: the materials that ship."""
+"""`rso-lidar models materials`: the shipped materials."""
 
 from rich.table import Table
 
@@ -8,7 +8,7 @@ from rso_lidar.study.material_list import WAVELENGTHS_NM, list_materials
 
 
 def print_materials() -> None:
-    """List the materials that ship: reflectance at both wavelengths, how well it is known, and what they are."""
+    """List the shipped materials: reflectance at both wavelengths, its quality, and a description."""
     table = Table(box=None, header_style="bold")
     for title in ("name", "BRDF", *(f"{nm:g} nm" for nm in WAVELENGTHS_NM)):
         table.add_column(title, no_wrap=True)

@@ -1,4 +1,4 @@
-"""`rso-lidar models show`: one model on one page, in words and as a picture."""
+"""`rso-lidar models show`: one model in words and as a picture."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,7 +33,7 @@ def show(
     ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Tell what a model is, the light it sends back from 1 km, and its parts; draw it from four sides."""
+    """Describe a model: its size, its parts, and the light it returns from 1 km; draw it from four sides."""
     if output is not None:
         output = check_writable(output, FIGURE_SUFFIXES, overwrite=overwrite)
     card = make_model_card(name)
@@ -52,7 +52,7 @@ def show(
 
 
 def _describe_joint(name: str, card: ModelCard) -> str:
-    """Return how a scenario turns a part: by a hinge of the model, or by one of its own."""
+    """Describe how a scenario rotates a part: with a hinge of the model, or with one of its own."""
     known = models().get(name) or own_models().get(name)
     if known is None or not known.hinges:
         return (
@@ -76,7 +76,7 @@ def _tabulate_parts(card: ModelCard) -> Table:
 
 
 def _tabulate_light(card: ModelCard) -> Table:
-    """Return the photons that each side sends back, in all and in the brightest pixel."""
+    """Tabulate the photons that each side returns, in total and in the brightest pixel."""
     heads, *rows = card.light_table()
     table = Table(box=None, header_style="bold")
     for column, head in enumerate(heads):

@@ -62,7 +62,7 @@ def find_examples() -> dict[str, Path]:
 
 
 def _check_place(name: str) -> Path:
-    """Return the file that a name means; its suffix may be left out."""
+    """Return the file that a name means; the suffix is optional."""
     place = Path(name)
     if not name.isprintable() or not place.name.strip(". "):
         raise ScenarioError(f"{name!r}: is no name of a file; give one such as approach")
@@ -73,7 +73,7 @@ def _check_place(name: str) -> Path:
 
 
 def _list_examples(known: dict[str, Path]) -> Iterator[str]:
-    """Yield the list of examples: the name, and the first sentence of the comment at the head of the file."""
+    """Yield a line per example: its name, and the first sentence of the comment at the top of the file."""
     width = max(map(len, known))
     for name, file in known.items():
         comment = " ".join(_read_head(file.read_text(encoding="utf-8")))
@@ -82,7 +82,7 @@ def _list_examples(known: dict[str, Path]) -> Iterator[str]:
 
 
 def _read_head(text: str) -> list[str]:
-    """Return the lines of the comment that a scenario begins with, without their marks."""
+    """Return the lines of the comment at the top of a scenario, without comment marks."""
     lines = []
     for line in text.splitlines():
         if not line.startswith("#"):
@@ -92,7 +92,14 @@ def _read_head(text: str) -> list[str]:
 
 
 def _replace_head(text: str, place: Path, example: str) -> str:
-    """Return the text of an example as a file of one's own: what to do with it at its head, and its own `name`."""
+    """Return the text of an example with instructions at the top and its own `name`.
+
+    Parameters
+    ----------
+    text : of the example.
+    place : of the new file.
+    example : name of the example.
+    """
     file, recording = shlex.quote(place.name), shlex.quote(f"{place.stem}.h5")
     hints = {
         f"rso-lidar check {file}": "orbit, geometry, link budget, warnings",
@@ -117,7 +124,7 @@ def _quote_toml(text: str) -> str:
 
 
 def _find_companions(text: str, folder: Path) -> list[Path]:
-    """Return the files beside an example that its text names: tables, and Python with dynamics (``file.py:function``)."""
+    """Find the files beside an example that its text names: tables, and Python files with dynamics."""
     found: dict[Path, None] = {}
     for value in _iterate_texts(tomllib.loads(text)):
         for word in (value, value.rpartition(":")[0]):

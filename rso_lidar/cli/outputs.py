@@ -1,4 +1,4 @@
-"""Options of commands that write files; `draft.free` checks each output before work begins."""
+"""Options of commands that write files; each output is checked before the work begins."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""`rso-lidar plot`: a contact sheet of a recording, or one of its frames."""
+"""`rso-lidar plot`: pictures of a recording."""
 
 from pathlib import Path
 from typing import Annotated

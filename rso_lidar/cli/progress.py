@@ -1,4 +1,4 @@
-"""How far a run has come: a bar on a terminal, lines elsewhere."""
+"""Progress of a run: a bar on a terminal, lines elsewhere."""
 
 import os
 import sys
@@ -17,7 +17,7 @@ _BELOW_THE_BAR = b"\n\x1b[?25h"  # the next line, and the cursor that the bar hi
 
 
 class Bar(Protocol):
-    """Something that shows how far a run has come."""
+    """A display of progress."""
 
     def advance(self) -> None:
         """Count one frame."""
@@ -25,7 +25,15 @@ class Bar(Protocol):
 
 @contextmanager
 def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame") -> Iterator[Bar]:
-    """Show a bar with rate and time left on a terminal, plain lines elsewhere."""
+    """Show a bar with rate and time left on a terminal, or plain lines elsewhere.
+
+    Parameters
+    ----------
+    total : number of items.
+    done : number of items that were there before.
+    doing : participle for the bar.
+    of : noun for an item.
+    """
     if sys.stderr is None or not sys.stderr.isatty():
         yield _Lines(total, done, of)
         return
@@ -46,7 +54,7 @@ def show_progress(total: int, done: int, doing: str = "flying", of: str = "frame
 
 
 def announce_compiling() -> AbstractContextManager[None]:
-    """Return a context that says how far numba has come where it compiles: it takes longer than most commands."""
+    """Print the progress of numba's compilation within this context; it takes longer than most commands."""
     last_s = time.monotonic()
 
     def tell(count: int, most: int) -> None:
@@ -63,7 +71,7 @@ def announce_compiling() -> AbstractContextManager[None]:
 
 
 def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
-    """Yield frames, counting them on a bar."""
+    """Yield frames and count them on a bar."""
     with show_progress(len(frames), 0, doing) as bar:
         for frame in frames:
             yield frame
@@ -71,7 +79,7 @@ def count_frames(frames: Sequence[Frame], doing: str) -> Iterator[Frame]:
 
 
 class _Pace:
-    """How fast frames come, once the first has: what is worked out once, and compiled, says nothing of the rest."""
+    """Rate of frames, without the first frame, whose time includes compilation and one-time work."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -79,11 +87,11 @@ class _Pace:
 
     @property
     def first(self) -> bool:
-        """Return whether no more than one frame has come."""
+        """Whether at most one frame has been counted."""
         return self._count < 2
 
     def count(self) -> float:
-        """Count one frame, and return the frames per second."""
+        """Count one frame, and return the rate [frames/s]."""
         now = time.monotonic()
         self._count += 1
         if self._count == 1:

@@ -1,4 +1,4 @@
-"""Lengths and instants as options give them, each with its unit or its offset."""
+"""Lengths and times in options, each with its unit or UTC offset."""
 
 import datetime
 import re
@@ -12,7 +12,7 @@ _LENGTHS_M = {"m": 1.0, "km": units.KM}
 
 
 def parse_length_m(option: str, text: str) -> float:
-    """Return a length with its unit, such as ``50km`` [m]."""
+    """Parse a length with its unit, such as ``50km``, and return it in metres."""
     found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([A-Za-z]*)\s*", text)
     try:
         number = float(found[1]) if found else float("nan")
@@ -28,7 +28,7 @@ def parse_length_m(option: str, text: str) -> float:
 
 
 def parse_instant(option: str, text: str) -> datetime.datetime:
-    """Return the UTC instant that an option gives, with its offset and of a year that element sets have."""
+    """Parse a time with its UTC offset, in a year that element sets can have."""
     try:
         at = datetime.datetime.fromisoformat(text.strip())
     except ValueError:

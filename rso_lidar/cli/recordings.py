@@ -1,4 +1,4 @@
-"""Recordings that commands take: which file, and which of its frames."""
+"""Recordings as arguments of commands, and the selection of their frames."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ RecordingFile = Annotated[Path, typer.Argument(metavar="REC", help="Recording (.
 
 
 def parse_frames(text: str | None) -> slice | None:
-    """Return the slice that ``A:B`` or ``A:B:C`` means."""
+    """Parse ``A:B`` or ``A:B:C`` as a slice."""
     if text is None:
         return None
     try:
@@ -28,7 +28,7 @@ def parse_frames(text: str | None) -> slice | None:
 
 
 def select_frames(read: export.Recording, frames: str | None) -> list[int]:
-    """Return which frames of a recording are wanted."""
+    """Select frames of a recording by their numbers."""
     numbers = read.frame_index[:]
     if not numbers.size:
         raise RecordingError(f"{read.path}: holds no frames yet; run the scenario again")

@@ -1,4 +1,4 @@
-"""`rso-lidar run`: a scenario becomes a recording."""
+"""`rso-lidar run`: simulation of a scenario, written to a recording."""
 
 import glob
 import importlib.metadata
@@ -95,7 +95,14 @@ def run(
 
 
 def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool) -> str:
-    """Return what an interrupted run leaves, and how to go on."""
+    """Describe what an interrupted run leaves, and how to continue.
+
+    Parameters
+    ----------
+    recorder : of the run.
+    count : number of frames of the whole run.
+    resume : whether the run continued an older one.
+    """
     if not recorder.temporary.exists():
         return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
     if not recorder.written:
@@ -104,7 +111,7 @@ def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool
 
 
 def _refuse_other_runs(output: Path, identity: str) -> None:
-    """Refuse to start afresh beside the frames of a run that was cut off, and that this one cannot go on with."""
+    """Raise a `ScenarioError` if an interrupted run with other settings left frames beside the output."""
     if output.with_name(f"{output.name}.tmp-{identity}").exists():
         return
     for other in sorted(output.parent.glob(f"{glob.escape(output.name)}.tmp-*")):
@@ -118,7 +125,7 @@ def _refuse_other_runs(output: Path, identity: str) -> None:
 
 
 def _parse_keep(text: str | None) -> tuple[str, ...]:
-    """Return the records that ``A,B`` names, each once."""
+    """Parse ``A,B`` as names of records, each once."""
     if text is None:
         return ()
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
@@ -129,7 +136,7 @@ def _parse_keep(text: str | None) -> tuple[str, ...]:
 
 
 def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tuple[str, ...]) -> bool:
-    """Return whether an output is already the whole recording of these frames, with these records kept."""
+    """Return whether an output is already the complete recording of these frames, with these records kept."""
     if not output.is_file():
         return False
     with export.open(output) as recording:
@@ -139,7 +146,7 @@ def _is_complete(output: Path, scenario: Scenario, numbers: np.ndarray, kept: tu
 
 
 class Tally:
-    """What a run has made, in a few numbers."""
+    """Counts and extreme values of the frames of a run."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -161,7 +168,7 @@ class Tally:
             self._farthest = max(self._farthest, float(ranges.max()))
 
     def table(self, output: Path, before: int) -> str:
-        """Return the summary as lines of text; `before` frames were there when the run went on."""
+        """Return the summary as lines of text; `before` frames existed before the run continued."""
         seconds = max(time.monotonic() - self._began, 1e-9)
         lines = [
             f"recorded    {output} ({output.stat().st_size / 1e6:.1f} MB)",

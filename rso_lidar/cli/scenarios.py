@@ -1,4 +1,4 @@
-"""Scenario files that commands take, and fields of theirs set anew."""
+"""Scenario files as arguments of commands, and options that change their fields."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Output of commands: literal text without markup, emoji or control characters, since names come from users and files."""
+"""Output of commands as literal text, with control characters escaped, since names come from users and files."""
 
 import re
 
@@ -10,7 +10,7 @@ _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u2
 
 
 def escape_controls(text: str) -> str:
-    r"""Return a text with its control characters written as escapes.
+    r"""Escape the control characters of a text.
 
     >>> escape_controls("a\x1b[31mred")
     'a\\x1b[31mred'
@@ -24,5 +24,5 @@ def to_one_line(text: str) -> str:
 
 
 def echo(text: object = "", *, err: bool = False) -> None:
-    """Print a text whose control characters are written as escapes."""
+    """Print a text with its control characters escaped."""
     typer.echo(escape_controls(str(text)), err=err)  # noqa: TID251 - the one place

@@ -1,4 +1,4 @@
-"""`rso-lidar timeline`: one encounter frame by frame, as one picture or one table, without rendering the frames."""
+"""`rso-lidar timeline`: one encounter frame by frame, as a picture or a table, without rendering frames."""
 
 from pathlib import Path
 from typing import Annotated
@@ -54,7 +54,7 @@ _LIKELY = 0.9  # probability of detection from which a frame counts in the summa
 
 
 def _summarise(made: Timeline, mirrored: bool) -> list[str]:
-    """Return a few lines on the whole encounter, with a target that is `mirrored` by retro-reflectors or not."""
+    """Summarise the encounter in a few lines; `mirrored` says whether the target has retro-reflectors."""
     table = made.table
     time_s, range_m = table["time_s"], table["range_m"]
     nearest = find_first_least(range_m)

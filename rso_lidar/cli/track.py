@@ -1,4 +1,4 @@
-"""`rso-lidar track`: reference trackers on a recording, with their errors against truth: a table, and a picture or CSV."""
+"""`rso-lidar track`: reference trackers on a recording, and their errors against the truth."""
 
 from pathlib import Path
 from typing import Annotated
@@ -71,7 +71,7 @@ def track(
 
 
 def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
-    """Return the table of errors as lines: rms, with bias and spread, along right, down and ahead; NIS; ICP if it ran."""
+    """Format the table of errors: rms, bias and spread along right, down and ahead; NIS; ICP if it ran."""
     table = made.table
     seen, most = int(np.sum(table["points"] > 0)), int(table["points"].max())
     lines = [
@@ -114,7 +114,7 @@ def summarise(made: Tracking, *, icp: bool = True) -> list[str]:
 
 
 def describe_consistency(nis_mean: float, count: int) -> str:
-    """Return what a mean NIS outside its 95 % bounds means and which option to turn; nothing where it is inside.
+    """Explain a mean NIS outside its 95 % bounds and the option to change; empty if it is inside.
 
     Parameters
     ----------

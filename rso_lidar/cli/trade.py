@@ -1,4 +1,4 @@
-"""`rso-lidar trade`: a trade study worked through, as a table and a report; what was cut off goes on."""
+"""`rso-lidar trade`: trade studies, as a table and a report; an interrupted study can continue."""
 
 import os
 from contextlib import ExitStack
@@ -92,9 +92,13 @@ def trade(
 
 
 def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
-    """Return the table's place first, then the report's, and that of another table where one is asked for.
+    """Return the paths of the table, of the report, and of a second table if one is requested.
 
-    `new` says that a folder is meant that is not there yet.
+    Parameters
+    ----------
+    file : of the study.
+    given : path that the user gave, if any.
+    new : whether a folder that does not exist may be named.
     """
     try:
         output = Path(given or ".").expanduser()
@@ -109,7 +113,7 @@ def _choose_outputs(file: Path, given: str | None, *, new: bool) -> list[Path]:
 
 
 def _make_folder(folder: Path) -> None:
-    """Make a folder in one that there is."""
+    """Make a folder inside an existing one."""
     try:
         folder.mkdir()
     except FileNotFoundError:
@@ -119,14 +123,14 @@ def _make_folder(folder: Path) -> None:
 
 
 def _write(made: Trade, places: list[Path]) -> None:
-    """Write all outputs, each under another name until the last is whole."""
+    """Write all outputs under temporary names, and rename them when the last is complete."""
     with ExitStack() as drafts:
         for place in places:
             made.save(drafts.enter_context(write_atomically(place)))
 
 
 def _report_other_files(kept: Path) -> None:
-    """Say what stands beside an output that this study cannot go on from."""
+    """Print the files beside an output that this study cannot continue from."""
     start = kept.name.rpartition("-")[0]
     others = [
         one.name for one in sorted(kept.parent.iterdir()) if one.name.startswith(f"{start}-") and one.name != kept.name

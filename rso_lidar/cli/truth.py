@@ -1,4 +1,4 @@
-"""`rso-lidar truth`: where everything is, without rendering a frame: a table, a picture, an ephemeris or a globe's file."""
+"""`rso-lidar truth`: true motion without rendering, as a table, a picture, an ephemeris or a globe file."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _choose_kind(figure: str | None, suffix: str) -> str:
 
 
 def _compute_stride(every_s: float | None, scenario: Scenario) -> int:
-    """Return how many frames lie from row to row."""
+    """Compute the number of frames between two rows."""
     if every_s is None:
         return 1
     if not 0.0 < every_s < np.inf:
@@ -129,7 +129,15 @@ def _check_name(name: str, known: list[str]) -> str:
 
 
 def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.ndarray) -> Any:
-    """Return one of the figures."""
+    """Draw one of the figures.
+
+    Parameters
+    ----------
+    scenario : to be drawn.
+    kind : name of the figure.
+    body : of a figure of one body.
+    frames : numbers of the frames (time).
+    """
     if kind == "ptu" and scenario.ptu is None:
         raise ScenarioError("--figure ptu: the scenario has no PTU; add [ptu], or draw another figure")
     if not scenario.target and kind != "orbit":
@@ -167,7 +175,16 @@ def _draw_figure(scenario: Scenario, kind: str, body: str | None, frames: np.nda
 
 
 def _write_ephemeris(scenario: Scenario, output: Path, suffix: str, body: str | None, frames: np.ndarray) -> None:
-    """Write the motion of a body as OEM, or how axes are turned in inertial ones as AEM."""
+    """Write the motion of a body as OEM, or its attitude as AEM.
+
+    Parameters
+    ----------
+    scenario : with the body.
+    output : path of the file.
+    suffix : ``.oem`` or ``.aem``.
+    body : name of the body or axes.
+    frames : numbers of the frames (time).
+    """
     from scipy.spatial.transform import Rotation
 
     wanted = body or "follower"

@@ -1,4 +1,4 @@
-"""`rso-lidar view`: a recording in Rerun, in a window, or in files where there is no display."""
+"""`rso-lidar view`: a recording in the Rerun viewer, or in files where there is no display."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,7 +66,7 @@ def view(
 
 
 def _summarise(chosen: ViewerChoice, drawn: Sequence[str]) -> str:
-    """Return what was written, with which frames, and why, in a line."""
+    """Describe in a line what was written, with which frames, and why."""
     named = ", ".join(f"{path} ({frames})" for path, frames in zip(chosen.paths, drawn, strict=True))
     why = f"{chosen.why}: wrote" if chosen.why else "wrote"
     more = f"; open it with: rerun {chosen.paths[0]}" if chosen.tool == "rerun" else ""

@@ -45,22 +45,32 @@ __all__ = [
 def save(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, format: str = "", **options: Any
 ) -> Path:
-    """Write frames in a format of this room and return the path; `rso_lidar.save` knows all formats.
+    """Write frames in a format of this package and return the path; `rso_lidar.save` knows more formats.
 
     Parameters
     ----------
     path : of the file or folder.
-    frames : taken one at a time as they come, from `simulate` or `open`.
-    overwrite : whether an older one may be replaced.
-    format : by name, where the suffix does not say it.
-    options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.pcd.write_pcd`.
+    frames : consumed one at a time, from `simulate` or `open`.
+    overwrite : whether an existing output may be replaced.
+    format : by name, where the suffix does not state it.
+    options : of that format's writer, such as ``viewpoint="tdrs"`` of `export.formats.pcd.write_pcd`.
     """
     path = convert_path(path, RecordingError)
     return writer_for(format or path)(path, frames, overwrite=overwrite, **options)
 
 
 def open(path: str | os.PathLike[str]) -> Recording:
-    """Return the recording at a path, finished or (under its temporary name) not; nothing is read before it is used."""
+    """Open the recording at a path, complete or temporary; arrays are read when they are used.
+
+    Parameters
+    ----------
+    path : of an HDF5 file or a Zarr store.
+
+    Raises
+    ------
+    RecordingError
+        If there is no recording at the path, or it is damaged.
+    """
     path = convert_path(path, RecordingError)
     suffix = Path(TEMPORARY.sub("", path.name)).suffix
     readable = (*SUFFIXES, *format_for("zarr").suffixes)

@@ -1,6 +1,6 @@
-"""What a recording can be written as: each format's writer, who reads it, and what it loses.
+"""Registry of the formats in which frames can be written: suffixes, writers, and what each format loses.
 
-The writers are imported when they are asked for, so that a format costs nothing until it is used.
+The writers are imported on demand, so that an unused format costs nothing.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ Writer = Callable[..., Path]  # (path, frames, *, overwrite=False, and options o
 
 @dataclass(frozen=True)
 class Format:
-    """One way to write frames: `writer` is where its function is, empty where `study.conversion` composes it.
+    """A format in which frames can be written.
 
-    `folder` says that the path names a folder; `loses` is one sentence for people; `extra` the extra to install.
+    `writer` names its function; it is empty where `study.conversion` composes the output. `folder` says that the path
+    names a folder. `loses` is one sentence for users, and `extra` the extra to install.
     """
 
     name: str
@@ -79,7 +80,7 @@ _INSTEAD = {".mat": "MATLAB reads .h5 with h5read (docs/exports.md)", ".las": "u
 
 
 def format_for(word: str | os.PathLike[str]) -> Format:
-    """Return the format of that name (``"pcd"``), or of that suffix or path (``".pcd"``, ``"clouds.pcd"``).
+    """Return the format of a name (``"pcd"``), a suffix or a path (``".pcd"``, ``"clouds.pcd"``).
 
     >>> format_for("clouds.pcd").name, format_for("kitti").suffixes
     ('pcd', ('.kitti',))

@@ -1,8 +1,9 @@
-"""A folder in the style of BOP, the benchmark of 6D pose estimators: depth, masks, cameras and poses of the targets.
+"""Folders in the style of BOP, the benchmark of 6D pose estimators: depth, masks, cameras and target poses.
 
-The format is that of the BOP toolkit (docs/bop_datasets_format.md there): translations in mm, rotations row by row,
-depth as 16 bits times depth_scale, 0 where there is none. Its camera axes (OpenCV's: x right, y down, z forward) are the
-lidar axes, its model axes a target's axes, whose origin is the target's centre of mass. Depth is z, not the slant range.
+The format is that of the BOP toolkit (docs/bop_datasets_format.md there). Translations are in mm, and rotations are
+stored row by row. Depth is z, not slant range: 16 bits times depth_scale, 0 where there is none. The camera axes
+(OpenCV's: x right, y down, z forward) are the lidar axes. The model axes are a target's axes, with the origin at its
+centre of mass.
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ MOST_OFF_PINHOLE_PIXELS = 0.05  # of a pixel: what a camera matrix leaves out an
 
 
 def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of a folder after writing one BOP scene into it, 000000, whose images are the frames.
+    """Write frames as the images of one BOP scene, 000000, and return the path of the folder.
 
-    An image's number is the frame's; an object's is the place of the target in source.json, from 1. Intensities are
-    16-bit PNGs in gray. What is hidden behind another target is in no label, so `mask` is `mask_visib`.
+    The number of an image is that of its frame. The number of an object is the position of its target in source.json,
+    from 1. Intensities are 16-bit grey PNGs. No label holds what another target hides, so `mask` equals `mask_visib`.
 
     Parameters
     ----------
     path : of the folder.
     frames : written one at a time as they come.
-    overwrite : replace an older export, once the new one is whole.
+    overwrite : replace an older export once the new one is complete.
     """
     place = check_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -81,7 +82,7 @@ def write_bop(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrit
 
 
 def fit_pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the camera matrix (3, 3) [pixels] nearest to lines of sight, and the largest error [pixels] it makes.
+    """Fit a camera matrix (3, 3) [pixels] to lines of sight, and return it with its largest error [pixels].
 
     Column and row 0 are the centre of the first pixel, as in OpenCV.
     """
@@ -103,7 +104,7 @@ def fit_pinhole(place: Path, line_of_sight: np.ndarray) -> tuple[np.ndarray, flo
 
 
 def choose_depth_scale(greatest_mm: float) -> float:
-    """Return the depth_scale [mm per count]: the finest of 0.1, 0.2, 0.5, 1, 2, 5, … that reaches a depth [mm].
+    """Choose the depth_scale [mm per count]: the smallest of 0.1, 0.2, 0.5, 1, 2, 5, … that reaches a depth [mm].
 
     >>> choose_depth_scale(3.0e6)
     50.0
@@ -115,7 +116,7 @@ def choose_depth_scale(greatest_mm: float) -> float:
 def _write_images(place: Path, scene: Path, frame: Frame) -> float:
     """Write depth and intensity; return the depth_scale [mm per count].
 
-    It is as fine as the targets' true ranges let it be; what a false trigger reports further off is left out.
+    The scale is as fine as the targets' true ranges permit. False triggers beyond that range are left out.
     """
     depth_mm = frame.points_m[..., 2] / MM
     valid, on_target = frame.valid, frame.labels.target >= 0
@@ -131,7 +132,7 @@ def _write_images(place: Path, scene: Path, frame: Frame) -> float:
 
 
 def _write_camera(folder: Path, frame: Frame, camera: np.ndarray) -> None:
-    """Write camera.json: the camera of the first frame, as tools ask for one of the whole folder."""
+    """Write camera.json with the camera of the first frame, because tools expect one camera per folder."""
     rows, cols = frame.range_m.shape
     told = {
         "cx": camera[0, 2],
@@ -149,7 +150,7 @@ def _describe_camera(frame: Frame, camera: np.ndarray, depth_scale: float) -> di
 
 
 def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the poses of the targets and what is seen of each, after writing their masks."""
+    """Write the masks of the targets; return their poses and their visible areas."""
     poses, infos = [], []
     seen = compute_lidar_poses(frame.truth.poses)
     here = [(number, target.name) for number, target in enumerate(frame.source.targets) if target.name in seen]
@@ -181,7 +182,7 @@ def _describe_objects(place: Path, scene: Path, frame: Frame) -> tuple[list[dict
 
 
 def _find_box(mask: np.ndarray) -> list[int]:
-    """Return left, top, width and height of what is set, four times -1 where nothing is."""
+    """Return left, top, width and height of the set pixels; four times -1 without any."""
     row, col = np.nonzero(mask)
     if not len(row):
         return [-1, -1, -1, -1]
@@ -190,7 +191,7 @@ def _find_box(mask: np.ndarray) -> list[int]:
 
 
 def _encode_png(image: np.ndarray) -> bytes:
-    """Return an image of 8 or 16 bits as a grey PNG."""
+    """Encode an image of 8 or 16 bits as a grey PNG."""
     from PIL import Image
 
     stream = io.BytesIO()
@@ -200,7 +201,7 @@ def _encode_png(image: np.ndarray) -> bytes:
 
 @contextmanager
 def _open_table(path: Path) -> Iterator[TextIO]:
-    """Return, as a context, a file for a JSON object that grows by one entry an image."""
+    """Yield a file for a JSON object that grows by one entry per image."""
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write("{")
         yield stream

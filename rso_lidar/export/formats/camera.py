@@ -1,4 +1,4 @@
-"""The camera that lines of sight describe: a pinhole, and where the lens bends, Brown and Conrady's polynomial."""
+"""Camera models fitted to lines of sight: a pinhole, with Brown and Conrady's distortion where needed."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ _SIDE = 33  # rows and columns that are fitted; the error is taken over all
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera in pixels, (0, 0) the centre of the first: column = focal_px x_d + centre_px[0], so for rows.
+    """A camera in pixels: column = focal_px x_d + centre_px[0], row = focal_px y_d + centre_px[1].
 
-    (x_d, y_d) are the tangents (x/z, y/z) of a direction in lidar axes after the distortion k1, k2, p1, p2, k3, in the
-    order and meaning of ROS's plumb_bob (OpenCV's). `error_px` is the greatest error of the model over all pixels. A
-    focal length of 0 says that the table tells nothing, as a single pixel's.
+    (0, 0) is the centre of the first pixel. (x_d, y_d) are the tangents (x/z, y/z) of a direction in lidar axes after
+    the distortion k1, k2, p1, p2, k3. Their order and meaning are those of plumb_bob in ROS and of OpenCV. `error_px`
+    is the greatest error over all pixels. A focal length of 0 means that the table determines no camera, as with a
+    single pixel.
     """
 
     focal_px: float
@@ -26,13 +27,13 @@ class Camera:
 
     @property
     def matrix(self) -> tuple[float, ...]:
-        """Return the 3 x 3 camera matrix, row by row [px]."""
+        """The 3 x 3 camera matrix, row by row [px]."""
         col, row = self.centre_px
         return (self.focal_px, 0.0, col, 0.0, self.focal_px, row, 0.0, 0.0, 1.0)
 
 
 def fit_camera(line_of_sight: np.ndarray) -> Camera:
-    """Return the camera with square pixels that fits unit vectors (row, col, xyz) best: without distortion if that fits."""
+    """Fit a camera with square pixels to unit vectors (row, col, xyz), without distortion if that suffices."""
     n_rows, n_cols = line_of_sight.shape[:2]
     centre = 0.5 * (n_cols - 1), 0.5 * (n_rows - 1)
     if n_rows * n_cols < 2:
@@ -44,7 +45,7 @@ def fit_camera(line_of_sight: np.ndarray) -> Camera:
 
 
 def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
-    """Return the camera with the first of the terms focal length, k1, k2, k3, p1, p2, by linear least squares."""
+    """Fit the first of the terms focal length, k1, k2, k3, p1, p2 by linear least squares."""
     n_rows, n_cols = line_of_sight.shape[:2]
     x, y = (line_of_sight[..., axis] / line_of_sight[..., 2] for axis in (0, 1))
     scale = float(np.sqrt(np.max(x**2 + y**2))) or 1.0
@@ -72,7 +73,7 @@ def _fit_model(line_of_sight: np.ndarray, terms: int) -> Camera:
 
 
 def _list_basis(x: np.ndarray, y: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return what x_d and y_d are made of: x, and what k1, k2, k3, p1 and p2 multiply."""
+    """List the basis functions of x_d and y_d: x or y, and the factors of k1, k2, k3, p1 and p2."""
     r2 = x**2 + y**2
     radial = [np.ones_like(r2), r2, r2**2, r2**3]
     return (

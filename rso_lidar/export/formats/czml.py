@@ -1,8 +1,8 @@
-"""CZML: bodies, their orientation and the lidar's line of sight over time, for globes in a browser such as Cesium.
+"""CZML documents of bodies, their orientation and the lidar's boresight, for browser globes such as Cesium.
 
-Positions are in inertial axes, which such globes take for ICRF; orientations are in Earth-fixed axes, as the format has
-them, each the rotation that takes body coordinates to Earth-fixed ones (CZML wiki, Orientation). Times are elapsed seconds
-since the start.
+Positions are in inertial axes, which such globes take for ICRF. Orientations are in Earth-fixed axes, as the format
+requires: each rotates body coordinates to Earth-fixed ones (CZML wiki, Orientation). Times are elapsed seconds since
+the start.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ QUATERNION = 12  # decimal places
 
 @dataclass(frozen=True, eq=False)
 class CzmlBody:
-    """A body over time: `position_m` (time, 3) in GCRS axes, and where known `itrs_from_body` (time, 4), x, y, z, w."""
+    """A moving body: `position_m` (time, 3) in GCRS axes, and optionally `itrs_from_body` (time, 4), x, y, z, w."""
 
     name: str
     position_m: np.ndarray
@@ -39,7 +39,7 @@ class CzmlBody:
 
 @dataclass(frozen=True, eq=False)
 class CzmlBeam:
-    """A line from the body `of` to a point `tip_m` (time, 3) in GCRS axes, such as where the lidar's boresight ends."""
+    """A line from the body `of` to a point `tip_m` (time, 3) in GCRS axes, such as the end of the lidar's boresight."""
 
     name: str
     of: str
@@ -47,7 +47,7 @@ class CzmlBeam:
 
 
 def choose_samples(n: int, most: int = MOST_SAMPLES) -> np.ndarray:
-    """Return at most `most` indices below `n`, evenly spread, both ends included.
+    """Choose at most `most` indices below `n`, evenly spread, both ends included.
 
     >>> choose_samples(10, 4)
     array([0, 3, 6, 9])
@@ -68,15 +68,17 @@ def build_packets(
     beams: Sequence[CzmlBeam] = (),
     most: int = MOST_SAMPLES,
 ) -> list[dict[str, Any]]:
-    """Return the packets of a CZML document: one for the document, one for each body, line and beam.
+    """Build the packets of a CZML document: one for the document and one for each body, line and beam.
 
     Parameters
     ----------
-    time_s : instants (time) [s since start_utc].
-    start_utc, end_utc : ISO UTC text of the first instant's zero and of the last instant.
+    title : of the document.
+    time_s : times (time) [s since start_utc].
+    bodies : to be shown, one or more.
+    start_utc, end_utc : start of `time_s`, and time of the last sample, as ISO UTC text.
     lines : (name, name) of two bodies that a thin line joins, such as the follower and its target.
     beams : lines that end in space.
-    most : samples kept of each, at most.
+    most : greatest number of samples per body.
     """
     time_s = np.asarray(time_s, dtype=float)
     names = [body.name for body in bodies]
@@ -138,7 +140,7 @@ def build_packets(
 
 
 def write_czml(path: str | os.PathLike[str], document: Sequence[dict[str, Any]]) -> Path:
-    """Return the path of a CZML file, written whole or not at all."""
+    """Write a CZML file, completely or not at all, and return its path."""
     place = Path(path)
     text = json.dumps(document, allow_nan=False, separators=(",", ":"))
     with write_atomically(place) as draft:
@@ -153,7 +155,7 @@ def _check_document(
     lines: Sequence[tuple[str, str]],
     beams: Sequence[CzmlBeam],
 ) -> None:
-    """Raise `RecordingError` for what would make a document that nothing reads."""
+    """Raise a `RecordingError` for input that would make an unreadable document."""
     if not bodies or time_s.size < 1:
         raise RecordingError("czml: there is no body, or no instant, to write; check the choice")
     if len(set(names)) < len(names):
@@ -177,7 +179,7 @@ def _grey() -> tuple[int, int, int]:
 
 
 def _samples(at_s: np.ndarray, values: np.ndarray, digits: int) -> list[float]:
-    """Return time-tagged samples in one row; one sample alone is a constant without a time."""
+    """Return time-tagged samples in one row; a single sample is a constant without a time."""
     if at_s.size == 1:
         return [round(float(value), digits) for value in values[0]]
     rows = zip(at_s.tolist(), values.tolist(), strict=True)
@@ -195,7 +197,7 @@ def _position(at_s: np.ndarray, position_m: np.ndarray, epoch: str, degree: int 
 
 
 def _orientation(at_s: np.ndarray, quaternion: np.ndarray, epoch: str) -> dict[str, Any]:
-    """Return the orientation, its quaternions with the sign that keeps each near the one before."""
+    """Return the orientation as quaternions whose signs keep neighbours close."""
     flips = np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=-1) < 0.0, -1.0, 1.0)
     smooth = quaternion * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
     return {
@@ -221,5 +223,5 @@ def _line(name: str, a: str, b: str, span: str, rgba: tuple[int, ...], width: in
 
 
 def _id(name: str) -> str:
-    """Return a name as references write it: a backslash before what would end it."""
+    """Return a name as references write it, with a backslash before characters that would end it."""
     return name.replace("\\", "\\\\").replace("#", "\\#").replace(".", "\\.")

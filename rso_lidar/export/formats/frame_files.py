@@ -1,4 +1,4 @@
-"""A folder with one file for each frame, and beside the files what none of them can hold: times, poses, the scenario."""
+"""Folders with one file per frame, and the metadata beside them: times, poses and the scenario."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def write_frame_files(
     *,
     overwrite: bool = False,
 ) -> Path:
-    """Return the path of a folder after writing one file for each frame, named by the frame's number: 000012.pcd.
+    """Write one file per frame, named by the number of the frame (000012.pcd), and return the path of the folder.
 
-    Beside them stand source.json (scenario, targets, axes) and frames.jsonl (a line for each file: time and poses).
+    The folder also has source.json (scenario, targets, axes) and frames.jsonl (a line for each file: time and poses).
 
     Parameters
     ----------
     path : of the folder.
     frames : written one at a time as they come.
     kind : name of the format, and suffix of the files.
-    content : what to put into a frame's file.
-    overwrite : replace an older export, once the new one is whole.
+    content : encodes a frame.
+    overwrite : replace an older export once the new one is complete.
     """
     place = check_folder(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -58,7 +58,7 @@ def write_frame_files(
 
 
 def get_file_stem(place: Path, frame: Frame) -> str:
-    """Return the name of a frame's file without its suffix: the frame's number in its scenario, in six digits."""
+    """Return the name of a frame's file without its suffix: the number of the frame in six digits."""
     if frame.index < 0:
         raise RecordingError(
             f"{place}: frame {frame.index}: has a negative number, and no file to go to; number from 0"
@@ -67,7 +67,7 @@ def get_file_stem(place: Path, frame: Frame) -> str:
 
 
 def write_new_file(place: Path, file: Path, content: bytes) -> None:
-    """Write a file that was not there before; a frame that comes twice is refused."""
+    """Write a new file; raise a `RecordingError` if a frame comes twice."""
     try:
         with file.open("xb") as stream:
             stream.write(content)
@@ -77,7 +77,7 @@ def write_new_file(place: Path, file: Path, content: bytes) -> None:
 
 
 def write_source(folder: Path, source: Source, kind: str) -> None:
-    """Write source.json: where the frames of a folder come from, and what their axes are."""
+    """Write source.json: the origin of the frames in a folder, and their axes."""
     told = {
         "format": kind,
         "rso_lidar_version": source.versions.get("rso_lidar", "unknown"),
@@ -95,7 +95,7 @@ def write_source(folder: Path, source: Source, kind: str) -> None:
 
 
 def describe_frame(frame: Frame) -> dict[str, Any]:
-    """Return number, instant [s] and true poses of a frame: position [m] and x, y, z, w of lidar_from each of the axes."""
+    """Return index, time [s] and true poses of a frame: lidar_from of all axes, as position [m] and x, y, z, w."""
     from scipy.spatial.transform import Rotation
 
     seen = compute_lidar_poses(frame.truth.poses)

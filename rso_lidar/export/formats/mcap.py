@@ -1,8 +1,8 @@
-"""MCAP with ROS 2 messages: a recording played back by ROS 2 and by viewers of such files, without us and without ROS here.
+"""MCAP files with ROS 2 messages, for ROS 2 and for viewers; neither rso_lidar nor ROS is needed to read them.
 
-Chunks of some four frames, each flushed: a kill loses no more, and leaves a file for readers of streams. Stamps are
-start_utc + time_s in whole nanoseconds since 1970. Axes are frame ids of the same names; the lidar's are REP 103's
-optical axes.
+A chunk holds some four frames and is flushed. A kill loses at most one chunk and leaves a file that stream readers
+accept. Stamps are start_utc + time_s in whole nanoseconds since 1970. Frame ids are the names of the axes; the lidar's
+are the optical axes of REP 103.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _LEAST_BYTES = 2**16
 
 @dataclass(frozen=True)
 class MessageSpan:
-    """What was written: the stamps of the first and last frame [ns since 1970], and how many frames."""
+    """Stamps of the first and last frame [ns since 1970], and the number of frames."""
 
     first_ns: int
     last_ns: int
@@ -54,12 +54,18 @@ class MessageSpan:
 
 
 def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of an MCAP file with seven messages a frame, on the topics of `TOPICS`.
+    """Write frames to an MCAP file, with seven messages per frame on the topics of `TOPICS`, and return its path.
 
-    `/lidar/points` is organised (height and width those of the focal plane, NaN where nothing came back) with x, y, z [m]
-    and intensity [counts] as float32; `/lidar/range` is 32FC1, slant range [m] with NaN, `/lidar/intensity` mono16; `/tf`
-    holds the whole tree of axes, parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: places in the
-    targets and their parts, -1 for sky.
+    `/lidar/points` is an organised cloud, NaN where nothing came back, with x, y, z [m] and intensity [counts] as
+    float32. `/lidar/range` is 32FC1, slant range [m] with NaN. `/lidar/intensity` is mono16. `/tf` holds all axes,
+    parent_from_child of each. `/labels/target` and `/labels/part` are 16SC1: indices of targets and their parts, -1 for
+    sky.
+
+    Parameters
+    ----------
+    path : of the file.
+    frames : written one at a time as they come.
+    overwrite : replace an older file.
     """
     place = check_writable(path, overwrite=overwrite)
     check_mcap(place)
@@ -70,7 +76,7 @@ def write_mcap(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
 
 
 def check_mcap(place: Path) -> None:
-    """Refuse to go on without the library that writes MCAP."""
+    """Raise a `RecordingError` where the library that writes MCAP is not installed."""
     try:
         import mcap_ros2.writer  # noqa: F401
     except ImportError as error:
@@ -80,7 +86,15 @@ def check_mcap(place: Path) -> None:
 
 
 def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Frame]) -> MessageSpan:
-    """Return what was written, after writing frames to a file; `place` is what messages call it."""
+    """Write the messages of all frames to a file.
+
+    Parameters
+    ----------
+    place : final name of the output, for messages.
+    draft : file to write.
+    first : first frame.
+    frames : all frames, the first included.
+    """
     from mcap_ros2.writer import Writer
 
     sight, camera = first.line_of_sight, fit_camera(first.line_of_sight)
@@ -106,7 +120,7 @@ def write_messages(place: Path, draft: Path, first: Frame, frames: Iterable[Fram
 
 
 def _check_file(place: Path, draft: Path, messages: int) -> None:
-    """Raise a `RunError` unless a file reads back with so many messages, by the summary at its end."""
+    """Raise a `RunError` unless the summary at the end of the file counts the expected messages."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
@@ -121,7 +135,7 @@ def _check_file(place: Path, draft: Path, messages: int) -> None:
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:
-    """Return what a file says of itself: enough to fly it again."""
+    """Return the metadata of a file, which suffices to repeat the simulation."""
     return {
         "title": source.title,
         "scenario": source.scenario,
@@ -187,7 +201,7 @@ def _image(size: dict[str, Any], encoding: str, values: np.ndarray) -> dict[str,
 
 
 def _transforms(frame: Frame, stamp: dict[str, int]) -> list[dict[str, Any]]:
-    """Return where each set of axes stands in its parent's."""
+    """Return the pose of each set of axes in its parent."""
     poses, made = frame.truth.poses, []
     for name, link in poses.items():
         x, y, z = link.translation_m.tolist()

@@ -1,4 +1,4 @@
-"""A short recording as one NPZ of numpy arrays, named as in the HDF5 layout: for small hand-offs and tests."""
+"""Short recordings as one NPZ of NumPy arrays, named as in the HDF5 layout."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ MOST_BYTES = 2_000_000_000
 def write_npz(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, most_bytes: int = MOST_BYTES
 ) -> Path:
-    """Return the path of a compressed NPZ after writing frames to it; they are held in memory until all have come.
+    """Write frames to a compressed NPZ file and return its path; all frames are held in memory.
 
-    Arrays have the names and dtypes of the HDF5 layout (``range``, ``labels/target``, ``truth/tdrs/position``), dims (time,
-    ...). ``attributes`` is a JSON text: for each array its units, long_name and dims, and under ``/`` what a recording as a
-    whole is told by, the tree of axes among it.
+    Arrays have the names and dtypes of the HDF5 layout (``range``, ``labels/target``, ``truth/tdrs/position``), with
+    time as the first dimension. ``attributes`` is a JSON text with units, long_name and dims of each array. Its entry
+    ``/`` holds the attributes of the recording, such as its pose tree.
 
     Parameters
     ----------
     path : of the file.
     frames : few enough for memory.
     overwrite : replace an older file.
-    most_bytes : frames of more are refused [bytes before compression].
+    most_bytes : greatest size of all arrays before compression [bytes].
     """
     place = check_writable(path, overwrite=overwrite)
     first, coming = take_first(place, frames)
@@ -76,7 +76,7 @@ def write_npz(
 
 
 def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
-    """Raise a `RunError` unless a file reads back: all arrays are there, and their CRC-32 is right."""
+    """Raise a `RunError` unless all arrays are in the file with correct CRC-32."""
     try:
         with zipfile.ZipFile(draft) as packed:
             wrong = packed.testzip() or ", ".join({f"{name}.npy" for name in names} ^ set(packed.namelist()))
@@ -87,7 +87,7 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
 
 
 def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:
-    """Return what each array is, and the recording as a whole, by name, ready for JSON."""
+    """Return the attributes of each array and of the recording, by name, ready for JSON."""
     source = first.source
     root = get_root_attributes(source) | {"tree": get_parents(first), "states": list(first.truth.states)}
     told: dict[str, Any] = {"/": {**to_json(root), "targets": json.loads(root["targets"]), "seed": source.seed}}

@@ -1,4 +1,4 @@
-"""A table of columns as Parquet, for data frames."""
+"""Tables as Parquet files, for data frames."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rso_lidar.files import write_atomically
 
 
 def check_parquet(place: Path) -> None:
-    """Raise where Parquet cannot be written for want of its library."""
+    """Raise a `RecordingError` where the library that writes Parquet is not installed."""
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError:
@@ -23,7 +23,14 @@ def check_parquet(place: Path) -> None:
 
 
 def write_parquet(place: Path, table: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> Path:
-    """Return the path of a Parquet file of columns by name, with texts about them, written whole or not at all."""
+    """Write a Parquet file, completely or not at all, and return its path.
+
+    Parameters
+    ----------
+    place : of the file.
+    table : columns by name.
+    metadata : texts by name.
+    """
     check_parquet(place)
     import pyarrow
     import pyarrow.parquet

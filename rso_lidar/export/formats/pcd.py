@@ -1,7 +1,7 @@
-"""Organised clouds as PCD 0.7: rows and columns of the focal plane kept, NaN where nothing came back.
+"""Organised point clouds as PCD 0.7, with the rows and columns of the focal plane and NaN where nothing came back.
 
-The format is that of the Point Cloud Library (its documentation, "The PCD file format"). Points are in lidar axes, which
-are the optical axes of that library too: x right, y down, z along the boresight.
+The format is that of the Point Cloud Library (its documentation, "The PCD file format"). Points are in lidar axes,
+which are the optical axes of that library too: x right, y down, z along the boresight.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ def write_pcd(
     viewpoint: str = "lidar",
     labels: bool = True,
 ) -> Path:
-    """Return the path of a folder after writing one binary PCD file for each frame.
+    """Write one binary PCD file per frame, and return the path of the folder.
 
     Parameters
     ----------
-    path : of the folder; the files are 000000.pcd and so on, by the frame's number.
+    path : of the folder; the files are 000000.pcd and so on, by the number of the frame.
     frames : written one at a time as they come.
     overwrite : replace an older export.
-    viewpoint : axes in which VIEWPOINT gives the lidar's pose [m]: ``lidar`` for none, a target's name to have the clouds
-        of all frames lie in that target's axes in viewers that apply it. Viewers hold it in float32.
+    viewpoint : axes in which VIEWPOINT gives the lidar's pose [m]. ``lidar`` gives the identity. A target's name makes
+        viewers that apply it show all clouds in that target's axes. Viewers hold it in float32.
     labels : write the labels `target` and `part` too (int16, -1 for sky).
     """
     return write_frame_files(
@@ -45,7 +45,14 @@ def write_pcd(
 
 
 def encode_pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -> bytes:
-    """Return a frame's organised cloud as the bytes of a PCD file."""
+    """Encode the organised cloud of a frame as a PCD file.
+
+    Parameters
+    ----------
+    frame : to be encoded.
+    viewpoint : axes in which VIEWPOINT gives the lidar's pose.
+    labels : add the labels `target` and `part`.
+    """
     rows, cols = frame.range_m.shape
     points = np.zeros((rows, cols), dtype=_POINT + _LABELS * labels)
     for axis, name in enumerate("xyz"):
@@ -72,7 +79,7 @@ def encode_pcd(frame: Frame, viewpoint: str = "lidar", *, labels: bool = True) -
 
 
 def _describe_viewpoint(frame: Frame, axes: str) -> str:
-    """Return the lidar's pose in these axes as PCD has it: x y z, then the quaternion with w first."""
+    """Return the lidar's pose in these axes as PCD writes it: x y z, then the quaternion with w first."""
     if axes == "lidar":
         return "0 0 0 1 0 0 0"
     tree = frame.truth.poses

@@ -1,4 +1,4 @@
-"""Clouds as binary PLY, one file for each frame: the points that came back, with the pixel each came back to."""
+"""Point clouds as binary PLY, one file per frame: the returned points, each with its pixel."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _TYPES = {"<f4": "float", "<u2": "ushort", "<i2": "short"}
 def write_ply(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False, labels: bool = True
 ) -> Path:
-    """Return the path of a folder after writing one binary little-endian PLY file for each frame.
+    """Write one binary little-endian PLY file per frame, and return the path of the folder.
 
     Parameters
     ----------
-    path : of the folder; the files are 000000.ply and so on, by the frame's number.
+    path : of the folder; the files are 000000.ply and so on, by the number of the frame.
     frames : written one at a time as they come.
     overwrite : replace an older export.
     labels : write the labels `target` and `part` too (short, -1 for sky).
@@ -32,7 +32,7 @@ def write_ply(
 
 
 def encode_ply(frame: Frame, *, labels: bool = True) -> bytes:
-    """Return the points of a frame that came back, in lidar axes, as the bytes of a PLY file."""
+    """Encode the returned points of a frame, in lidar axes, as a PLY file."""
     row, col = np.nonzero(frame.valid)
     fields = _POINT + _LABELS * labels
     points = np.zeros(len(row), dtype=fields)

@@ -1,6 +1,6 @@
-"""A folder for `ros2 bag play`: the MCAP file of the recording, and the metadata.yaml that rosbag2 reads first.
+"""Folders for `ros2 bag play`: the MCAP file of a recording, and the metadata.yaml of rosbag2.
 
-The metadata is of version 5 (Humble's), which later ones read too.
+The metadata has version 5 (Humble), which later releases read too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,14 @@ METADATA = "metadata.yaml"
 
 
 def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwrite: bool = False) -> Path:
-    """Return the path of a folder that ROS 2 plays: an MCAP file as `write_mcap` makes it, and what rosbag2 wants beside."""
+    """Write a folder that ROS 2 plays: the MCAP file of `write_mcap` and its metadata. Return its path.
+
+    Parameters
+    ----------
+    path : of the folder.
+    frames : written one at a time as they come.
+    overwrite : replace an older export once the new one is complete.
+    """
     place = check_folder(path, overwrite=overwrite)
     check_mcap(place)
     first, coming = take_first(place, frames)
@@ -32,7 +39,7 @@ def write_rosbag2(path: str | os.PathLike[str], frames: Iterable[Frame], *, over
 
 
 def _format_metadata(name: str, written: MessageSpan) -> str:
-    """Return the metadata as YAML; a text in JSON's quotes is one in YAML's."""
+    """Return the metadata as YAML; a text in JSON's quotes is valid YAML."""
     start, lasts = written.first_ns, written.last_ns - written.first_ns
     lines = [
         "rosbag2_bagfile_information:",

@@ -1,7 +1,7 @@
-"""Where things were, as trajectories and tables: TUM and KITTI poses of one target, and the truth of all as CSV.
+"""Trajectories and truth tables: TUM and KITTI poses of one target, and the truth of all bodies as CSV.
 
-TUM is the format of the RGB-D benchmark of TU Munich (time tx ty tz qx qy qz qw), KITTI that of the KITTI odometry
-benchmark (the 12 numbers of a 3 x 4 matrix, row by row). Both are read by trajectory evaluators as they stand.
+TUM is the format of the RGB-D benchmark of TU Munich: time tx ty tz qx qy qz qw. KITTI is that of the KITTI odometry
+benchmark: the 12 numbers of a 3 x 4 matrix, row by row. Trajectory evaluators read both.
 """
 
 from __future__ import annotations
@@ -36,12 +36,15 @@ def write_tum(
     lidar_in_target: bool = False,
     overwrite: bool = False,
 ) -> Path:
-    """Return the path of a TUM trajectory: time_s, position [m] and quaternion (x, y, z, w) of a target in lidar axes.
+    """Write a TUM trajectory: time_s, position [m] and quaternion (x, y, z, w) of a target in lidar axes.
 
     Parameters
     ----------
-    target : name of the target (or of any axes); may be left out where there is one target.
+    path : of the file.
+    frames : from `simulate` or `open`.
+    target : name of the target or of any axes; optional if there is one target.
     lidar_in_target : write the lidar's poses in the target's axes instead.
+    overwrite : replace an older file.
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -66,9 +69,15 @@ def write_kitti(
     lidar_in_target: bool = False,
     overwrite: bool = False,
 ) -> Path:
-    """Return the path of a KITTI trajectory: each line the 3 x 4 matrix lidar_from_target [m], row by row, without times.
+    """Write a KITTI trajectory: in each line the 3 x 4 matrix lidar_from_target [m], row by row, without times.
 
-    `target` and `lidar_in_target` are those of `write_tum`.
+    Parameters
+    ----------
+    path : of the file.
+    frames : from `simulate` or `open`.
+    target : name of the target or of any axes; optional if there is one target.
+    lidar_in_target : write the lidar's poses in the target's axes instead.
+    overwrite : replace an older file.
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         name, a, b = _resolve_axes(source, target, lidar_in_target)
@@ -82,9 +91,14 @@ def write_kitti(
 def write_csv(
     path: str | os.PathLike[str], frames: Iterable[Frame], *, utc: Utc | None = None, overwrite: bool = False
 ) -> Path:
-    """Return the path of a table of the truth, a row a frame, its columns those of `rso-lidar truth`, every digit written.
+    """Write the truth as a table with the columns of `rso-lidar truth`, one row per frame, at full precision.
 
-    `utc` makes the text of the instants; left out, a leap second during the run is not counted.
+    Parameters
+    ----------
+    path : of the file.
+    frames : from `simulate` or `open`.
+    utc : formats times [s since start_utc] as UTC text; without it, a leap second during the run is not counted.
+    overwrite : replace an older file.
     """
     with _open_text(path, frames, overwrite) as (file, source, courses):
         writer = csv.writer(file, lineterminator="\n")
@@ -103,7 +117,7 @@ def write_csv(
 
 
 def to_stamp_ns(start_utc: str, time_s: float) -> int:
-    """Return an instant as nanoseconds since 1970, as computers count UTC: no leap second between is counted.
+    """Return a time as nanoseconds since 1970 in POSIX time, which counts no leap seconds.
 
     >>> to_stamp_ns("2024-09-17T12:00:00Z", 0.05)
     1726574400050000000
@@ -119,7 +133,7 @@ def to_stamp_ns(start_utc: str, time_s: float) -> int:
 def _open_text(
     path: str | os.PathLike[str], frames: Iterable[Frame], overwrite: bool
 ) -> Iterator[tuple[TextIO, Source, Iterator[TruthBatch]]]:
-    """Return, as a context, a text file that appears when it is whole, where the frames come from, and their courses."""
+    """Yield a text file that appears when it is complete, the source of the frames, and their truth in batches."""
     place = check_writable(path, overwrite=overwrite)
     source, frames = peek_source(place, frames)
     with write_atomically(place) as draft, draft.open("w", encoding="utf-8", newline="") as file:
@@ -134,7 +148,7 @@ def _open_text(
 
 
 def _resolve_axes(source: Source, target: str | None, lidar_in_target: bool) -> tuple[str, str, str]:
-    """Return the name of the axes wanted, and a and b of the poses a_from_b."""
+    """Return the name of the target axes, and a and b of the poses a_from_b to write."""
     known = [entry.name for entry in source.targets]
     if target is None:
         if len(known) != 1:
@@ -163,7 +177,7 @@ def _compute_poses(truth: Truth, name: str, a: str, b: str) -> tuple[np.ndarray,
 
 
 def _format_utc(start_utc: str, time_s: np.ndarray) -> np.ndarray:
-    """Return instants as ISO UTC text to the microsecond."""
+    """Format times as ISO UTC text with microseconds."""
     start = datetime.datetime.fromisoformat(start_utc).astimezone(datetime.UTC)
     texts = [(start + datetime.timedelta(microseconds=round(at * 1e6))).isoformat("T", "microseconds") for at in time_s]
     return np.array([text.replace("+00:00", "Z") for text in texts])

@@ -1,4 +1,4 @@
-"""Where everything was over the frames of a recording, in batches, so that hours are written without reading an image."""
+"""Truth of the frames of a recording in batches, read without the images."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _JOINED = 128  # frames kept, where they come one by one
 
 
 def peek_source(path: Path, frames: Iterable[Frame]) -> tuple[Source, Iterable[Frame]]:
-    """Return where frames come from, and the frames, none of them lost; having none is an error."""
+    """Return the source of frames, and the frames; raise a `RecordingError` if there are none."""
     first, coming = take_first(path, frames)
     return first.source, frames if isinstance(frames, Recording | Frames) else coming
 
 
 def read_truth_batches(frames: Iterable[Frame]) -> Iterator[TruthBatch]:
-    """Yield where everything was in batches: of a recording without reading images, of other frames as they come."""
+    """Yield the truth in batches; of a recording, no image is read."""
     if isinstance(frames, Recording | Frames):
         recording, places = (frames, range(len(frames))) if isinstance(frames, Recording) else _get_places(frames)
         for low in range(0, len(places), _READ):
@@ -42,7 +42,7 @@ def _get_places(frames: Frames) -> tuple[Recording, Sequence[int]]:
 
 
 def _read_batch(recording: Recording, places: np.ndarray) -> TruthBatch:
-    """Return the truth at some frames of a recording, and the PTU's angles."""
+    """Read the truth and the PTU angles of some frames of a recording."""
     from scipy.spatial.transform import Rotation
 
     known = recording[int(places[0])].truth  # what there is
@@ -81,7 +81,7 @@ def _read_batch(recording: Recording, places: np.ndarray) -> TruthBatch:
 
 
 def _stack_truths(truths: list[Truth]) -> TruthBatch:
-    """Return single truths as one batch, and the PTU's angles."""
+    """Stack truths of single epochs into one batch, and return it with the PTU angles."""
     first = truths[0]
 
     def link(name: str) -> Link:
@@ -111,9 +111,9 @@ def join_batches(batches: Iterable[TruthBatch], choose: Callable[[int], np.ndarr
 
     Parameters
     ----------
-    batches : truth of some instants each.
-    choose : function that gives, for a number of instants, the places of those to keep; all are kept without it. The
-        PTU's angles of the others stay.
+    batches : truth of one or more epochs each.
+    choose : returns, for a number of epochs, the indices of those to keep; without it all are kept. PTU angles are kept for
+        all epochs.
     """
     several = list(batches)
     if len(several) == 1 and choose is None:
