@@ -92,7 +92,7 @@ def grid_hats(values: np.ndarray, middle: tuple[float, float], spacing_m: float,
     at : the grid wanted, and by how much the table is turned.
     """
     spacing = spacing_m / at.step_m
-    # Squares are cut to an eighth of the step or less, and into four unless they are very small; points stand for the pieces.
+    # Points stand for pieces of the squares: an eighth of the step or less, and four to a side unless they are very small.
     cuts = min(max(min(4, math.ceil(50.0 * spacing)), math.ceil(8.0 * spacing)), 64)
     row, col = np.nonzero(values > 0.0)
     part = (np.arange(cuts) + 0.5) / cuts - 0.5
