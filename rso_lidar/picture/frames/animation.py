@@ -29,18 +29,32 @@ CAPTION = 34
 TIMELINE = 58
 FOOT = 30
 WIDTH = 2 * MARGIN + 2 * SIDE + GAP
-HEIGHT = HEAD + SIDE + CAPTION + TIMELINE + FOOT  # even, as MP4 wants both
-SHOWN_S = 10.0  # an animation that names no rate lasts about this long
-FASTEST_HZ = 50.0  # GIF counts hundredths of a second, and players slow down what is under two
+HEIGHT = HEAD + SIDE + CAPTION + TIMELINE + FOOT  # even, as MP4 needs both
+SHOWN_S = 10.0  # length of an animation without a rate, about
+FASTEST_HZ = 50.0  # GIF counts hundredths of a second, and players slow down delays under two
 
 
 def animate(
     frames: Iterable[Frame], path: str | Path, max_frames: int = 120, frame_rate_hz: float | None = None
 ) -> Path:
-    """Return the path of an animation of at most `max_frames` frames, evenly chosen; GIF or MP4 by the suffix.
+    """Draw an animation of at most `max_frames` frames, evenly chosen; GIF or MP4 by the suffix.
 
-    `frame_rate_hz` [Hz] is that of the picture as it plays, at most 50; left out, the whole lasts about ten seconds (at
-    4 to 20 Hz). A GIF counts its delays in hundredths of a second. Colour limits hold for the whole sequence.
+    Colour limits are the same for the whole sequence. A GIF counts its delays in hundredths of a second.
+
+    Parameters
+    ----------
+    frames : a sequence, a recording or an iterator.
+    path : of the file.
+    max_frames : most frames drawn.
+    frame_rate_hz : rate of playing, at most 50 Hz (None: 4 to 20 Hz, for a length of about ten seconds).
+
+    Returns
+    -------
+    The path of the file.
+
+    Raises
+    ------
+    RecordingError : if there are no frames, the rate is out of bounds, or MP4 is wanted and its extra is not installed.
     """
     place = check_writable(path, ANIMATION_SUFFIXES, overwrite=True)
     if frame_rate_hz is not None and not 0 < frame_rate_hz <= FASTEST_HZ:
@@ -74,7 +88,16 @@ def _draw_all(thumbnails: Sequence[Thumbnail]) -> Iterator[Image]:
 
 
 def _draw_one(page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, now: tuple[float, float]) -> Image:
-    """Return the page with one frame drawn on it."""
+    """Draw one frame on a copy of the page.
+
+    Parameters
+    ----------
+    page : the page, drawn on.
+    thumbnail : the frame.
+    scale : limits of the colours.
+    window : the part of the field shown.
+    now : where on the line of range over time the frame is.
+    """
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
@@ -93,7 +116,7 @@ def _draw_one(page: Image, thumbnail: Thumbnail, scale: Scale, window: Window, n
 
 
 def _draw_timeline(page: Image, thumbnails: Sequence[Thumbnail]) -> list[tuple[float, float]]:
-    """Return where on the page each thumbnail lies on the line of range over time, which is drawn."""
+    """Draw the line of range over time, and return the position of each thumbnail on it [pixels]."""
     from PIL import ImageDraw
 
     draw = ImageDraw.Draw(page)
@@ -127,7 +150,7 @@ def _write_gif(draft: Path, pictures: Iterator[Image], rate_hz: float) -> None:
 
 
 def _import_ffmpeg(place: Path):  # type: ignore[no-untyped-def]
-    """Return the module that writes MP4; the extra has to be installed."""
+    """Import the module that writes MP4, which is an extra."""
     try:
         import imageio_ffmpeg
     except ImportError:

@@ -42,18 +42,18 @@ Corner = Literal["lower left", "lower right", "upper left", "upper right"]
 PartKey = tuple[int, int]  # numbers of target and part
 
 WIDTH_IN = 10.6
-LETTERS = 156  # of small print in a line
-MOST_TARGETS = 3  # whose geometry is told
+LETTERS = 156  # letters in a line of small print
+MOST_TARGETS = 3  # most targets whose geometry is described
 
 
 def save_frame(frame: Frame, path: str | Path) -> Path:
-    """Return the path of `frame_figure(frame)` written as PNG, PDF or SVG, by the suffix."""
+    """Draw `frame_figure(frame)` and write it as PNG, PDF or SVG, by the suffix; return the path."""
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     return save_figure(frame_figure(frame), place)
 
 
 def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
-    """Return a figure of one frame: measured range, intensity, the parts that were there, and range minus truth.
+    """Draw a figure of one frame: measured range, intensity, the true parts, and range minus truth.
 
     All four show the same square around the target, or the whole field where the target fills it; rows and columns are
     numbered as in the arrays. Limits of colour leave out one per cent at either end.
@@ -81,7 +81,7 @@ def frame_figure(frame: Frame, parts: Sequence[PartKey] = ()) -> Figure:
 
 
 def summarise(frame: Frame) -> str:
-    """Return a frame in one line: number, instant, range, returns, photons."""
+    """Describe a frame in one line: number, instant, range, returns, photons."""
     words = [f"frame {frame.index}", f"{frame.time_s:,.3f} s after {format_start(frame)}"]
     returned = on_target(frame)
     if returned.any():
@@ -92,7 +92,7 @@ def summarise(frame: Frame) -> str:
 
 
 def _describe_geometry(frame: Frame) -> list[str]:
-    """Return lines on where the targets are and where the lidar looks."""
+    """Return lines on the positions of the targets and the pointing of the lidar."""
     lines = []
     ranges_m = target_ranges_m(frame)
     for name, range_m in list(ranges_m.items())[:MOST_TARGETS]:
@@ -124,7 +124,7 @@ def _describe_geometry(frame: Frame) -> list[str]:
 
 
 def _caption(name: str) -> str:
-    """Return what an array of the reading is and its unit, from its statement in the record."""
+    """Return meaning and unit of an array of the reading, from its statement in the record."""
     spec = specs(Reading)[name]
     meaning = spec.meaning.split(",")[0]
     return f"{meaning[0].upper()}{meaning[1:]} [{spec.unit}]"
@@ -133,7 +133,17 @@ def _caption(name: str) -> str:
 def _show(
     axes: Axes, values: np.ndarray, window: Window, colours: Any, low: float, high: float, *, logarithmic: bool = False
 ) -> Any:
-    """Return what matplotlib makes of an array (row, col) in the window, NaN in the colour map's own for bad values."""
+    """Draw an array (row, col) in the window; NaN gets the colour map's colour for bad values.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    values : (row, col).
+    window : the part of the field shown.
+    colours : a colour map.
+    low, high : limits of the colours.
+    logarithmic : whether colours follow the logarithm.
+    """
     from matplotlib.colors import LogNorm, Normalize
 
     extent = (window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5)
@@ -163,7 +173,7 @@ def _write_heading(axes: Axes, text: str, note: str = "") -> None:
 
 
 def range_limits_m(frame: Frame) -> tuple[float, float]:
-    """Return the ends [m] of the range's colours: those of the target's returns, one per cent at either end left out."""
+    """Return the limits [m] of the range's colours: 1st and 99th percentile of the target's returns."""
     seen = frame.range_m[on_target(frame)]
     seen = seen if seen.size else frame.range_m[frame.valid]
     low, high = np.percentile(seen, [1, 99]) if seen.size else (0.0, 1.0)
@@ -173,7 +183,14 @@ def range_limits_m(frame: Frame) -> tuple[float, float]:
 
 
 def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
-    """Draw the measured range of a frame."""
+    """Draw the measured range of a frame.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    frame : the frame.
+    window : the part of the field shown.
+    """
     from matplotlib import colormaps
 
     low, high = range_limits_m(frame)
@@ -188,7 +205,7 @@ def draw_range(axes: Axes, frame: Frame, window: Window) -> None:
 
 
 def _draw_locator(axes: Axes, window: Window) -> None:
-    """Draw the whole field small in a corner, with the window in it."""
+    """Draw the whole field small in a corner, with the window marked in it."""
     from matplotlib.patches import Rectangle
 
     longest = max(window.n_rows, window.n_cols)
@@ -202,9 +219,15 @@ def _draw_locator(axes: Axes, window: Window) -> None:
 
 
 def draw_intensity(axes: Axes, frame: Frame, window: Window) -> None:
-    """Draw the measured intensity of a frame, with a bar that tells the size of things at the target.
+    """Draw the measured intensity of a frame, with a scale bar at the target's range.
 
     It is drawn in logarithms where a few glints outshine the rest, as in contact sheets.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    frame : the frame.
+    window : the part of the field shown.
     """
     from matplotlib.colors import ListedColormap
 
@@ -279,7 +302,7 @@ def _draw_parts(axes: Axes, frame: Frame, window: Window, parts: Sequence[PartKe
 
 
 def _part_kinds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the kinds (kind, [target, part]) in a frame, which of them each pixel on a target is, and how many are."""
+    """Return the parts (kind, [target, part]) in a frame, the kind of each target pixel, and the pixels of each kind."""
     there = frame.labels.target >= 0
     seen = np.stack([frame.labels.target[there], frame.labels.part[there]], axis=-1)
     kinds, places, counts = np.unique(seen, axis=0, return_inverse=True, return_counts=True)
@@ -287,7 +310,7 @@ def _part_kinds(frame: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def parts_in_order(frames: Sequence[Frame]) -> tuple[PartKey, ...]:
-    """Return the parts (target, part) in frames, that with most pixels in all of them first."""
+    """Return the parts (target, part) in frames, those with most pixels first."""
     total: dict[PartKey, int] = {}
     for frame in frames:
         kinds, _, counts = _part_kinds(frame)
@@ -297,10 +320,17 @@ def parts_in_order(frames: Sequence[Frame]) -> tuple[PartKey, ...]:
 
 
 def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: Sequence[PartKey]) -> np.ndarray:
-    """Return the number of the colour of each kind (kind, [target, part]), `len(PARTS)` for those that share the last.
+    """Return the index of the colour of each kind (kind); `len(PARTS)` for kinds that share the last colour.
 
     Where there is a colour for every part of the recording a part keeps its own in all frames; else the first in `parts`
     get them, or without these the parts with most pixels, first in `order`.
+
+    Parameters
+    ----------
+    frame : the frame.
+    kinds : (kind, [target, part]).
+    order : kinds by their number of pixels, most first.
+    parts : parts that get colours of their own first.
     """
     starts = np.cumsum([0, *(len(entry.parts) for entry in frame.source.targets)])
     known = kinds.size and kinds[:, 0].max() < len(starts) - 1 and kinds[:, 1].min() >= 0
@@ -315,7 +345,13 @@ def _part_colours(frame: Frame, kinds: np.ndarray, order: np.ndarray, parts: Seq
 
 
 def _part_name(frame: Frame, target: int, part: int) -> str:
-    """Return the name of a part, with its target's where there are several."""
+    """Return the name of a part, with its target's name where there are several targets.
+
+    Parameters
+    ----------
+    frame : gives the names.
+    target, part : numbers of target and part.
+    """
     entries = frame.source.targets
     entry = entries[target] if target < len(entries) else None
     known = entry is not None and 0 <= part < len(entry.parts)

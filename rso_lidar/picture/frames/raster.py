@@ -36,7 +36,7 @@ GAP = 4  # pixels between the two panels of a pair
 
 @cache
 def load_font(size: int, bold: bool = False) -> FreeTypeFont:
-    """Return DejaVu Sans, which travels with matplotlib, at `size` [pixels]."""
+    """Load DejaVu Sans, which matplotlib ships, at `size` [pixels]."""
     import matplotlib
     from PIL import ImageFont
 
@@ -54,13 +54,28 @@ def write(
     anchor: str = "la",
     bold: bool = False,
 ) -> float:
-    """Return where a line of text ended [pixels from the left], written at x, y by Pillow's `anchor`."""
+    """Write a line of text and return where it ends [pixels from the left].
+
+    Parameters
+    ----------
+    draw : the canvas.
+    x, y : position [pixels].
+    text, size, colour, bold : what to write, and how.
+    anchor : Pillow's anchor of the position.
+    """
     draw.text((x, y), text, fill=colour, font=load_font(size, bold), anchor=anchor)
     return x + float(draw.textlength(text, font=load_font(size, bold)))
 
 
 def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = False) -> str:
-    """Return a line of text, shortened at its end to fit `width` [pixels]."""
+    """Shorten a line of text at its end to fit `width` [pixels].
+
+    Parameters
+    ----------
+    draw : the canvas, which measures.
+    text, size, bold : the line and its font.
+    width : the room.
+    """
     if draw.textlength(text, font=load_font(size, bold)) <= width:
         return text
     while text and draw.textlength(text + "…", font=load_font(size, bold)) > width:
@@ -69,7 +84,14 @@ def shorten(draw: ImageDraw, text: str, size: int, width: float, bold: bool = Fa
 
 
 def draw_panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
-    """Return a square of `side` pixels that shows colours (row, col, rgb) enlarged, edges kept sharp."""
+    """Draw colours (row, col, rgb) enlarged to a square of `side` pixels, with sharp edges.
+
+    Parameters
+    ----------
+    rgb : (row, col, rgb) bytes.
+    side : of the square [pixels].
+    background : colour where the array is not square.
+    """
     from PIL import Image
 
     n_rows, n_cols = rgb.shape[:2]
@@ -87,7 +109,15 @@ def draw_panel(rgb: np.ndarray, side: int, background: Rgb) -> Image:
 
 
 def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int) -> Image:
-    """Return range and intensity of one frame side by side, each `side` pixels square, with the locator of the crop."""
+    """Draw range and intensity of one frame side by side, with the locator of the crop.
+
+    Parameters
+    ----------
+    thumbnail : the frame.
+    scale : limits of the colours.
+    window : the part of the field shown.
+    side : of each panel [pixels].
+    """
     from PIL import Image, ImageDraw
 
     both = Image.new("RGB", (2 * side + GAP, side), PAPER)
@@ -103,7 +133,7 @@ def draw_pair(thumbnail: Thumbnail, scale: Scale, window: Window, side: int) -> 
 
 
 def _free_corner(returns: np.ndarray, share: float) -> tuple[bool, bool]:
-    """Return whether the corner with fewest returns is right, and whether it is at the top; of equals the top right."""
+    """Return whether the corner with fewest returns is right and whether it is at the top; in a tie, the top right."""
     rows, cols = (int(np.ceil(size * share)) + 1 for size in returns.shape)
     corners = {
         (True, True): returns[:rows, -cols:],
@@ -115,21 +145,37 @@ def _free_corner(returns: np.ndarray, share: float) -> tuple[bool, bool]:
 
 
 def _draw_scale_bar(draw: ImageDraw, x: float, y: float, side: int, across_m: float) -> None:
-    """Draw a bar of a round length in a panel that is `across_m` [m] wide at the target's range, on black."""
+    """Draw a bar of a round length, on black.
+
+    Parameters
+    ----------
+    draw : the canvas.
+    x, y : lower left corner of the bar [pixels].
+    side : of the panel [pixels].
+    across_m : width of the panel at the target's range.
+    """
     if not (math.isfinite(across_m) and across_m > 0):
         return
     length_m = nice_down(0.34 * across_m)
     long = side * length_m / across_m
     text, size = f"{length_m:g} m", max(10, side // 28)
     left, top, right, _ = draw.textbbox((x, y - 3), text, font=load_font(size), anchor="ld")
-    draw.rectangle((left - 2, top - 1, right + 2, y), fill=BLACK)  # saturated pixels are as white as the words
+    draw.rectangle((left - 2, top - 1, right + 2, y), fill=BLACK)  # saturated pixels are as white as the text
     draw.rectangle((x - 2, y - 2, x + long + 2, y + 4), fill=BLACK)
     draw.rectangle((x, y, x + long, y + 2), fill=PAPER)
     write(draw, x, y - 3, text, size, PAPER, anchor="ld")
 
 
 def _draw_locator(draw: ImageDraw, right: int, top: int, side: int, window: Window) -> None:
-    """Draw the whole field small, its top right corner at `right`, `top`, with the crop marked in it."""
+    """Draw the whole field small, with the crop marked in it.
+
+    Parameters
+    ----------
+    draw : the canvas.
+    right, top : its upper right corner [pixels].
+    side : its longer side [pixels].
+    window : the crop.
+    """
     longest = max(window.n_rows, window.n_cols)
     wide, high = side * window.n_cols / longest, side * window.n_rows / longest
     left = right - wide
@@ -148,7 +194,16 @@ def _draw_bar(draw: ImageDraw, x: float, y: float, width: int, height: int, name
 
 
 def draw_legend(draw: ImageDraw, x: float, y: float, scale: Scale, width: int, size: int = 12) -> None:
-    """Draw what the colours mean, in one row from `x`, `y` on that is at most `width` pixels wide."""
+    """Draw the meaning of the colours in one row.
+
+    Parameters
+    ----------
+    draw : the canvas.
+    x, y : upper left corner [pixels].
+    scale : limits of the colours.
+    width : most pixels that the row may take.
+    size : of the letters [pixels].
+    """
     rows = ((scale.range_words, RANGE_RAMP), (scale.intensity_words, INTENSITY_RAMP))
     texts = [draw.textlength("".join(words), font=load_font(size)) for words, _ in rows]
     swatch = draw.textlength("no return", font=load_font(size)) + size + 8

@@ -26,12 +26,25 @@ FOOT = 30
 
 
 def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, rows: int = 4) -> Path:
-    """Return the path of a PNG of at most `columns` x `rows` frames, evenly chosen from a sequence or an iterator.
+    """Draw a sheet of at most `columns` x `rows` frames, evenly chosen, and write it as PNG.
 
-    A cell shows range and intensity of a square around the target's returns, or of the whole field without a target; a
-    small square tells where in the field it lies. All cells share the scales under them: where the range changes much
-    more over the sequence than within a frame, colour is range minus the cell's median, and the absolute range stands
-    under the cell.
+    A cell shows range and intensity of a square around the target's returns, or of the whole field without a target. A
+    locator marks the square in the field. All cells share the scales below them. If the range changes much more over the
+    sequence than within a frame, colour is range minus the cell's median, and the absolute range is below the cell.
+
+    Parameters
+    ----------
+    frames : a sequence, a recording or an iterator.
+    path : of the PNG.
+    columns, rows : most cells across and down.
+
+    Returns
+    -------
+    The path of the file.
+
+    Raises
+    ------
+    RecordingError : if there are no frames, or less than one column or row is wanted.
     """
     from PIL import Image, ImageDraw
 
@@ -75,7 +88,7 @@ def contact_sheet(frames: Iterable[Frame], path: str | Path, columns: int = 4, r
 
 
 def _look(frame: Frame) -> Thumbnail:
-    """Return a thumbnail of a frame; its bounds are the whole field where nothing but stray returns is in it."""
+    """Return the thumbnail of a frame; its bounds are the whole field if it holds stray returns only."""
     thumbnail = Thumbnail.of(frame)
     if (frame.labels.target >= 0).any() or on_target(frame).any():
         return thumbnail

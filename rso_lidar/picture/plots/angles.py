@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DRAWN = 600  # frames of a recording are read at most this often
+DRAWN = 600  # most frames of a recording read
 BLUE, ORANGE, GREEN, PINK, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5]
 SHADE = 0.93
-FINE_DEG = 1e-3  # an axis that spans less than this shows no more than this
+FINE_DEG = 1e-3  # least span of an axis
 HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
-SILL = 0.04  # of the height, below zero, so that a line at zero is seen
+SILL = 0.04  # of the height, below zero, so that a line at zero is visible
 
 
 def angles_figure(
@@ -40,7 +40,7 @@ def angles_figure(
     half_field_rad: float | None = None,
     shadow_s: Iterable[tuple[float, float]] | None = None,
 ) -> Figure:
-    """Return a figure over time: range and its rate, azimuth and elevation, angle off the boresight, Sun angles.
+    """Draw range and its rate, azimuth and elevation, angle off the boresight and Sun angles over time.
 
     Where the Earth hides the Sun from the target, the ground is grey.
 
@@ -115,7 +115,7 @@ def ptu_figure(
     travel_rad: Sequence[tuple[float, float]] | None = None,
     max_rate_rad_s: float | None = None,
 ) -> Figure:
-    """Return a figure over time: pan and tilt demanded, true and measured, the errors of both, and their rates.
+    """Draw pan and tilt over time: demanded, true and measured, the errors of both, and their rates.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def ptu_figure(
 
 
 def _find_sight(source: Truth | Iterable[Frame], target: str | None) -> tuple[ViewingGeometry, str, str]:
-    """Return the line of sight, a title and a note."""
+    """Find the line of sight, a title and a note."""
     if isinstance(source, Truth):
         name = _choose_target(target, [body for body in source.states if body != "follower"], list(source.poses))
         return compute_viewing_geometry(source, name), "", f"from the lidar to {name}"
@@ -187,7 +187,7 @@ def _choose_target(target: str | None, first: list[str], known: list[str]) -> st
 def _read_ptu(
     source: tuple[np.ndarray, Sequence[PtuAngles]] | Iterable[Frame],
 ) -> tuple[np.ndarray, Sequence[PtuAngles], str, str]:
-    """Return instants [s], angles at each, a title and a note."""
+    """Read instants [s], the angles at each, a title and a note."""
     if isinstance(source, tuple) and len(source) == 2 and isinstance(source[0], np.ndarray):
         times_s, angles = source
         heading, note = "", "pan left, tilt up positive"
@@ -206,7 +206,7 @@ def _read_ptu(
 
 
 def _clip_shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] | None) -> list[tuple[float, float]]:
-    """Return the spans [s] in shadow, cut to the instants drawn; without any given, as the instants tell."""
+    """Clip spans in shadow [s] to the instants drawn; without given spans, find them from the instants."""
     if given_s is None:
         return find_shadow_spans_s(seen.time_s, seen.sunlit)
     first_s, last_s = float(seen.time_s[0]), float(seen.time_s[-1])
@@ -214,14 +214,14 @@ def _clip_shadow(seen: ViewingGeometry, given_s: Iterable[tuple[float, float]] |
 
 
 def _break_at_jumps(angle_rad: np.ndarray) -> np.ndarray:
-    """Return an angle with NaN where it jumps by more than half a turn, so that no line is drawn across."""
+    """Return an angle with NaN where it jumps by more than half a turn, so that no line crosses the jump."""
     broken = angle_rad.copy()
     broken[1:][np.abs(np.diff(angle_rad)) > np.pi] = np.nan
     return broken
 
 
 def _widen(axes: Axes) -> None:
-    """Widen an axis that shows next to nothing, so that rounding does not look like motion."""
+    """Widen an axis of very small span, so that rounding does not look like motion."""
     low, high = axes.get_ylim()
     if high - low < FINE_DEG:
         middle = 0.5 * (low + high)
@@ -230,7 +230,14 @@ def _widen(axes: Axes) -> None:
 
 
 def _draw_limits(axes: Axes, ends: Iterable[float], *, rates: bool = False) -> None:
-    """Draw limits that are near what is shown; the far ones are told at the right."""
+    """Draw limits that are near what is shown, and write the far ones at the right.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    ends : the limits [deg or deg/s].
+    rates : whether they are rates.
+    """
     low, high = axes.get_ylim()
     far = []
     for end in ends:

@@ -24,7 +24,7 @@ _LOWEST_PHOTONS = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve (range) of a link budget, by its name in words; `max_range_m` is NaN where there is none.
+    """Curve (range) of a link budget with its name; `max_range_m` is NaN where there is none.
 
     Beyond `filled_to_m` the target no longer fills a pixel, and the curve is drawn faintly.
     """
@@ -44,9 +44,15 @@ class Line:
 def budget_figure(
     lines: Sequence[Line], title: str, note: str, probability: float, small_print: Sequence[str] = ()
 ) -> Figure:
-    """Return a figure of four plots against range, with the greatest ranges of the wanted probability marked.
+    """Draw a link budget against range in four plots, with the greatest ranges of the wanted probability marked.
 
     Precision is drawn where at least a hundredth of the returns are detected: of others there is none.
+
+    Parameters
+    ----------
+    lines : the curves.
+    title, note, small_print : words about the figure.
+    probability : the wanted probability of detection.
     """
     figure = new_figure(11.0, 8.2, title, note, tuple(small_print))
     (light, found), (precision, pixels) = figure.subplots(2, 2, sharex=True)
@@ -97,7 +103,15 @@ def budget_figure(
 
 
 def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -> None:
-    """Put the names of the curves between the plots and the small print, and make room for them."""
+    """Write the names of the curves between the plots and the small print, and make room for them.
+
+    Parameters
+    ----------
+    figure : the figure.
+    axes : a plot that holds all curves.
+    probability : the wanted probability.
+    printed : lines of small print.
+    """
     handles, names = axes.get_legend_handles_labels()
     columns = 1 if len(names) <= 2 else 2 if len(names) <= 8 else 3
     height_in = float(figure.get_figheight())
@@ -125,7 +139,7 @@ def _draw_legend(figure: Figure, axes: Axes, probability: float, printed: int) -
 _ARMED = " (end of the armed window)"
 _FILLED = " (fills a pixel no farther)"
 _FAINT = 0.3
-_LEAST_SPAN = 1.5  # greatest over least of a log axis: a shorter one shows rounding
+_LEAST_SPAN = 1.5  # least ratio of the ends of a log axis: a shorter axis would show rounding
 
 
 def _prepare_axes(axes: Axes, title: str, note: str) -> None:
@@ -135,7 +149,7 @@ def _prepare_axes(axes: Axes, title: str, note: str) -> None:
 
 
 def _use_log_scale(axes: Axes) -> None:
-    """Make the axis of values logarithmic; where nothing is above 0, it runs over one decade."""
+    """Make the axis of values logarithmic; it spans one decade where no value is above 0."""
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.get_lines()])
     if not np.any(values > 0.0):
         axes.set_ylim(1.0, 10.0)

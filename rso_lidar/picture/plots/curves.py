@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DRAWN = 600  # frames are read at most this often
+DRAWN = 600  # most frames read
 BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
 NONE = float("nan")
 HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
@@ -27,7 +27,7 @@ HEADROOM = 1.06  # top of an axis from zero on, over the greatest value
 
 @dataclass(frozen=True)
 class FrameStatistics:
-    """What one frame adds to the curves; NaN where it has nothing to say."""
+    """Contribution of one frame to the curves; NaN where it has none."""
 
     time_s: float
     true_range_m: float
@@ -44,7 +44,7 @@ class FrameStatistics:
 
     @staticmethod
     def of(frame: Frame) -> FrameStatistics:
-        """Return the numbers of a frame; errors are those of pixels with one cluster."""
+        """Compute the numbers of a frame; errors are those of pixels with one cluster."""
         labels = frame.labels
         there = labels.target >= 0
         returned = on_target(frame)
@@ -69,10 +69,10 @@ class FrameStatistics:
 
 
 def curve_figure(frames: Iterable[Frame]) -> Figure:
-    """Return a figure over time: range, share of the target's pixels detected, photons per pixel, and range error.
+    """Draw range, share of the target's pixels detected, photons per pixel and range error over time.
 
-    Frames are a sequence, a recording or an iterator, thinned to 600. The band of photons runs from the 10th to the
-    90th percentile of pixels that see a target, that of errors from the 16th to the 84th of pixels with one cluster.
+    Frames are a sequence, a recording or an iterator, thinned to 600. The band of photons is the 10th to
+    90th percentile of pixels on a target. The band of errors is the 16th to 84th percentile of pixels with one cluster.
     """
     points, total = pick(
         frames, DRAWN, lambda frame: (FrameStatistics.of(frame), frame.source.title, format_start(frame))
@@ -124,7 +124,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
     style_axes(errors, x="Time [s]", y="Range minus truth [cm]")
     format_thousands(errors.xaxis)
     _draw_legend(errors)
-    if len(points) == 1:  # a line of one point shows nothing
+    if len(points) == 1:  # a line of one point is invisible
         for axes in (ranges, pixels, photons):
             axes.get_lines()[0].set(marker="_", ms=14, mew=axes.get_lines()[0].get_linewidth())
     if photons.get_yscale() == "log":
@@ -135,7 +135,7 @@ def curve_figure(frames: Iterable[Frame]) -> Figure:
 
 
 def _widen_to_decade(low: float, high: float) -> tuple[float, float]:
-    """Return limits of a log axis that span a decade at least: a shorter one shows rounding."""
+    """Return limits of a log axis that span at least a decade, so that rounding does not look like change."""
     wider = max(1.0, math.sqrt(10.0 * low / high))
     return low / wider, high * wider
 

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_NAMED = 6  # the nearest so many bear their names
+_NAMED = 6  # number of nearest encounters that are named
 _PLACES = (
     *((1, 0, 7), (-1, 0, 7), (0, 1, 7), (0, -1, 7), (1, 1, 5), (-1, 1, 5), (1, -1, 5), (-1, -1, 5)),
     *((x, y, far) for far in (18, 30, 44) for x, y in ((0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))),
-)  # of a name about its point, the best first: right (1) or left (-1), above (1) or below (-1), how far [points]
-_ROOM = 0.012  # of the window, beside its ends: half a mark
-_TOGETHER_M = 1.0  # nearer than this are craft that share elements, as docked ones do
+)  # positions of a name about its point, best first: right (1) or left (-1), above (1) or below (-1), how far [points]
+_ROOM = 0.012  # share of the window left free at its ends, for half a mark
+_TOGETHER_M = 1.0  # closer than this are craft that share elements, such as docked ones
 
 
 def encounter_figure(
@@ -37,7 +37,7 @@ def encounter_figure(
     note: str = "",
     window_utc: tuple[np.datetime64, np.datetime64] | None = None,
 ) -> Figure:
-    """Return a figure of ranges at the closest approach over time, coloured by relative speed.
+    """Draw ranges at the closest approach over time, coloured by relative speed.
 
     Parameters
     ----------
@@ -78,10 +78,10 @@ def encounter_figure(
             edgecolors=rim,
             zorder=3,
         )
-    busy: list[Artist] = []  # what names do not cover
+    busy: list[Artist] = []  # artists that names must not cover
     if reach_m is not None and reach_m < within_m:
         line = axes.axhline(reach_m / units.KM, color=hex_colour(MARK), lw=1.1, ls="--", zorder=2)
-        told = axes.annotate(
+        label = axes.annotate(
             f"lidar sees 1 m² to {reach_m / units.KM:.3g} km",
             (1.0, reach_m / units.KM),
             xycoords=("axes fraction", "data"),
@@ -91,7 +91,7 @@ def encounter_figure(
             fontsize=8.5,
             color=hex_colour(MARK),
         )
-        busy += [line, told]
+        busy += [line, label]
     if spread:
         axes.set_yscale("log")
         bottom = max(nearest_km, 1e-4)
@@ -150,7 +150,15 @@ def encounter_figure(
 def _write_names(
     figure: Figure, axes: Axes, points: np.ndarray, named: Sequence[tuple[int, str]], busy: Sequence[Artist]
 ) -> None:
-    """Write names at the first few of some points, each where it covers no point and no other name, or not at all."""
+    """Write the names of the first few points where they cover no point and no other name.
+
+    Parameters
+    ----------
+    figure, axes : where to write.
+    points : (point, [x, y]) in data coordinates.
+    named : index and name of each point to name, in order of importance.
+    busy : other artists not to cover.
+    """
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 
@@ -182,8 +190,8 @@ def _write_names(
                 if far > 7
                 else None,
             )
-            text.get_window_extent()  # puts it in its place
-            box = Text.get_window_extent(text)  # that of the words, without the leader
+            text.get_window_extent()  # computes its position
+            box = Text.get_window_extent(text)  # the text without its leader
             free = room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
             if free and not any(box.overlaps(other) for other in others):
                 taken.append(box)

@@ -15,14 +15,14 @@ from rso_lidar.picture.style.palette import INK, OTHER_PART, PAPER, PARTS, QUIET
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DARKEST = 0.35  # of a colour, on a facet seen edge-on
+_DARKEST = 0.35  # brightness of a facet seen edge-on
 _MOST_NAMES = 14
 _TABLE_FROM, _CELL = 0.40, 0.105  # where the table of light begins, and how wide a cell is, over the page's width
 
 
 @dataclass(frozen=True, eq=False)
 class CardView:
-    """One side: numbers of part and material (row, col), -1 where there is nothing, and the cosine to the viewer.
+    """One side of a model: numbers of part and material (row, col), -1 for sky, and the cosine to the viewer.
 
     A cell is `cell_m` [m] wide; `material_rgb` are colours from 0 to 1.
     """
@@ -40,7 +40,7 @@ class CardView:
 def model_card_figure(
     title: str, views: Sequence[CardView], lines: Sequence[str], light: Sequence[Sequence[str]] = ()
 ) -> Figure:
-    """Return the page: parts above, materials below, each with its names, and tables at the foot.
+    """Draw the page of a model: parts above, materials below, each with its names, and tables at the foot.
 
     Parameters
     ----------
@@ -91,7 +91,14 @@ def model_card_figure(
 
 
 def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
-    """Write the table of light at the right of the words at the foot, which is `foot` lines high."""
+    """Write the table of light at the right of the words at the foot.
+
+    Parameters
+    ----------
+    figure : the page.
+    rows : of the table.
+    foot : height of the foot [lines].
+    """
     height_in = float(figure.get_figheight())
     for row, cells in enumerate(rows):
         y = (0.07 + LINE_IN * (foot - 1 - row)) / height_in
@@ -103,7 +110,7 @@ def _light(figure: Figure, rows: Sequence[Sequence[str]], foot: int) -> None:
 
 
 def _by_area(views: Sequence[CardView], count: int) -> list[int]:
-    """Return the numbers of the parts that are seen, largest first."""
+    """Return the numbers of the visible parts, largest first."""
     seen = sum(np.bincount(view.part[view.part >= 0], minlength=count) for view in views)
     return [int(part) for part in np.argsort(-np.asarray(seen), kind="stable") if np.asarray(seen)[part] > 0]
 
@@ -121,7 +128,7 @@ def _rgb(colour: str) -> tuple[float, float, float]:
 
 
 def _half_height_m(views: Sequence[CardView]) -> float:
-    """Return half the height [m] that holds what stands in every view, with room for the bar."""
+    """Return half the height [m] that fits every view, with room for the bar."""
     tallest = 0.0
     for view in views:
         rows = np.flatnonzero((view.part >= 0).any(axis=1))
@@ -132,7 +139,14 @@ def _half_height_m(views: Sequence[CardView]) -> float:
 
 
 def _draw_bar(axes: Any, view: CardView, tall_m: float) -> None:
-    """Draw a bar of a round length at the foot of a view."""
+    """Draw a bar of a round length at the foot of a view.
+
+    Parameters
+    ----------
+    axes : the view's axes.
+    view : the view.
+    tall_m : height of the axes.
+    """
     half_m = 0.5 * view.cell_m * view.part.shape[1]
     rounded = 10.0 ** np.floor(np.log10(half_m))
     length = float(next(step * rounded for step in (5.0, 2.0, 1.0) if step * rounded <= half_m))

@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DRAWN = 4000  # points of a path, at most
+DRAWN = 4000  # most points of a path
 COLOURS = (PARTS[5], PARTS[0], PARTS[2], PARTS[3], PARTS[1])
 NIGHT, DAY = np.array([104, 118, 144]) / 255.0, np.array([176, 208, 236]) / 255.0
 DISC = 240  # pixels across the Earth
-STEP = 2.0 * DEG  # of a path between two points drawn
-WIDEST = 1.2  # turn about the Earth [rad] from instant to instant up to which the path between them is filled in
+STEP = 2.0 * DEG  # between two points drawn
+WIDEST = 1.2  # greatest turn about the Earth between two instants [rad] that is interpolated
 NORTH = 25.0 * DEG  # declination of the eye
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """Two axes of a picture and the way toward the eye: unit vectors (3) in inertial axes."""
+    """Axes of a picture: right, up and the direction to the eye, unit vectors (3) in inertial axes."""
 
     right: np.ndarray
     up: np.ndarray
@@ -39,13 +39,13 @@ class _View:
 
     @staticmethod
     def along(eye: np.ndarray, up: np.ndarray) -> _View:
-        """Return the view from `eye`, with `up` as far up as it goes."""
+        """Return the view from `eye`, with `up` as near to upward as possible."""
         right = np.cross(up, eye)
         right = right / np.linalg.norm(right)
         return _View(right, np.cross(eye, right), eye)
 
     def project(self, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return right, up and toward the eye of vectors (…, 3)."""
+        """Return the components of vectors (…, 3) to the right, up and toward the eye."""
         x, y, z = (np.einsum("...i,i->...", vectors, axis) for axis in (self.right, self.up, self.eye))
         return x, y, z
 
@@ -60,15 +60,18 @@ def inertial_figure(
     *,
     shadows_s: Mapping[str, Spans] | None = None,
 ) -> Figure:
-    """Return a figure of the orbits of bodies in inertial axes, of `names` (None: all), from a batch of epochs.
+    """Draw the orbits of bodies in inertial axes, from a batch of epochs.
 
-    Left with celestial north up, right from the pole of the first body's orbit: flown paths strong (black where the Earth
-    hides the Sun), the rest of each osculating orbit faint, the Earth's night side dark, an arrow toward the Sun.
+    The left view has celestial north up; the right one is from the pole of the first body's orbit. Flown paths are strong
+    (black in the Earth's shadow), the rest of each osculating orbit is faint, and an arrow points to the Sun.
 
     Parameters
     ----------
-    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they go on; a body that is
-        missing has the shadow that the instants tell, from middle to middle between two.
+    truth : a batch of epochs.
+    title : the heading.
+    names : bodies to draw (None: all).
+    shadows_s : by body, spans [s] in which the Earth hides the Sun from it, infinite where they continue. The shadow of a
+        missing body is found from the instants, good to half a step.
     """
     names = list(truth.states) if names is None else list(names)
     states = {name: truth.states[name] for name in names if _orbits(truth.states[name])}
@@ -102,9 +105,14 @@ def inertial_figure(
 
 
 def osculating_orbit_m(position_m: np.ndarray, velocity_m_s: np.ndarray, points: int = 361) -> np.ndarray:
-    """Return points (point, 3) [m] of the two-body orbit through a state; of an open one the part within four periapses.
+    """Return points (point, 3) [m] of the two-body orbit through a state; of an open orbit, those within four periapses.
 
     The conic about the Earth's centre, r = p / (1 + e cos nu), with the eccentricity vector toward periapsis.
+
+    Parameters
+    ----------
+    position_m, velocity_m_s : the state (3), inertial.
+    points : how many.
     """
     momentum = np.cross(position_m, velocity_m_s)
     distance = np.linalg.norm(position_m)
@@ -128,7 +136,14 @@ def _orbits(state: BodyState) -> bool:
 
 
 def _choose_view(normal: np.ndarray, sun: np.ndarray, middle_m: np.ndarray) -> np.ndarray:
-    """Return the way to an eye that sees the orbit open, the Earth mostly lit, and the middle of the path before it."""
+    """Choose the direction to an eye that sees the orbit open, the Earth mostly lit, and the path in front of it.
+
+    Parameters
+    ----------
+    normal : of the orbit.
+    sun : direction to the Sun.
+    middle_m : middle of the path.
+    """
     turn = np.arange(0.0, 360.0, 5.0) * DEG
     north = np.sin(NORTH)
     eyes = np.stack([np.cos(NORTH) * np.cos(turn), np.cos(NORTH) * np.sin(turn), np.full_like(turn, north)], axis=-1)
@@ -148,7 +163,7 @@ def _across(normal: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _OrbitPath:
-    """A body's path (point, 3) [m], where it is in shadow (point), and its osculating orbit at the start (point, 3) [m]."""
+    """Path of a body (point, 3) [m], which points are in shadow, and its osculating orbit at the start (point, 3) [m]."""
 
     name: str
     position_m: np.ndarray
@@ -157,7 +172,15 @@ class _OrbitPath:
 
 
 def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | None) -> _OrbitPath:
-    """Return the path of a body, filled in between instants that lie far apart, with the ends of shadow as points."""
+    """Return the path of a body, with points added between distant instants and at the ends of shadow.
+
+    Parameters
+    ----------
+    name : of the body.
+    truth : a batch of epochs.
+    state : of the body.
+    spans_s : spans in shadow (None: from the truth).
+    """
     time_s = np.atleast_1d(np.asarray(truth.time_s, dtype=float))
     position_m, velocity_m_s = np.atleast_2d(state.position_m), np.atleast_2d(state.velocity_m_s)
     if spans_s is None:
@@ -180,9 +203,14 @@ def _collect_paths(name: str, truth: Truth, state: BodyState, spans_s: Spans | N
 
 
 def _interpolate(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, velocity_m_s: np.ndarray) -> np.ndarray:
-    """Return positions (time, 3) [m] between instants by Hermite's cubic through positions and velocities.
+    """Return positions (time, 3) [m] between instants by cubic Hermite interpolation.
 
     On a circle it is off by a^4 / 384 of the radius for instants that are an angle a apart: 0.5 % at 1.2 rad.
+
+    Parameters
+    ----------
+    at_s : instants wanted.
+    time_s, position_m, velocity_m_s : known instants and states.
     """
     if time_s.size == 1:
         return position_m
@@ -196,12 +224,20 @@ def _interpolate(at_s: np.ndarray, time_s: np.ndarray, position_m: np.ndarray, v
 
 
 def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray) -> None:
-    """Draw Earth, orbits and Sun as one view has them, in km; what is behind the Earth is hidden by its disc."""
+    """Draw Earth, orbits and Sun in one view [km]; the Earth's disc hides what is behind it.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    paths : of the bodies, by name.
+    view : axes of the picture.
+    sun : direction to the Sun.
+    """
     _draw_earth(axes, view, sun)
     reach = EARTH_RADIUS_M
     for k, flown in enumerate(paths):
         colour = COLOURS[k % len(COLOURS)]
-        wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is seen on the first where both are near
+        wide = 3.6 if k == 0 and len(paths) > 1 else 1.6  # the second is visible on the first where they overlap
         path, whole = flown.position_m, flown.orbit_m
         _draw_path(axes, view, whole, color=colour, lw=0.8, alpha=0.45)
         _draw_path(axes, view, path, color=colour, lw=wide, label=flown.name)
@@ -210,7 +246,7 @@ def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray)
             order = 6 if depth > 0 else 1.5
             axes.plot(right / KM, up / KM, marker, ms=6 + wide, mfc="white", mec=colour, mew=1.3, zorder=order)
         reach = max(reach, *(float(np.abs(v).max()) for v in view.project(np.vstack([path, whole]))[:2]))
-    for flown in paths:  # over the colours of all, which often cover one another
+    for flown in paths:  # above the colours of all paths, which often overlap
         dark = np.where(flown.dark[:, None], flown.position_m, np.nan)
         _draw_path(axes, view, dark, color=hex_colour(INK), lw=1.6)
     x, y, _ = (float(v) for v in view.project(sun))
@@ -233,12 +269,20 @@ def _draw(axes: Axes, paths: Sequence[_OrbitPath], view: _View, sun: np.ndarray)
 
 
 def _draw_path(axes: Axes, view: _View, points: np.ndarray, **style: object) -> None:
-    """Draw a path in two: what is behind the plane through the Earth's centre under the disc, the rest above it."""
+    """Draw a path in two parts: behind the plane through the Earth's centre below the disc, the rest above it.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    view : axes of the picture.
+    points : (point, 3) [m].
+    **style : of the line.
+    """
     x, y, depth = view.project(points)
     label = style.pop("label", None)
     near = depth >= -1e-3 * EARTH_RADIUS_M
     far = ~near
-    far[:-1] |= ~near[1:]  # no gap where the path passes from one to the other
+    far[:-1] |= ~near[1:]  # no gap between the two parts
     far[1:] |= ~near[:-1]
     for shown, order, name in ((far, 1.0, None), (near, 5.0, label)):
         right_km, up_km = np.where(shown, x, np.nan) / KM, np.where(shown, y, np.nan) / KM
@@ -246,7 +290,14 @@ def _draw_path(axes: Axes, view: _View, points: np.ndarray, **style: object) -> 
 
 
 def _draw_earth(axes: Axes, view: _View, sun: np.ndarray) -> None:
-    """Draw the Earth's disc with its lit side, and its parallels and meridians in inertial axes every 30 degrees."""
+    """Draw the Earth's disc with its lit side, and parallels and meridians in inertial axes every 30 degrees.
+
+    Parameters
+    ----------
+    axes : where to draw.
+    view : axes of the picture.
+    sun : direction to the Sun.
+    """
     from matplotlib.patches import Circle
 
     grid = (np.arange(DISC) + 0.5) / DISC * 2.0 - 1.0

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, PINK, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[3], PARTS[5]
 _SHADOW, _OUTSIDE = "0.88", "#f3c4bc"
 _PANEL_IN = 1.42  # height of a panel [inches]
-_WHOLE = 0.999  # share of the bounds in the field, from which all of the target is
-_SOME = 1e-6  # below, none of it
+_WHOLE = 0.999  # share of the bounds in the field from which the whole target counts as in it
+_SOME = 1e-6  # below this share, none of it does
 _DASHED = (0, (4, 3))
 _LEGEND = 0.22  # height of a legend of one line over that of a panel
 Table = Mapping[str, np.ndarray]
@@ -36,7 +36,7 @@ def timeline_figure(
     max_rate_rad_s: float = np.inf,
     shadow_s: Sequence[tuple[float, float]] | None = None,
 ) -> Figure:
-    """Return a figure of an encounter: range, rates, Sun, PTU, field, pixels, photons and detection over time.
+    """Draw an encounter over time: range, rates, Sun, PTU, field, pixels, photons and detection.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def timeline_figure(
     for axes, draw in zip(rows, panels, strict=True):
         for begins_s, ends_s in dark_s:
             axes.axvspan(begins_s, ends_s, color=_SHADOW, lw=0, zorder=0)
-        for begins_s, ends_s in (*part_s, *outside_s):  # what is out altogether twice, and so deeper
+        for begins_s, ends_s in (*part_s, *outside_s):  # targets wholly outside are shaded twice, so darker
             axes.axvspan(begins_s, ends_s, color=_OUTSIDE, lw=0, zorder=0, alpha=0.6)
         draw(axes)
     rows[-1].set_xlabel("Time [s]", fontsize=9, color=hex_colour(QUIET))
@@ -212,7 +212,13 @@ def _draw_detection(axes: Axes, table: Table) -> None:
 
 
 def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
-    """Return a second axis at the right, with its own colour."""
+    """Add a second axis at the right, with its own colour.
+
+    Parameters
+    ----------
+    axes : the panel.
+    label, colour : of the new axis.
+    """
     twin = axes.twinx()
     style_axes(twin, y=label)
     twin.grid(False)
@@ -221,7 +227,15 @@ def _add_right_axis(axes: Axes, label: str, colour: str) -> Axes:
 
 
 def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
-    """Mark where a drive stands at a limit."""
+    """Mark where a drive is at a limit.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : columns by name.
+    where, value : names of the columns that say where, and which value.
+    label : for the legend.
+    """
     at = np.flatnonzero(table[where])
     if at.size:
         axes.plot(
@@ -230,7 +244,14 @@ def _mark(axes: Axes, table: Table, where: str, value: str, label: str) -> None:
 
 
 def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
-    """Draw a limit that is finite and near to what is shown; return whether it is."""
+    """Draw a limit that is finite and near to what is shown; return whether it is.
+
+    Parameters
+    ----------
+    axes : the panel.
+    value : the limit.
+    colour : of the line.
+    """
     low, high = axes.get_ylim()
     reach = 0.6 * (high - low)
     near = bool(np.isfinite(value) and low - reach <= value <= high + reach)
@@ -240,7 +261,7 @@ def _draw_limit(axes: Axes, value: float, colour: str) -> bool:
 
 
 def _hide_zeros(values: np.ndarray) -> np.ndarray:
-    """Return values with NaN where there is nothing, so that a logarithm has something to show."""
+    """Return values with NaN where they are not positive, for a logarithmic axis."""
     return np.where(values > 0.0, values, np.nan)
 
 
@@ -256,7 +277,7 @@ def _use_log_scale(axes: Axes) -> None:
 
 
 def _widen(axes: Axes, least: float) -> None:
-    """Widen an axis that shows next to nothing, so that rounding does not look like motion."""
+    """Widen an axis of very small span, so that rounding does not look like motion."""
     low, high = axes.get_ylim()
     if high - low < least:
         middle = 0.5 * (low + high)
@@ -265,7 +286,7 @@ def _widen(axes: Axes, least: float) -> None:
 
 
 def _raise_top(axes: Axes) -> None:
-    """Raise the upper end of an axis by the height of a legend of one line, so that no curve runs through that."""
+    """Raise the upper end of an axis by the height of a legend of one line, so that no curve crosses it."""
     low, high = axes.get_ylim()
     more = 1.0 + _LEGEND
     axes.set_ylim(low, low * (high / low) ** more if axes.get_yscale() == "log" else low + (high - low) * more)

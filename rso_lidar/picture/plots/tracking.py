@@ -20,15 +20,15 @@ BLUE, ORANGE, GREEN, RED = PARTS[0], PARTS[1], PARTS[2], PARTS[5]
 NAMES = {"cv": "constant velocity", "cw": "Clohessy-Wiltshire"}
 COLOURS = {"cv": ORANGE, "cw": BLUE}
 _NIS_95 = (0.2158, 9.3484)  # chi-square of three degrees of freedom, two-sided
-_CUT = (1.0, 99.0)  # percentiles of errors that an axis shows, with room
-_PANEL_IN = 1.6  # height of a panel [inches], its legend above it counted
+_CUT = (1.0, 99.0)  # percentiles of errors that an axis spans, with margin
+_PANEL_IN = 1.6  # height of a panel with the legend above it [inches]
 _APART_IN = 0.08  # between panels
 
 
 def tracking_figure(
     table: Mapping[str, np.ndarray], kinds: Sequence[str], target: str, title: str = "", note: str = ""
 ) -> Figure:
-    """Return a figure of what reference trackers made of a recording, over time.
+    """Draw the results of reference trackers on a recording over time.
 
     Parameters
     ----------
@@ -73,7 +73,13 @@ def tracking_figure(
 
 
 def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) -> None:
-    """Put a legend on one line above a panel, where it covers no point."""
+    """Draw a legend on one line above a panel, where it covers no point.
+
+    Parameters
+    ----------
+    axes : the panel.
+    handles, words : entries and their names.
+    """
     axes.legend(
         handles, words, fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(words),
         labelcolor=hex_colour(QUIET), borderaxespad=0.0,
@@ -81,7 +87,7 @@ def _draw_legend(axes: Axes, handles: Sequence[Artist], words: Sequence[str]) ->
 
 
 def _set_few_ticks(axes: Axes) -> None:
-    """Put few ticks on the values of a panel, none at its ends, where they meet those of its neighbours."""
+    """Set few ticks on the values of a panel, none at its ends, where they meet those of its neighbours."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
     low, high = axes.get_ylim()

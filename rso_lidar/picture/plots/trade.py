@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 _PAGE_IN, _ONE_IN = 11.8, 8.8  # width of a figure of several panels, as the report's page is wide, and of one panel
 _COLUMNS = 3
-_BINS = 8  # stretches, at most, of an axis with many values
-_OF_A_BIN, _FEWEST_BINS = 5, 3  # drawn values in a stretch, and stretches, from which a line says more than its dots
-_MOST_LEVELS = 24  # values of an axis that are told apart
+_BINS = 8  # most bins of an axis with many values
+_OF_A_BIN, _FEWEST_BINS = 5, 3  # fewest values in a bin, and fewest bins, for a line
+_MOST_LEVELS = 24  # most distinct values of an axis that are treated as levels
 _HEAD_IN = 0.75
 _HOLLOW: dict[str, Any] = {"mfc": "none", "mec": hex_colour(QUIET), "ms": 4.0, "mew": 0.7}
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """One column of a trade (row): its name in words, its values, numbers or texts, and whether it spans decades.
+    """Column of a trade (row): its name, its values (numbers or texts), and whether it spans decades.
 
     `drawn` is how many points were drawn, where the axes' values were drawn and not a grid's. `unranked` (row) marks values
     that are shown and ranked no point, such as a range error of the few pixels that reported at all.
@@ -43,17 +43,17 @@ class Quantity:
 
     @property
     def ranked(self) -> np.ndarray:
-        """Return which rows have a value that ranks them."""
+        """Mask of the rows whose value ranks them."""
         known: np.ndarray = np.isfinite(self.values)
         return known if self.unranked is None else known & ~self.unranked
 
     @property
     def numeric(self) -> bool:
-        """Return whether the values are numbers."""
+        """Whether the values are numbers."""
         return self.values.dtype.kind in "fiu"
 
     def levels(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distinct values in order (texts: of appearance) and which of them each row has."""
+        """Return the distinct values in order (texts: of appearance) and the index of each row's value."""
         levels, first, which = np.unique(self.values, return_index=True, return_inverse=True)
         if self.numeric:
             return levels, which
@@ -62,10 +62,16 @@ class Quantity:
 
 
 def effects_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure:
-    """Return a figure of one figure of merit along each axis: a dot a run, and what each value or stretch gives.
+    """Draw one figure of merit along each axis: one dot for each run, and a line for each value or bin.
 
-    The line is the mean of each value of a grid. Of drawn values it is the median of stretches that hold enough of them,
-    and there is none where these are few: a line from dot to dot would show noise as shape.
+    The line is the mean for each value of a grid. For values drawn at random it is the median of bins with enough values.
+    With few bins there is no line, since a line from dot to dot would show noise as shape.
+
+    Parameters
+    ----------
+    merit : the figure of merit.
+    along : the axes.
+    better : ``more`` or ``less``.
     """
     columns = _columns(len(along))
     rows = math.ceil(len(along) / columns)
@@ -102,9 +108,9 @@ def _draw_effect(axes: Axes, axis: Quantity, merit: Quantity, points: np.ndarray
 
 
 def _find_line(axis: Quantity, merit: Quantity) -> np.ndarray:
-    """Return the points (point, [place, value]) of the line through a panel; none where it would only join dots."""
+    """Return the points (point, [place, value]) of a panel's line; none where it would only join dots."""
     levels, which = axis.levels()
-    if axis.drawn and axis.drawn < 3 * len(levels):  # else of a list, each drawn some times
+    if axis.drawn and axis.drawn < 3 * len(levels):  # otherwise values of a list, each drawn several times
         count = min(_BINS, len(levels) // _OF_A_BIN)
         if not axis.numeric or count < _FEWEST_BINS:
             return np.empty((0, 2))
@@ -121,7 +127,7 @@ def _find_line(axis: Quantity, merit: Quantity) -> np.ndarray:
 
 
 def _bin_values(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return which of so many stretches, with as many values in each, each row is in, and their middles."""
+    """Return the bin of each row, for bins with equally many values, and their middles."""
     levels, which = axis.levels()
     group = np.arange(len(levels)) * count // len(levels)
     shown = np.log(levels) if axis.log else levels
@@ -130,7 +136,14 @@ def _bin_values(axis: Quantity, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scale_axis(axes: Axes, axis: Quantity, levels: np.ndarray) -> None:
-    """Scale an axis, with its values as ticks where they are few."""
+    """Scale an axis, with its values as ticks where they are few.
+
+    Parameters
+    ----------
+    axes : the panel.
+    axis : the quantity along it.
+    levels : its distinct values.
+    """
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     if not axis.numeric:
@@ -163,7 +176,14 @@ def _widen(axes: Axes, merit: Quantity) -> None:
 
 
 def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figure | None:
-    """Return a figure of one figure of merit over each pair of axes, the mean over all others; None without a pair."""
+    """Draw one figure of merit over each pair of axes, the mean over all others; None without a pair.
+
+    Parameters
+    ----------
+    merit : the figure of merit.
+    along : the axes.
+    better : ``more`` or ``less``.
+    """
     import matplotlib
     from matplotlib.colors import LogNorm, Normalize
 
@@ -211,7 +231,13 @@ def maps_figure(merit: Quantity, along: Sequence[Quantity], better: str) -> Figu
 
 
 def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
-    """Return the mean (one, other) of what is known, NaN where nothing is."""
+    """Return the mean (one, other) of known values, NaN where there are none.
+
+    Parameters
+    ----------
+    merit : the figure of merit.
+    one, other : two axes.
+    """
     (rows, row), (cols, col) = one.levels(), other.levels()
     known = merit.ranked
     cell = (row * len(cols) + col)[known]
@@ -222,7 +248,14 @@ def _mean_over(merit: Quantity, one: Quantity, other: Quantity) -> np.ndarray:
 
 
 def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
-    """Write each cell's value into it, dark on light."""
+    """Write each cell's value into it, dark on light or light on dark.
+
+    Parameters
+    ----------
+    axes : the panel.
+    table : (row, col) values.
+    norm, colours : colour scale of the cells.
+    """
     for (row, col), value in np.ndenumerate(table):
         if np.isfinite(value):
             red, green, blue, _ = colours(norm(value))
@@ -231,9 +264,16 @@ def _mark_cells(axes: Axes, table: np.ndarray, norm: Any, colours: Any) -> None:
 
 
 def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quantity, best: np.ndarray) -> Figure | None:
-    """Return a figure of the other figures of merit against the first, coloured by an axis; None where there is but one.
+    """Draw the other figures of merit against the first, coloured by an axis; None where there is only one.
 
     `best` (row) marks with a ring those that none beats in every figure of merit.
+
+    Parameters
+    ----------
+    merits : the figures of merit.
+    better : of each, ``more`` or ``less``.
+    by : the axis that gives the colours.
+    best : (row) the rows marked as best.
     """
     if len(merits) < 2 or not np.isfinite(merits[0].values).any():
         return None
@@ -290,7 +330,7 @@ def against_figure(merits: Sequence[Quantity], better: Sequence[str], by: Quanti
 
 
 def format_value(value: float, digits: int = 4) -> str:
-    """Return a number in few digits, with a comma at thousands and a true minus.
+    """Format a number in few digits, with a comma at thousands and a true minus.
 
     >>> format_value(12345.678), format_value(-0.25), format_value(float("nan"))
     ('12,350', '−0.25', '–')
@@ -302,17 +342,17 @@ def format_value(value: float, digits: int = 4) -> str:
 
 
 def _width_in(columns: int) -> float:
-    """Return the width of a figure [inches]: that of the page, or less for a panel alone."""
+    """Return the width of a figure [inches]: that of the page, or less for a single panel."""
     return _PAGE_IN if columns > 1 else _ONE_IN
 
 
 def _columns(count: int) -> int:
-    """Return how many panels stand side by side: four as two and two."""
+    """Return how many panels are side by side; four are drawn as two and two."""
     return 2 if count == 4 else min(count, _COLUMNS)
 
 
 def _shorten(text: str) -> str:
-    """Return a text as a tick: of a table its values alone."""
+    """Shorten a text to a tick label; of a table only the values are kept."""
     if text.startswith("{"):
         text = re.sub(r"[\w-]+ = ", "", text).strip("{ }").replace('"', "").replace(",", "")
     return text if len(text) <= 18 else text[:17] + "…"

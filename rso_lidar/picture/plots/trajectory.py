@@ -20,20 +20,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Annotation
 
-DRAWN = 600  # frames are read at most this often
-ORIGINS = (".rtn", ".origin")  # axes at a target's origin that do not turn with its body
-STRETCHED = 12.0  # above this ratio of the two extents the axes of a panel get scales of their own
+DRAWN = 600  # most frames read
+ORIGINS = (".rtn", ".origin")  # non-rotating axes at a target's origin
+STRETCHED = 12.0  # ratio of the extents above which the axes of a panel have different scales
 ARROW = 36.0  # length of the greatest impulse's arrow [points]
-CLOSED = 0.05  # ends nearer to one another than this share of the whole path have one label
+CLOSED = 0.05  # ends closer than this share of the path's extent share a label
 HEADROOM = 1.06  # top of a range axis over the greatest range
-NEAR, FAR, MARKER = 8.0, 22.0, 6.0  # of a label from its marker, and half a marker [points]
+NEAR, FAR, MARKER = 8.0, 22.0, 6.0  # distances of a label from its marker, and half a marker [points]
 
-_LETTERS = 22  # of a target's name beside other words of a panel
+_LETTERS = 22  # most letters of a target's name in a panel's title
 
 
 @dataclass(frozen=True, eq=False)
 class RelativePath:
-    """Positions (time, xyz) [m] of the lidar over `time_s` (time) [s], in axes named `axes`; and a title."""
+    """Positions (time, xyz) [m] of the lidar at `time_s` (time) [s], in the axes named `axes`; and a title."""
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -43,12 +43,12 @@ class RelativePath:
 
     @property
     def words(self) -> tuple[str, str, str]:
-        """Return what x, y and z are."""
+        """Names of the x, y and z axes."""
         return ("Radial", "Along-track", "Cross-track") if self.axes.endswith(".rtn") else ("x", "y", "z")
 
 
 def relative_path(source: Truth | Iterable[Frame], target: str | None = None) -> RelativePath:
-    """Return where the lidar was about `target` (by default the first), in its rtn axes, or in others without an orbit.
+    """Return the path of the lidar relative to `target` (by default the first), in its rtn axes if it has an orbit.
 
     `source` is a Truth batched over epochs, or frames: a sequence, a recording or an iterator, thinned to 600.
     """
@@ -82,7 +82,7 @@ def _choose_target(target: str | None, first: list[str], known: list[str]) -> st
 
 
 def _choose_axes(truth: Truth, name: str) -> str:
-    """Return the axes to draw in: those of the orbit, those at the origin of what does not orbit, or the body's."""
+    """Choose the axes to draw in: those of the orbit, else non-rotating ones at the origin, else the body's."""
     return next((name + suffix for suffix in ORIGINS if name + suffix in truth.poses), name)
 
 
@@ -95,9 +95,9 @@ def orbit_figure(
     delta_v_m_s: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Return a figure of the lidar's relative orbit: three planes of the target's rtn axes, and range over time.
+    """Draw the lidar's relative orbit: three planes of the target's rtn axes, and range over time.
 
-    In rtn axes along-track is to the right and radial is up; the target stands at the origin.
+    In rtn axes along-track is to the right and radial is up; the target is at the origin.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def orbit_figure(
     target : a name (None: the first).
     impulses : (time [s], change of velocity (3) [m/s] in the axes drawn in), each marked by an arrow.
     keep_out_m : radius of a keep-out sphere about the target [m].
-    delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only impulses are told).
+    delta_v_m_s : change of velocity of the whole plan [m/s], continuous thrust included (None: only the impulses count).
     title : the heading (empty: that of the frames).
     """
     path = relative_path(source, target)
@@ -157,7 +157,7 @@ def orbit_figure(
 
 
 def _describe_cost(impulses_m_s: Sequence[float], total_m_s: float | None) -> str:
-    """Return in words what a plan takes; without a total nothing is said of thrust between the impulses."""
+    """Describe the cost of a plan; without a total, thrust between impulses is left out."""
     given_m_s = sum(impulses_m_s)
     count = f"{len(impulses_m_s)} impulse{'s' if len(impulses_m_s) > 1 else ''}"
     if total_m_s is None:
@@ -171,7 +171,14 @@ def _describe_cost(impulses_m_s: Sequence[float], total_m_s: float | None) -> st
 
 
 def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray) -> None:
-    """Move labels to where they lie in the panel, off one another and off markers, and hide least of the path."""
+    """Move labels inside the panel, off one another and off markers, so that they hide least of the path.
+
+    Parameters
+    ----------
+    axes : the panel.
+    labels : to move.
+    flown_m : (time, [x, y]) the path.
+    """
     pixels = axes.figure.dpi / 72.0
     panel = axes.get_window_extent()
     path = axes.transData.transform(flown_m)
@@ -197,7 +204,7 @@ def _place_labels(axes: Axes, labels: Sequence[Annotation], flown_m: np.ndarray)
 
 
 def _overlap_area(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
-    """Return the area that two boxes (left, low, right, high) share."""
+    """Return the area shared by two boxes (left, low, right, high)."""
     wide, high = min(one[2], other[2]) - max(one[0], other[0]), min(one[3], other[3]) - max(one[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)
 
@@ -211,19 +218,35 @@ def _draw_keep_out(axes: Axes, radius_m: float) -> None:
 
 
 def _draw_impulses(axes: Axes, path: RelativePath, impulses: Sequence[tuple[float, Any]], right: int, up: int) -> None:
-    """Draw an arrow along each impulse from where it is given; the greatest has a length of its own."""
+    """Draw an arrow for each impulse at its position; the greatest has a fixed length.
+
+    Parameters
+    ----------
+    axes : the panel.
+    path : of the lidar.
+    impulses : time and change of velocity of each.
+    right, up : indices of the panel's axes.
+    """
     most = max(float(np.linalg.norm(delta_v)) for _, delta_v in impulses) or 1.0
     for time_s, delta_v in impulses:
         x, y = (float(np.interp(time_s, path.time_s, path.position_m[:, k])) for k in (right, up))
         axes.plot(x, y, "^", ms=5, color=PARTS[3], zorder=3)
         step = (ARROW * float(delta_v[right]) / most, ARROW * float(delta_v[up]) / most)
-        if np.hypot(step[0], step[1]) > ARROW / 8:  # a shorter one is seen end on
+        if np.hypot(step[0], step[1]) > ARROW / 8:  # a shorter arrow is seen end on
             arrow = {"arrowstyle": "<|-", "color": PARTS[3], "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
             axes.annotate("", xy=(x, y), xytext=step, textcoords="offset points", arrowprops=arrow, zorder=3)
 
 
 def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str) -> tuple[Any, list[Annotation]]:
-    """Return the points of one plane, drawn with the target at the origin, start and end; and the labels of these."""
+    """Draw the path in one plane, with target, start and end, and return its points and the labels.
+
+    Parameters
+    ----------
+    axes : the panel.
+    path : of the lidar.
+    right, up : indices of the panel's axes.
+    title : of the panel.
+    """
     x, y = path.position_m[:, right], path.position_m[:, up]
     axes.axhline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
     axes.axvline(0, color=hex_colour(LINE), lw=0.8, zorder=0)
@@ -258,5 +281,5 @@ def _draw_plane(axes: Axes, path: RelativePath, right: int, up: int, title: str)
 
 
 def _shorten(name: str) -> str:
-    """Return a name as far as it fits over a panel."""
+    """Shorten a name to fit above a panel."""
     return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"

@@ -11,15 +11,15 @@ import numpy as np
 from rso_lidar.picture.selection.sequence import Thumbnail
 from rso_lidar.picture.style.palette import BLACK, INTENSITY_RAMP, NO_RETURN, RANGE_RAMP, apply_ramp
 
-RELATIVE_BELOW = 0.25  # a frame's own span against the sequence's, below which colours are relative to each median
-LOG_ABOVE = 8.0  # brightest frame against faintest, or glints against the median, above which a logarithm is drawn
+RELATIVE_BELOW = 0.25  # ratio of a frame's span to the sequence's, below which colours are relative to each median
+LOG_ABOVE = 8.0  # ratio of brightest frame to faintest, or glints to median, above which the scale is logarithmic
 
 
 ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def nice_up(value: float) -> float:
-    """Return the next round number, one of `ROUND` times a power of ten, that is not below `value`.
+    """Return the smallest round number, one of `ROUND` times a power of ten, that is at least `value`.
 
     >>> [nice_up(v) for v in (0.13, 2.1, 7.0)]
     [0.15, 2.5, 8.0]
@@ -34,7 +34,7 @@ def nice_up(value: float) -> float:
 
 
 def nice_down(value: float) -> float:
-    """Return the greatest of 1, 2 and 5 times a power of ten that is not above a positive `value`.
+    """Return the greatest of 1, 2 and 5 times a power of ten that is at most a positive `value`.
 
     >>> [nice_down(v) for v in (0.13, 2.1, 7.0)]
     [0.1, 2.0, 5.0]
@@ -46,7 +46,7 @@ def nice_down(value: float) -> float:
 
 @dataclass(frozen=True)
 class Scale:
-    """Colour limits of a sequence: range [m], about each frame's median where `relative`; intensity [counts]."""
+    """Colour limits of a sequence: range [m], about each frame's median if `relative`, and intensity [counts]."""
 
     relative: bool
     low_m: float
@@ -57,7 +57,7 @@ class Scale:
 
     @staticmethod
     def of(thumbnails: Sequence[Thumbnail]) -> Scale:
-        """Return the limits that suit all of some thumbnails.
+        """Find the limits that suit all of some thumbnails.
 
         Colours are relative where the ranges within a frame span little against the ranges over the sequence, as in an
         approach; else absolute. Where no frame has a return from a target, all returns count.
@@ -84,7 +84,7 @@ class Scale:
         return Scale(False, low_m, high_m, low_counts, high_counts, logarithmic)
 
     def range_rgb(self, range_m: np.ndarray, median_m: float) -> np.ndarray:
-        """Return the colours (…, rgb) of ranges [m] in a frame with that median [m]."""
+        """Return the colours (…, rgb) of ranges [m] in a frame with the given median [m]."""
         zero_m = (median_m if math.isfinite(median_m) else 0.0) if self.relative else 0.0
         return apply_ramp((range_m - zero_m - self.low_m) / (self.high_m - self.low_m), RANGE_RAMP, NO_RETURN)
 
@@ -93,7 +93,7 @@ class Scale:
         return apply_ramp(self.intensity_fraction(counts), INTENSITY_RAMP, BLACK)
 
     def intensity_fraction(self, counts: np.ndarray) -> np.ndarray:
-        """Return where intensities [counts] stand between the limits: 0 to 1 between them, NaN where nothing came back."""
+        """Return intensities [counts] as fractions: 0 to 1 between the limits, NaN where nothing came back."""
         value = np.where(counts > 0, counts, np.nan).astype(float)
         if self.logarithmic:
             fraction: np.ndarray = np.log(value / self.low_counts) / math.log(self.high_counts / self.low_counts)
@@ -102,20 +102,20 @@ class Scale:
 
     @property
     def range_words(self) -> tuple[str, str, str]:
-        """Return what the range colours mean, and the words at the low and high end."""
+        """Meaning of the range colours, and the words at their low and high end."""
         if self.relative:
             return "Range minus the frame's median", f"≤ −{-self.low_m:g} m", f"≥ +{self.high_m:g} m"
         return "Range", f"{self.low_m:,.6g} m", f"{self.high_m:,.6g} m"
 
     @property
     def intensity_words(self) -> tuple[str, str, str]:
-        """Return what the greys mean, and the words at the low and high end."""
+        """Meaning of the greys, and the words at their low and high end."""
         kind = "Intensity, logarithmic" if self.logarithmic else "Intensity"
         return kind, f"{self.low_counts:,.0f}", f"{self.high_counts:,.0f} counts"
 
 
 def count_limits(seen: list[np.ndarray]) -> tuple[float, float, bool]:
-    """Return low and high limit [counts], and whether the span asks for a logarithm."""
+    """Find the low and high limit [counts], and whether the span needs a logarithm."""
     if not seen:
         return 0.0, 1.0, False
     high = max(float(np.percentile(counts, 99.5)) for counts in seen)

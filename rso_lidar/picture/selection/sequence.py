@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 @runtime_checkable
 class Counted(Protocol):
-    """What holds frames and knows how many: a list, a recording."""
+    """Collection of frames with a length: a list, a recording."""
 
     def __len__(self) -> int: ...
 
@@ -25,7 +25,7 @@ class Counted(Protocol):
 
 
 def even_indices(n: int, count: int) -> list[int]:
-    """Return at most `count` indices below `n`, evenly spread, both ends included.
+    """Return at most `count` indices below `n`, evenly spaced, both ends included.
 
     >>> even_indices(10, 4)
     [0, 3, 6, 9]
@@ -42,10 +42,20 @@ def even_indices(n: int, count: int) -> list[int]:
 
 
 def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
-    """Return what `look` sees in at most `count` evenly chosen frames, and how many frames there were.
+    """Apply `look` to at most `count` evenly chosen frames; return the results and the total number of frames.
 
     A sequence (a list, a recording) is read only where it is looked at. Of an iterator, such as `simulate` gives, every
     s-th frame and the last are kept, s doubling whenever too many are held: memory does not grow with its length.
+
+    Parameters
+    ----------
+    frames : a sequence, a recording or an iterator.
+    count : most frames looked at.
+    look : called with each.
+
+    Raises
+    ------
+    RecordingError : if there are no frames.
     """
     even_indices(0, count)
     if isinstance(frames, Counted):
@@ -59,6 +69,14 @@ def pick(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tup
 
 
 def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tuple[list[T], int]:
+    """Apply `look` to every s-th frame of an iterator and to the last, doubling s when too many results are held.
+
+    Parameters
+    ----------
+    frames : an iterator.
+    count : most results returned; up to four times as many are held.
+    look : called with each.
+    """
     kept: list[T] = []
     stride, total = 1, 0
     last: Frame | None = None
@@ -76,7 +94,7 @@ def _thin(frames: Iterable[Frame], count: int, look: Callable[[Frame], T]) -> tu
 
 
 def on_target(frame: Frame) -> np.ndarray:
-    """Return where a return came from a target (row, col): by the labels, or where these know none, by its neighbours.
+    """Return which returns came from a target (row, col): by the labels, or without labels by their neighbours.
 
     Without labels a return with fewer than two returns around it is taken for a false one.
     """
@@ -91,7 +109,7 @@ def on_target(frame: Frame) -> np.ndarray:
 
 
 def find_target_pixels(frame: Frame) -> np.ndarray:
-    """Return where to look (row, col): the targets by the labels, else returns with neighbours, else any return."""
+    """Find the pixels of interest (row, col): targets by the labels, else returns with neighbours, else any return."""
     for mask in (frame.labels.target >= 0, on_target(frame), frame.valid):
         if mask.any():
             return np.asarray(mask)
@@ -99,7 +117,7 @@ def find_target_pixels(frame: Frame) -> np.ndarray:
 
 
 def target_ranges_m(frame: Frame) -> dict[str, float]:
-    """Return the true range [m] of each target's origin by name; targets that the truth lacks are left out."""
+    """Return the true range [m] of each target's origin by name, without those missing from the truth."""
     return {
         entry.name: float(np.linalg.norm(frame.truth.pose("lidar", entry.name).translation))
         for entry in frame.source.targets
@@ -108,12 +126,12 @@ def target_ranges_m(frame: Frame) -> dict[str, float]:
 
 
 def format_start(frame: Frame) -> str:
-    """Return when `time_s` is zero, in words that end in Z."""
+    """Format the instant at which `time_s` is zero, with a final Z."""
     return frame.source.start_utc.replace("+00:00", "Z")
 
 
 def pixel_rad(frame: Frame) -> float:
-    """Return the angle [rad] between the lines of sight of two neighbours in the middle of the field."""
+    """Return the angle [rad] between the lines of sight of two adjacent pixels in the middle of the field."""
     n_rows, n_cols = frame.valid.shape
     row, col = n_rows // 2, n_cols // 2
     one, other = frame.line_of_sight[row, col], frame.line_of_sight[row, max(col - 1, 0)]
@@ -122,7 +140,7 @@ def pixel_rad(frame: Frame) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Thumbnail:
-    """The little of a frame that one cell of a sheet, or one picture of an animation, needs."""
+    """Excerpt of a frame: what one cell of a sheet, or one picture of an animation, needs."""
 
     time_s: float
     title: str
@@ -136,7 +154,7 @@ class Thumbnail:
 
     @staticmethod
     def of(frame: Frame) -> Thumbnail:
-        """Return a thumbnail of a frame."""
+        """Make the thumbnail of a frame."""
         ranges_m = target_ranges_m(frame)
         returned, bounds = on_target(frame), bounding_window(find_target_pixels(frame))
         if returned.any():  # of a target that is mostly too faint, show what came back
@@ -155,17 +173,17 @@ class Thumbnail:
 
     @property
     def median_m(self) -> float:
-        """Return the median range [m] of the target's returns, NaN where none came back."""
+        """Median range [m] of the target's returns, NaN where none came back."""
         seen = self.range_m[self.on_target]
         return float(np.median(seen)) if seen.size else float("nan")
 
     @property
     def pixel_m(self) -> float:
-        """Return how wide a pixel is at the target [m], NaN where no range is known."""
+        """Width of a pixel at the target [m], NaN where no range is known."""
         median_m = self.median_m
         return self.pixel_rad * (median_m if np.isfinite(median_m) else self.true_range_m)
 
     @property
     def returns(self) -> int:
-        """Return how many pixels reported a return."""
+        """Number of pixels that reported a return."""
         return int(np.isfinite(self.range_m).sum())

@@ -23,31 +23,31 @@ class Window:
 
     @property
     def height(self) -> int:
-        """Return the number of rows."""
+        """Number of rows."""
         return self.bottom - self.top
 
     @property
     def width(self) -> int:
-        """Return the number of columns."""
+        """Number of columns."""
         return self.right - self.left
 
     @property
     def whole(self) -> bool:
-        """Return whether the window is the whole field."""
+        """Whether the window is the whole field."""
         return self.height == self.n_rows and self.width == self.n_cols
 
     @property
     def size_text(self) -> str:
-        """Return the size in words, such as ``24 × 24 px``."""
+        """Size in words, such as ``24 × 24 px``."""
         return f"{self.height} × {self.width} px"
 
     def cut(self, array: np.ndarray) -> np.ndarray:
-        """Return the part of an array (row, col, …) that lies in the window."""
+        """Return the part of an array (row, col, …) inside the window."""
         return array[self.top : self.bottom, self.left : self.right]
 
 
 def bounding_window(mask: np.ndarray) -> Window:
-    """Return the tightest window around the true pixels of a mask (row, col); the whole field where there are none."""
+    """Return the smallest window around the true pixels of a mask (row, col); the whole field if there are none."""
     n_rows, n_cols = mask.shape
     rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not rows.size:
@@ -56,7 +56,7 @@ def bounding_window(mask: np.ndarray) -> Window:
 
 
 def grow(inner: Window, outer: Window) -> Window:
-    """Return `inner` grow about its middle to at least half the height and half the width of `outer`."""
+    """Grow `inner` about its middle to at least half the height and half the width of `outer`."""
     height, width = max(inner.height, -(-outer.height // 2)), max(inner.width, -(-outer.width // 2))
     top, height = _span(inner.top, inner.bottom, height, inner.n_rows)
     left, width = _span(inner.left, inner.right, width, inner.n_cols)
@@ -66,8 +66,8 @@ def grow(inner: Window, outer: Window) -> Window:
 def crop(bounds: Window, previous: Window | None = None) -> Window:
     """Return the square crop that shows `bounds` with a margin, of the next size of the ladder, or the whole field.
 
-    With a `previous` crop its size is kept as long as it fits and is not more than three times too large, so that an
-    animation does not jump to and fro between two sizes.
+    The size of a `previous` crop is kept while it fits and is at most three times too large. An animation therefore does
+    not alternate between two sizes.
     """
     field = max(bounds.n_rows, bounds.n_cols)
     needed = MARGIN * max(bounds.height, bounds.width) + 1
@@ -84,7 +84,14 @@ def crop(bounds: Window, previous: Window | None = None) -> Window:
 
 
 def _span(low: int, high: int, size: int, limit: int) -> tuple[int, int]:
-    """Return start and length of `size` pixels centred on low to high, moved inside 0 to `limit`."""
+    """Return start and length of `size` pixels centred on low to high, moved inside 0 to `limit`.
+
+    Parameters
+    ----------
+    low, high : first pixel and one past the last to centre on.
+    size : pixels wanted.
+    limit : pixels there are.
+    """
     length = min(size, limit)
     start = (low + high - length + 1) // 2
     return min(max(start, 0), limit - length), length

@@ -19,7 +19,14 @@ LINE_IN = 0.17  # height of a line of small print [inches]
 def new_figure(
     width_in: float, height_in: float, title: str, note: str = "", small_print: tuple[str, ...] = ()
 ) -> Figure:
-    """Return an empty figure of that size [inches] with its own Agg canvas, a heading, and small print at the foot."""
+    """Make an empty figure with its own Agg canvas, a heading, and small print at the foot.
+
+    Parameters
+    ----------
+    width_in, height_in : size of the figure.
+    title, note : the heading.
+    small_print : lines at the foot.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -41,7 +48,15 @@ def new_figure(
 
 
 def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str = "") -> None:
-    """Give a plot its title, a note at the right of it, its labels, a faint grid and quiet ink."""
+    """Give a plot its title, labels, a faint grid and grey axes.
+
+    Parameters
+    ----------
+    axes : the plot.
+    title : at the left, above.
+    x, y : labels of the axes.
+    note : at the right, above.
+    """
     axes.set_title(title, loc="left", fontsize=11, color=hex_colour(INK))
     axes.set_title(note, loc="right", fontsize=8.5, color=hex_colour(QUIET))
     axes.set_xlabel(x, fontsize=9, color=hex_colour(QUIET))
@@ -54,7 +69,7 @@ def style_axes(axes: Axes, title: str = "", x: str = "", y: str = "", note: str 
 
 
 def format_thousands(*several: Axis) -> None:
-    """Write the ticks of some axes with a comma at each thousand and a true minus."""
+    """Format the ticks of some axes with a comma at each thousand and a true minus."""
     from matplotlib.ticker import FuncFormatter
 
     for axis in several:
@@ -62,7 +77,13 @@ def format_thousands(*several: Axis) -> None:
 
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
-    """Put ticks on a log axis from `low` to `high`, at least three of them with numbers, however short the axis is."""
+    """Set the ticks of a log axis, at least three of them with numbers however short the axis is.
+
+    Parameters
+    ----------
+    axis : the axis.
+    low, high : its ends.
+    """
     from matplotlib.ticker import (
         FixedLocator,
         LogFormatterMathtext,
@@ -90,5 +111,5 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 def use_minus_sign(number: str) -> str:
-    """Return a number in words with a true minus for its hyphen."""
+    """Replace the hyphen of a number by a true minus."""
     return number.replace("-", "−")

@@ -14,7 +14,18 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = 150) -> Path:
-    """Return the path of a figure written as PNG, PDF or SVG, by its suffix; `dpi` [dots per inch] counts for PNG."""
+    """Write a figure as PNG, PDF or SVG, by the suffix.
+
+    Parameters
+    ----------
+    figure : what to write.
+    path : of the file; an existing one is replaced.
+    dpi : dots per inch of a PNG.
+
+    Returns
+    -------
+    The path of the file.
+    """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
     with write_atomically(place) as draft:

@@ -40,7 +40,7 @@ OTHER_PART = "#B9BCC2"
 
 
 def hex_colour(colour: Rgb) -> str:
-    """Return a colour as matplotlib reads it.
+    """Format a colour as matplotlib reads it.
 
     >>> hex_colour((255, 122, 24))
     '#ff7a18'
@@ -64,7 +64,14 @@ def ramp(name: str) -> np.ndarray:
 
 
 def apply_ramp(fraction: np.ndarray, name: str, empty: Rgb) -> np.ndarray:
-    """Return the colours (…, rgb), as bytes, of values 0 to 1 along a ramp; clipped outside, `empty` where NaN."""
+    """Return the colours (…, rgb), as bytes, of fractions along a ramp.
+
+    Parameters
+    ----------
+    fraction : (…) values, clipped to 0 to 1.
+    name : of the ramp.
+    empty : colour of NaN.
+    """
     known = np.isfinite(fraction)
     step = np.clip(np.where(known, fraction, 0.0) * 255 + 0.5, 0, 255).astype(np.uint8)
     colours = ramp(name)[step]
@@ -74,7 +81,7 @@ def apply_ramp(fraction: np.ndarray, name: str, empty: Rgb) -> np.ndarray:
 
 @cache
 def fixed_palette() -> tuple[int, ...]:
-    """Return 256 colours, flat, for pictures of few colours: 128 of the range ramp, 110 greys, and the marks.
+    """Return 256 colours, flat, for animations: 128 of the range ramp, 110 greys, and the marks.
 
     One palette for all pictures of an animation: nothing flickers, and a file holds it once.
     """

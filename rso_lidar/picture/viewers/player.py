@@ -1,7 +1,7 @@
 """A recording in a window: range and intensity side by side, the cloud in space with the true edges of the target.
 
-Only the frame that is shown is read. Keys: left and right (page up and down: ten at once; home, end), space plays, c changes
-what the colour of the cloud means. The slider under the pictures goes anywhere.
+Only the frame shown is read. Keys: left and right step (page up and down: ten frames; home, end), space plays, c changes
+the meaning of the cloud's colour. The slider selects any frame.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ Colour = Literal["range", "intensity"]
 SIZE_IN = (14.0, 5.8)
 STILL_IN = (14.0, 5.2)  # without the slider
 STEP_MS = 100  # from frame to frame while it plays
-FAR = 10  # frames of a page
+FAR = 10  # frames that page up and page down skip
 _STEPS = {"left": -1, "right": 1, "pageup": -FAR, "pagedown": FAR}
-_OURS = ("keymap.back", "keymap.forward", "keymap.home")  # what matplotlib binds to keys that are ours here
+_OURS = ("keymap.back", "keymap.forward", "keymap.home")  # key bindings of matplotlib that the player replaces
 _LOOKED_AT = 12
-_MANY = 600  # points, above which they are drawn small
-_TRUTH = "#5f86b3"  # of the edges; neither ramp has it
+_MANY = 600  # number of points above which they are drawn small
+_TRUTH = "#5f86b3"  # colour of the edges, in neither ramp
 _HINT = "left, right: frame    space: play    c: colour    drag the cloud to turn it"
 
 
 class Player:
-    """Frames in a figure, one at a time; `shown` is the place of the one in it, `playing` whether it moves by itself."""
+    """Frames in a figure, one at a time; `shown` is the index of the one shown, `playing` whether it advances by itself."""
 
     def __init__(
         self,
@@ -62,7 +62,17 @@ class Player:
         first: int = 0,
         controls: bool = True,
     ) -> None:
-        """Draw one frame into a figure (None: a new one on an Agg canvas); without `controls` no slider, nor the keys."""
+        """Draw one frame into a figure.
+
+        Parameters
+        ----------
+        frames : a recording, or some of its frames.
+        shapes : true meshes whose edges are drawn.
+        colour : what the colour of the cloud means.
+        figure : where to draw (None: a new figure on an Agg canvas).
+        first : index of the frame shown first.
+        controls : whether there is a slider, and the help on keys.
+        """
         from matplotlib.widgets import Slider
 
         if not len(frames):
@@ -86,7 +96,7 @@ class Player:
         if controls and len(frames) > 1:
             place = self.figure.add_axes((0.09, 0.03, 0.78, 0.035))
             self.slider = Slider(place, "frame", 0, len(frames) - 1, valinit=first, valstep=1, color=hex_colour(MARK))
-            self.slider.drawon = False  # the frame it leads to is drawn anyway
+            self.slider.drawon = False  # the new frame is drawn anyway
             self.slider.label.set_color(hex_colour(QUIET))
             self.slider.valtext.set_color(hex_colour(QUIET))
             self.slider.on_changed(lambda place: self._show(round(place)))
@@ -97,7 +107,7 @@ class Player:
         self._show(first)
 
     def go(self, place: int) -> None:
-        """Show the frame at a place, or the nearest there is."""
+        """Show the frame at an index, or the nearest there is."""
         place = min(max(place, 0), len(self.frames) - 1)
         if self.slider is None:
             self._show(place)
@@ -105,7 +115,7 @@ class Player:
             self.slider.set_val(place)  # which shows it
 
     def tick(self) -> None:
-        """Go on by a frame while it plays, and stop at the last."""
+        """Advance by a frame while playing, and stop at the last."""
         if not self.playing:
             return
         if self.shown + 1 < len(self.frames):
@@ -151,7 +161,7 @@ class Player:
         self.figure.canvas.draw_idle()
 
     def _draw_space(self, frame: Frame) -> None:
-        """Draw the cloud and the true edges in lidar axes, turned so that up is up."""
+        """Draw the cloud and the true edges in lidar axes, with up at the top."""
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
         axes = self._space
@@ -184,7 +194,19 @@ class Player:
 def save_view(
     frames: Sequence[Frame], path: str | Path, shapes: Iterable[Shape] = (), colour: Colour = "range"
 ) -> Path:
-    """Return the path of a picture of what the window shows, of the frame with most returns among a dozen of them."""
+    """Write a picture of what the window shows, of the frame with most returns among a dozen.
+
+    Parameters
+    ----------
+    frames : a recording, or some of its frames.
+    path : of the picture; PNG, PDF or SVG by the suffix.
+    shapes : true meshes whose edges are drawn.
+    colour : what the colour of the cloud means.
+
+    Returns
+    -------
+    The path of the file.
+    """
     place = check_writable(path, FIGURE_SUFFIXES, overwrite=True)
     if not len(frames):
         raise RecordingError("nothing to draw: the recording holds no frames")
@@ -192,12 +214,19 @@ def save_view(
 
 
 def find_fullest_frame(frames: Sequence[Frame]) -> int:
-    """Return the place of the frame with most returns among a dozen of them."""
+    """Find the index of the frame with most returns among a dozen."""
     return max(even_indices(len(frames), _LOOKED_AT), key=lambda k: int(on_target(frames[k]).sum()))
 
 
 def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour = "range") -> Player:
-    """Return the player, once its window has been closed; in a notebook at once."""
+    """Show the player in a window, and return it when the window is closed; a notebook does not wait.
+
+    Parameters
+    ----------
+    frames : a recording, or some of its frames.
+    shapes : true meshes whose edges are drawn.
+    colour : what the colour of the cloud means.
+    """
     import matplotlib
     from matplotlib import pyplot
 
@@ -209,7 +238,7 @@ def play(frames: Sequence[Frame], shapes: Iterable[Shape] = (), colour: Colour =
 
 
 def window_backend() -> str | None:
-    """Return the name of matplotlib's backend if it opens windows here and now, None where it draws into files alone."""
+    """Return the name of matplotlib's backend if it opens windows here, None if it draws into files only."""
     from matplotlib import pyplot
     from matplotlib.backends.registry import backend_registry
 
@@ -217,7 +246,7 @@ def window_backend() -> str | None:
         name = str(pyplot.get_backend())
         registry: Any = backend_registry
         canvas = registry.load_backend_module(name).FigureCanvas
-    except (ImportError, ValueError, AttributeError):  # one that was asked for, and is not there
+    except (ImportError, ValueError, AttributeError):  # the backend asked for is not installed
         return None
     return name if canvas.required_interactive_framework is not None else None
 
@@ -238,7 +267,7 @@ def _few_ticks() -> Any:
 
 
 def _plot_axes(lidar_m: np.ndarray) -> np.ndarray:
-    """Return places (…, right_down_ahead) as (…, right_ahead_up), of which matplotlib draws the last upward."""
+    """Reorder points (…, right_down_ahead) to (…, right_ahead_up), since matplotlib draws the last axis upward."""
     return np.stack([lidar_m[..., 0], lidar_m[..., 2], -lidar_m[..., 1]], axis=-1)
 
 
@@ -261,7 +290,14 @@ def _cloud(frame: Frame, colour: Colour) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
-    """Return the middle (xyz) and half the side [m] of a cube around the target: where it is, else what came back."""
+    """Return the middle (xyz) and half the side [m] of a cube around the target, or around the returns without one.
+
+    Parameters
+    ----------
+    frame : the frame.
+    shapes : true meshes.
+    edges_m : their edges in lidar axes.
+    """
     if edges_m:
         held = np.concatenate([lines.reshape(-1, 3) for lines in edges_m[: _of_one_target(shapes)]])
     else:
@@ -274,5 +310,5 @@ def _bounds(frame: Frame, shapes: Sequence[Shape], edges_m: Sequence[np.ndarray]
 
 
 def _of_one_target(shapes: Sequence[Shape]) -> int:
-    """Return how many of the shapes, from the first on, are of the same target."""
+    """Count the shapes, from the first on, that belong to the same target."""
     return next((k for k, shape in enumerate(shapes) if shape.target != shapes[0].target), len(shapes))

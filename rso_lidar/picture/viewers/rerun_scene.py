@@ -1,7 +1,7 @@
 """A recording as a scene for the viewer Rerun: axes, clouds, images and true meshes over time, in one file (.rrd).
 
-Rerun holds places in float32, which at the distance of an orbit is metres: the scene's origin is the first target's, and
-the inertial root has no place in it.
+Rerun stores positions in float32, which resolves metres at the distance of an orbit. The scene's origin is therefore the
+first target's, and the inertial root is left out.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ APPLICATION = "rso_lidar"
 TIME, FRAME = "time", "frame"  # the two time lines: seconds since start_utc, and the frame's number
 RANGE, INTENSITY = "images/range", "images/intensity"
 _COVER = "no_return"
-_SHOWN_S = 20.0  # a recording that lasts longer than a minute is played in about so long
-_LOOKED_AT = 24  # frames that the limits of colour are made from
-_GREY = (168, 172, 180)  # of a true mesh
+_SHOWN_S = 20.0  # playing time of a recording longer than a minute
+_LOOKED_AT = 24  # frames that the colour limits are computed from
+_GREY = (168, 172, 180)  # colour of a true mesh
 _POINT = 2.5  # size of a point on the screen
 _PAPER = (24, 26, 30)
 _CONFIG = "XDG_CONFIG_HOME"
 _HERE = "127.0.0.1"
-_NOWHERE = f"http://{_HERE}:9"  # the port for what is thrown away
+_NOWHERE = f"http://{_HERE}:9"  # the discard port: analytics go nowhere
 
 
 def has_rerun() -> bool:
@@ -49,7 +49,7 @@ def has_rerun() -> bool:
 
 
 def import_rerun(what: str) -> Any:
-    """Return the module rerun, for `what`; the extra has to be installed."""
+    """Import rerun, which is an extra; `what` names the purpose in the message if it is missing."""
     try:
         import rerun
     except ImportError:
@@ -67,7 +67,7 @@ def write_rerun(
     colour: Colour = "range",
     each: Iterable[Frame] | None = None,
 ) -> Path:
-    """Return the path of a scene (.rrd) of some frames, written frame by frame, whole or not at all.
+    """Write a scene (.rrd) of some frames, frame by frame; a failed write leaves no file.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def open_rerun(path: str | Path) -> None:
 
 
 def viewer_command(path: str | Path) -> list[str]:
-    """Return the command that shows a scene: in a viewer of its own, whose port no other machine reaches."""
+    """Return the command that shows a scene in a viewer of its own, on a port closed to other machines."""
     return [sys.executable, "-m", "rerun", "--bind", _HERE, "--port", "auto", os.fspath(path)]
 
 
 @contextlib.contextmanager
 def silence_analytics() -> Iterator[dict[str, str]]:
-    """Return, as a context, an environment in which Rerun asks nobody on the network and, on Linux, collects nothing."""
+    """Provide an environment in which Rerun contacts no server and, on Linux, collects nothing."""
     with make_temporary_folder() as folder:
         config = Path(folder, "rerun", "analytics.json")
         config.parent.mkdir()
@@ -149,7 +149,7 @@ def _identity(frame: Frame) -> str:
 
 
 def _flush(stream: Any, place: Path) -> None:
-    """Wait until all is in the file: it is written by a thread of Rerun's, and only here one learns how that went."""
+    """Wait until Rerun's writer thread has written everything, and raise if it failed."""
     try:
         stream.flush()
     except (RuntimeError, ValueError, OSError) as error:
@@ -157,7 +157,7 @@ def _flush(stream: Any, place: Path) -> None:
 
 
 def _readable(draft: Path, place: Path) -> None:
-    """Make sure that a file is whole, to its last part, which tells where all the others are."""
+    """Check that a file is complete, up to the index at its end."""
     from rerun.chunk import RrdReader
 
     try:
@@ -168,7 +168,7 @@ def _readable(draft: Path, place: Path) -> None:
 
 
 def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
-    """Return where in the scene each of the axes hangs, by name: under its parent in the truth, or under the world.
+    """Return the scene path of each of the axes, by name: under its parent in the truth, or under the world.
 
     What hangs on the inertial root hangs on the world instead; the root itself is left out.
     """
@@ -183,7 +183,7 @@ def paths_of(poses: PoseTree, world: str) -> dict[str, list[str]]:
 
 
 def world_of(frame: Frame) -> str:
-    """Return the axes that a scene stands in: at the first target, not turning with it; else at the follower."""
+    """Return the root axes of a scene: non-rotating at the first target, or else at the follower."""
     poses = frame.truth.poses
     names = [entry.name for entry in frame.source.targets if entry.name in poses]
     names += [name for name in ("follower", "lidar") if name in poses]
@@ -191,7 +191,7 @@ def world_of(frame: Frame) -> str:
 
 
 class _Scene:
-    """One scene being written: where its axes hang, its scale of colours, its meshes."""
+    """Scene being written: paths of its axes, scale of colours, meshes."""
 
     def __init__(
         self, rerun: Any, first: Frame, lasts_s: float, shapes: tuple[Shape, ...], scale: Scale, colour: Colour
@@ -200,14 +200,14 @@ class _Scene:
         self.world = world_of(first)
         self.paths = paths_of(first.truth.poses, self.world)
         known = [shape.radius_m for shape in shapes]
-        if not known:  # no mesh: about as large as what was seen, or a hundredth of the way
+        if not known:  # no mesh: about the size of the returns, or a hundredth of the range
             known = [max(0.01 * float(np.linalg.norm(first.truth.pose(self.world, "lidar").translation)), 1e-3)]
         self.size_m = max(known)
         self.speed = max(1.0, round(lasts_s / _SHOWN_S)) if lasts_s > 60.0 else 1.0
         self.lens: tuple[float, int, int] | None = None
 
     def begin(self, stream: Any) -> None:
-        """Write what does not change: how the axes are drawn, the meshes, and which way is up."""
+        """Write what does not change: style of the axes, meshes, and the up direction."""
         rr = self.rr
         stream.log(self.paths[self.world], rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         bodies = {shape.target for shape in self.shapes}
@@ -277,7 +277,7 @@ class _Scene:
             stream.log([*lidar, "field"], field)
 
     def _images(self, stream: Any, frame: Frame) -> None:
-        """Write what the sensor said, in metres and counts; where it said nothing lies a cover."""
+        """Write the reading in metres and counts, with a cover where nothing was reported."""
         rr = self.rr
         middle_m = _median_m(frame) if self.scale.relative else 0.0
         middle_m = middle_m if np.isfinite(middle_m) else 0.0
@@ -287,7 +287,7 @@ class _Scene:
         stream.log(INTENSITY, rr.Image(frame.intensity_counts, color_model="L"))
 
     def blueprint(self) -> Any:
-        """Return how the viewer is laid out: space on the left, looked at from the lidar's side; images on the right."""
+        """Return the layout of the viewer: space on the left, seen from the lidar's side; images on the right."""
         import rerun.blueprint as layout
 
         toward = self.first.truth.pose(self.world, "lidar").translation

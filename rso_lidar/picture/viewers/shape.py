@@ -7,30 +7,30 @@ from functools import cached_property
 
 import numpy as np
 
-SHARP_COS = 0.9  # of the turn between two facets, beyond which the edge between them is seen: 26 degrees
-MOST_EDGES = 2500  # the longest; more only blacken a small picture
+SHARP_COS = 0.9  # cosine of the angle between two facets (26 degrees) below which their edge is drawn
+MOST_EDGES = 2500  # the longest; more would blacken a small picture
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """The facets that turn with some axes, `corners_m` (facet, 3, xyz) [m] in them; `axes` is their name, ``tdrs.array``."""
+    """Facets that turn with some axes: `corners_m` (facet, 3, xyz) [m] in the axes named `axes`, such as ``tdrs.array``."""
 
     axes: str
     corners_m: np.ndarray
 
     @property
     def target(self) -> str:
-        """Return the name of the target that it is, or is a part of."""
+        """Name of the target that the shape is, or is a part of."""
         return self.axes.partition(".")[0]
 
     @cached_property
     def radius_m(self) -> float:
-        """Return the distance [m] of the farthest corner from the origin of the axes."""
+        """Distance [m] of the farthest corner from the origin of the axes."""
         return float(np.sqrt((self.corners_m**2).sum(axis=-1).max(initial=0.0)))
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """Return the unit normals of the facets (facet, xyz) by winding, zero of a facet without area."""
+        """Unit normals of the facets (facet, xyz) by winding, zero for a facet without area."""
         one, other = (self.corners_m[:, k] - self.corners_m[:, 0] for k in (1, 2))
         normals = np.cross(one, other)
         length = np.sqrt((normals**2).sum(axis=-1, keepdims=True))
@@ -38,7 +38,7 @@ class Shape:
 
     @cached_property
     def edges_m(self) -> np.ndarray:
-        """Return the ends (edge, 2, xyz) [m] of edges where the surface ends or bends sharply, the longest `MOST_EDGES`.
+        """Ends (edge, 2, xyz) [m] of the edges where the surface ends or bends sharply; the longest `MOST_EDGES`.
 
         Corners closer than a millionth of the radius are one: in many files no facet shares its corners with the next.
         """
@@ -55,7 +55,9 @@ class Shape:
         order = np.argsort(edge.reshape(-1), kind="stable")
         starts = np.cumsum(count) - count
         one, other = facet[order[starts]], facet[order[starts + count - 1]]
-        bend = np.abs((self.normals[one] * self.normals[other]).sum(axis=-1))  # by winding either side may be out
+        bend = np.abs(
+            (self.normals[one] * self.normals[other]).sum(axis=-1)
+        )  # winding does not tell which side is outside
         seen = (count != 2) | (bend < SHARP_COS)
         ends = self.corners_m.reshape(-1, 3)[first[edges[seen]]]
         length = ((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=-1)
