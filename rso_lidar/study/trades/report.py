@@ -14,7 +14,8 @@ import numpy as np
 from rso_lidar.errors import RsoLidarError, ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.export.formats.parquet import check_parquet, write_parquet
 from rso_lidar.files import write_atomically, write_columns
-from rso_lidar.picture.frames.frame import frame_figure, parts_in_order
+from rso_lidar.picture.frames.frame import frame_figure
+from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.picture.plots.trade import Quantity, against_figure, effects_figure, format_value, maps_figure
 from rso_lidar.records import Frame
 from rso_lidar.simulate import simulate

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.picture import frame_figure, save_frame
-from rso_lidar.picture.frames.frame import _describe_geometry, _free_corner, parts_in_order, summarise
+from rso_lidar.picture.frames.frame import _describe_geometry, _free_corner, summarise
+from rso_lidar.picture.frames.part_colours import parts_in_order
 from rso_lidar.records import Reading
 
 
