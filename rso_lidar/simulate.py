@@ -190,9 +190,9 @@ def flash(
     photons = optics.collect(hits, laser, receiver, late_s)
     taps = None
     if "taps" in keep:
-        reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng)
+        reading, waveforms, taps = detector.detect_with_taps(photons, lidar.detector, rng, threads)
     else:
-        reading, waveforms = detector.detect(photons, lidar.detector, rng)
+        reading, waveforms = detector.detect(photons, lidar.detector, rng, threads)
     labels = scene.label(hits, photons, lidar.max_returns)
     made: dict[str, Record | None] = {"rays": rays, "hits": hits, "photons": photons}
     made |= {"taps": taps, "waveforms": waveforms}

@@ -85,7 +85,7 @@ AnyDetector = Annotated[Gsfl | Empirical | Detector, Seam(DescribedDetector, Det
 
 
 def detect(
-    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator
+    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator, threads: int | None = 1
 ) -> tuple[Reading, Waveforms | None]:
     """Detect the light of one flash.
 
@@ -94,20 +94,21 @@ def detect(
     photons : light on every pixel.
     detector : a part, or an object with the same method.
     rng : generator of all noise.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
 
     Returns
     -------
     What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
     """
     if isinstance(detector, Gsfl):
-        return run_chain(detector, photons, rng)[:2]
+        return run_chain(detector, photons, rng, threads=threads)[:2]
     if isinstance(detector, Empirical):
         return detect_by_curves(detector, photons, rng), None
     return detector.detect(photons, rng)
 
 
 def detect_with_taps(
-    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator
+    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator, threads: int | None = 1
 ) -> tuple[Reading, Waveforms | None, Taps | None]:
     """Detect the light of one flash, and also return the signals between the stages, None where they are not simulated.
 
@@ -118,9 +119,10 @@ def detect_with_taps(
     photons : light on every pixel.
     detector : a part, or an object that may have a method of this name.
     rng : generator of all noise.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     if isinstance(detector, Gsfl):
-        return run_chain(detector, photons, rng, with_taps=True)
+        return run_chain(detector, photons, rng, with_taps=True, threads=threads)
     method = getattr(detector, "detect_with_taps", None)
     if method is None:
         return *detect(photons, detector, rng), None

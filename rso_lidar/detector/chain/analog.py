@@ -18,11 +18,12 @@ from rso_lidar.detector.stages.light import spread_light
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
 from rso_lidar.detector.stages.row_noise import RowNoise
 from rso_lidar.detector.stages.time_axis import Plan, Rows
+from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons
 
 # Fewer expected photoelectrons in a step are the rounding of the transform, or a tail that no one sees.
 _LEAST_PRIMARIES = np.float32(1e-4)
-_ROWS_AT_ONCE = 2048  # what is worked on stays in the cache, and threads do not wait for each other
+_ROWS_AT_ONCE = 512  # what is worked on stays in the cache, and a frame has blocks for several threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,13 @@ def draw_speckle_factors(speckle: Speckle | None, photons: Photons, rng: np.rand
 
 
 def simulate_analog(
-    gsfl: Gsfl, photons: Photons, rows: Rows, plan: Plan, camera: Camera, rng: np.random.Generator | None
+    gsfl: Gsfl,
+    photons: Photons,
+    rows: Rows,
+    plan: Plan,
+    camera: Camera,
+    rng: np.random.Generator | None,
+    threads: int | None = 1,
 ) -> Analog:
     """Simulate the amplifier's output over the rows.
 
@@ -82,6 +89,7 @@ def simulate_analog(
     rows, plan : stretches of time, and how they are laid out.
     camera : the pixels.
     rng : random generator (None: the mean of the output, free of noise).
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     n, gain = rows.length, np.float32(gsfl.apd.gain)
     amplifier = build_filters(gsfl.amplifier, n, plan.step_s)
@@ -101,14 +109,14 @@ def simulate_analog(
 
     overlap = Overlap.of(rows)
     noise = None if rng is None else RowNoise.of(rows, overlap, rng)
-    # Under a droop the whole array decides the gain.
-    wait = gsfl.droop is not None
-    waiting: list[tuple[np.ndarray, np.ndarray]] = []
-    for block in split_rows(rows, _ROWS_AT_ONCE):
+    blocks = split_rows(rows, _ROWS_AT_ONCE)
+
+    def simulate_block(block: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return the mean behind the amplifier, and the excess of the electrons before it, both at the gain of rest."""
         primaries[block], quiet = convolve_light(light[block], filters, _LEAST_PRIMARIES)
         if noise is None:
             amplitude[block] = quiet * pixel_gain[block, None]
-            continue
+            return quiet, quiet
         again = overlap.select(block)
         again.carry(primaries[block])
         excess = primaries[block] + base[block, None]
@@ -116,10 +124,11 @@ def simulate_analog(
         again.carry(electrons[block])
         excess *= -gain
         excess += electrons[block]
-        if wait:
-            waiting.append((quiet, excess))
-        else:
+        if gsfl.droop is None:  # under a droop the whole array decides the gain
             amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
+        return quiet, excess
+
+    simulated = run_in_threads(threads, simulate_block, blocks)
     relative = None
     if gsfl.maps is not None:
         relative = pixel_gain[:, None]
@@ -128,7 +137,7 @@ def simulate_analog(
         steady_per_s = background_electrons_per_s(gsfl, photons)
         sag = solve_drooped_gain(gsfl.droop, rows, electrons - steady, steady_per_s, plan.step_s) - np.float32(1.0)
         relative = (sag + np.float32(1.0)) * (np.float32(1.0) if relative is None else relative)
-        for block, (quiet, excess) in zip(split_rows(rows, _ROWS_AT_ONCE), waiting, strict=True):
+        for block, (quiet, excess) in zip(blocks, simulated, strict=True):
             excess += electrons[block] * sag[block]
             amplitude[block] = amplify(amplifier, quiet, excess, pixel_gain[block], noise.select(block))
     if rng is None:

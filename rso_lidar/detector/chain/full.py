@@ -25,7 +25,7 @@ def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> W
 
 
 def run_chain(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Reading, Waveforms, Taps | None]:
     """Simulate what the sensor says of one flash, and the samples it says so from.
 
@@ -35,13 +35,14 @@ def run_chain(
     photons : light on every pixel.
     rng : random generator.
     with_taps : also return the signals between the stages.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    waveforms, taps = _store(gsfl, photons, rng, with_taps=with_taps)
+    waveforms, taps = _store(gsfl, photons, rng, with_taps=with_taps, threads=threads)
     return measure(gsfl, waveforms, shape_pulse(gsfl, photons), rng), waveforms, taps
 
 
 def _store(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Waveforms, Taps | None]:
     store = store_gate if gsfl.gate else store_traces
-    return store(gsfl, photons, rng, with_taps=with_taps)
+    return store(gsfl, photons, rng, with_taps=with_taps, threads=threads)

@@ -15,7 +15,7 @@ from rso_lidar.records import Photons, Taps, Waveforms
 
 
 def store_gate(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Waveforms, Taps | None]:
     """Simulate the samples of the gate that all pixels store, averaged over its pulses; nothing triggers.
 
@@ -25,6 +25,7 @@ def store_gate(
     photons : light on every pixel.
     rng : random generator.
     with_taps : also return the signals between the stages.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     assert gsfl.gate is not None
     n_pixels = photons.shape[0] * photons.shape[1]
@@ -38,7 +39,7 @@ def store_gate(
     n_steps = n_samples * plan.steps_per_sample if with_taps else 0
     primaries, analog = (np.zeros((n_pixels, n_steps), np.float32) for _ in range(2))
     for _ in range(gsfl.gate.pulses):
-        made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
+        made = simulate_analog(gsfl, photons, rows, plan, camera, rng, threads)
         amplitude = made.amplitude
         primaries += cut_steps(made.primaries, rows.pixel, first, n_steps)
         analog += cut_steps(amplitude, rows.pixel, first, n_steps)

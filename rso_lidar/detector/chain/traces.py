@@ -33,7 +33,7 @@ _SURE = 10.0  # times the threshold: so much light in the watched part of a row 
 
 
 def store_traces(
-    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False
+    gsfl: Gsfl, photons: Photons, rng: np.random.Generator, *, with_taps: bool = False, threads: int | None = 1
 ) -> tuple[Waveforms, Taps | None]:
     """Simulate the stored samples of self-triggering pixels.
 
@@ -45,6 +45,7 @@ def store_traces(
     photons : light on every pixel.
     rng : random generator.
     with_taps : also return the signals between the stages.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     camera = build_camera(gsfl, n_pixels)
@@ -53,7 +54,7 @@ def store_traces(
     dark = _DARK * gsfl.threshold_photons
     sure = _SURE * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
     rows, arming = arm_rows(gsfl, place_rows(photons, plan, dark, sure), plan.step_s)
-    made = simulate_analog(gsfl, photons, rows, plan, camera, rng)
+    made = simulate_analog(gsfl, photons, rows, plan, camera, rng, threads)
     base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)
     threshold = (gsfl.trigger.threshold_electrons * camera.threshold[rows.pixel]).astype(np.float32)
     latch = latch_rows(gsfl, made, threshold, base[rows.pixel], arming, plan.step_s, rng)

@@ -155,7 +155,7 @@ def multiply_rows(
             else:
                 z = (draw_from_table(word, normal, 0) - normal_zero) * (1.0 / normal_per_sigma)
                 root = math.sqrt(mean)
-                skewness = skew / root if mean > 0.0 else 0.0
+                skewness = skew / max(root, 1e-30)  # 0 for a mean of 0, which is drawn here without skewness only
                 if mean > parabolic:
                     b = skewness * (1.0 / 6.0)
                     b += 2.0 / 3.0 * b * b * b

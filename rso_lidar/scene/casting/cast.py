@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Hits, Rays, Truth
-from rso_lidar.scene.casting.bands import BAND_RAYS, at_once
+from rso_lidar.scene.casting.bands import BAND_RAYS
 from rso_lidar.scene.casting.first_hits import find_first_hits, split_by_surface
 from rso_lidar.scene.casting.light import from_laser, from_sun
 from rso_lidar.scene.casting.local_hits import localize_hits
@@ -106,5 +107,5 @@ def _relit(
     pieces = []
     for k, of_surface in split_by_surface(number, len(surfaces)):
         pieces += [(k, of_surface[start : start + BAND_RAYS]) for start in range(0, len(of_surface), BAND_RAYS)]
-    at_once(threads, lambda piece: light(*piece), pieces)
+    run_in_threads(threads, lambda piece: light(*piece), pieces)
     return replace(hits, cos_incidence=cosine, brdf_per_sr=brdf, sunlight_per_sr=sunlight)

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rso_lidar.kernels import kernel, packed
+from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Rays, Truth
-from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M, at_once
+from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M
 from rso_lidar.scene.embree.engine import Engine, Scene
 from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
 from rso_lidar.scene.surfaces.surface import Surface
@@ -84,7 +85,7 @@ def find_first_hits(
     if threads == 1 or len(bands) < 2:
         first = FirstHits(*meet(slice(0, n_rays)))
     else:
-        pieces = at_once(threads, meet, bands)
+        pieces = run_in_threads(threads, meet, bands)
         first = FirstHits(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
     engine.check()
     if not all(surface.is_lambertian for surface in surfaces):
