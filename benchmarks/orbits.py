@@ -150,15 +150,15 @@ def poses():
 
     def chain():
         course = motion.truth(scenario.bodies, at)
-        angles = motion.asked(scenario.ptu, scenario.bodies, course)
-        tree = motion.with_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
+        angles = motion.compute_demand(scenario.ptu, scenario.bodies, course)
+        tree = motion.add_lidar(course.poses, scenario.ptu, angles, np.zeros_like(angles), scenario.lidar.mount)
         return tree.place("lidar", "tdrs")
 
     seconds, _ = best(chain)
     row("lidar_from_target, motion and PTU included, 100,000", n / seconds, "poses/s", ">= 300,000")
 
     spin = rl.Spin(axis=(0.0, 0.0, 1.0), rate_deg_s=1.0)
-    asked = motion.demand(scenario.ptu, scenario.bodies, scenario.time.start_utc, 100.0, local=False)
+    asked = motion.make_demand(scenario.ptu, scenario.bodies, scenario.time.start_utc, 100.0, local=False)
     rng = np.random.default_rng(0)
 
     def steps(n=500, step_s=0.05):

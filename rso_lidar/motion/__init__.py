@@ -1,7 +1,7 @@
 """Where everything is, and how it is turned."""
 
-from rso_lidar.motion.aim import Aim, asked, demand, driven, lidar_from_ptu, with_lidar
-from rso_lidar.motion.attitudes.aem import AttitudeTable, write_aem, write_attitude_csv
+from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, lidar_from_ptu, make_demand, simulate_drive
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude, Orientation, Situation
@@ -11,7 +11,7 @@ from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
 from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.motion.bodies.body import Axes, Body
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle
-from rso_lidar.motion.bodies.order import working_order
+from rso_lidar.motion.bodies.order import sort_bodies
 from rso_lidar.motion.course import Course
 from rso_lidar.motion.gimbal.demand import FixedPoint, ScanPoint, TrackPoint
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder, StateSpaceDrive
@@ -20,7 +20,7 @@ from rso_lidar.motion.motions.motion import Motion, advise, chief_of, summarize
 from rso_lidar.motion.motions.prescribed import Fixed, Table
 from rso_lidar.motion.motions.state_space import StateSpace
 from rso_lidar.motion.mount import Mount
-from rso_lidar.motion.proximity import plan_of
+from rso_lidar.motion.proximity import find_plan
 from rso_lidar.motion.truth import Chief, truth
 
 __all__ = [
@@ -61,20 +61,20 @@ __all__ = [
     "Table",
     "TrackPoint",
     "Tumble",
+    "add_lidar",
     "advise",
-    "asked",
     "chief_of",
-    "demand",
-    "driven",
+    "compute_demand",
+    "find_plan",
     "lidar_from_ptu",
-    "plan_of",
+    "make_demand",
     "sense",
+    "simulate_drive",
+    "sort_bodies",
     "start",
     "step",
     "summarize",
     "truth",
-    "with_lidar",
-    "working_order",
     "write_aem",
     "write_attitude_csv",
 ]

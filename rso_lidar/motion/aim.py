@@ -12,7 +12,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.errors import suppress_warnings
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, pan_tilt
+from rso_lidar.motion.gimbal.demand import Demand, DemandCurve, TrackPoint, find_pan_tilt
 from rso_lidar.motion.gimbal.ptu import Ptu, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.motion.truth import Flights, truth
@@ -32,7 +32,7 @@ def lidar_from_ptu() -> Rotation:
     return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
 
 
-def demand(
+def make_demand(
     ptu: Ptu,
     bodies: Sequence[Body],
     start_utc: datetime.datetime,
@@ -53,18 +53,18 @@ def demand(
         with suppress_warnings():
             epochs = Epochs(start_utc, time_s)
             there = truth(bodies, epochs, local=local, sun_direction=sun_direction, flights=flights, rates=False)
-            return _toward(ptu, bodies, there)
+            return _vector_to_tracked(ptu, bodies, there)
 
-    return _followed(directions) if flights else DemandCurve(directions, end_s)
+    return _make_following_demand(directions) if flights else DemandCurve(directions, end_s)
 
 
-def _followed(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
+def _make_following_demand(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
     """Return a demand that asks for the directions of the very instants; pan goes on from where it was asked last."""
     last_rad = 0.0
 
     def follow(time_s: np.ndarray) -> np.ndarray:
         nonlocal last_rad
-        pan, tilt = pan_tilt(directions(time_s))
+        pan, tilt = find_pan_tilt(directions(time_s))
         pan = np.unwrap(np.append(last_rad, pan))[1:]
         last_rad = float(pan[-1])
         return np.stack([pan, tilt], axis=-1)
@@ -72,14 +72,14 @@ def _followed(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
     return follow
 
 
-def asked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
+def compute_demand(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     """Return the pan and tilt (time, 2) [rad] that the scenario asks of the PTU at the epochs of a course."""
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand(course.time_s)
-    return np.stack(pan_tilt(_toward(ptu, bodies, course)), axis=-1)
+    return np.stack(find_pan_tilt(_vector_to_tracked(ptu, bodies, course)), axis=-1)
 
 
-def driven(
+def simulate_drive(
     ptu: Ptu,
     bodies: Sequence[Body],
     course: Truth,
@@ -93,7 +93,7 @@ def driven(
     With its misalignment, without jitter; the drive is stepped from t = 0, at some million ticks of 1 ms a second.
     """
     times = course.time_s
-    follow = demand(ptu, bodies, start_utc, float(times[-1]), local=local, sun_direction=sun_direction)
+    follow = make_demand(ptu, bodies, start_utc, float(times[-1]), local=local, sun_direction=sun_direction)
     state = start(ptu, follow)
     rows = []
     for time_s in times.tolist():
@@ -103,7 +103,7 @@ def driven(
     return angles + np.array(ptu.errors.misalignment_deg) * units.DEG, rates
 
 
-def _toward(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
+def _vector_to_tracked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
     """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
@@ -130,7 +130,7 @@ class Aim:
         """Start at t = 0 with the PTU at rest on its demand; `mount` is the lidar's, `end_s` [s] the last flash's."""
         self._ptu, self._mount = ptu, mount
         if ptu is not None:
-            self._demand = demand(
+            self._demand = make_demand(
                 ptu, bodies, start_utc, end_s, local=local, sun_direction=sun_direction, flights=flights
             )
             self._state = start(ptu, self._demand)
@@ -147,11 +147,11 @@ class Aim:
             self._state = step(self._ptu, self._state, self._demand, until_s=course.time_s, command=command)
             pointing = sense(self._ptu, self._state, rng)
             actual_rad, rate_rad_s = pointing.actual_rad, pointing.rate_rad_s
-        poses = with_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
+        poses = add_lidar(course.poses, self._ptu, actual_rad, rate_rad_s, self._mount)
         return Truth(course.time_s, poses, course.states, course.sun_direction, pointing, course.sunlit)
 
 
-def with_lidar(
+def add_lidar(
     poses: PoseTree, ptu: Ptu | None, pan_tilt_rad: np.ndarray, rate_rad_s: np.ndarray, mount: Mount
 ) -> PoseTree:
     """Return the tree with ptu and lidar under the follower, for pan and tilt (…, 2) [rad] and their rates [rad/s].

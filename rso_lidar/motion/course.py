@@ -9,7 +9,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError, did_you_mean, suppress_warnings
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.bodies.order import seen_by
+from rso_lidar.motion.bodies.order import list_dependencies
 from rso_lidar.motion.dynamics.flight import Flight
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.epochs import Epochs
@@ -33,8 +33,8 @@ class Course:
         commanded: bool = False,
     ) -> None:
         self._bodies, self._epochs, self._local, self._sun = bodies, epochs, local, sun_direction
-        self.flights = _flights(bodies) if commanded else {}
-        _plannable(bodies, self.flights)
+        self.flights = _make_flights(bodies) if commanded else {}
+        _check_slews(bodies, self.flights)
         self._whole = None if self.flights else self._at(epochs)
         self._since_s = 0.0
 
@@ -47,7 +47,7 @@ class Course:
                     f"command: inputs are given for '{name}', which has no state-space model{guess} "
                     f"(known: {', '.join(self.flights) or 'none'})"
                 )
-            self.flights[name].hold(self._since_s, _numbers(name, inputs))
+            self.flights[name].hold(self._since_s, _read_inputs(name, inputs))
         self._since_s = float(self._epochs.time_s[row])
         if self._whole is not None:
             return self._whole.at(row)
@@ -60,16 +60,20 @@ class Course:
         return truth(self._bodies, epochs, local=self._local, sun_direction=self._sun, flights=self.flights)
 
 
-def _flights(bodies: Sequence[Body]) -> dict[str, Flight]:
+def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:
     return {name: Flight(model) for body in bodies for name, model in body.models.items()}
 
 
-def _plannable(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
+def _check_slews(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
     """Refuse slews that look at what a controller moves: where that will be, no plan can know."""
     for body in bodies:
         if not isinstance(body.attitude, Slew):
             continue
-        moved = [one.name for one in seen_by(body, bodies) if one.name in flights or f"{one.name}.attitude" in flights]
+        moved = [
+            one.name
+            for one in list_dependencies(body, bodies)
+            if one.name in flights or f"{one.name}.attitude" in flights
+        ]
         if moved:
             raise ScenarioError(
                 f"{body.name}.attitude: a slew is planned ahead, and a controller moves '{moved[0]}', on which it depends; "
@@ -77,7 +81,7 @@ def _plannable(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
             )
 
 
-def _numbers(name: str, inputs: object) -> np.ndarray:
+def _read_inputs(name: str, inputs: object) -> np.ndarray:
     try:
         return np.array(inputs, dtype=float, ndmin=1)
     except (TypeError, ValueError):

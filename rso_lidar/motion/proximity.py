@@ -10,7 +10,7 @@ from rso_lidar.motion.truth import Chief
 from rso_lidar.rpo import Plan, ProximityOperation
 
 
-def plan_of(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
+def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
     """Return the plan of a body that flies a proximity operation about another; None of any other motion.
 
     Parameters

@@ -14,9 +14,9 @@ from rso_lidar.motion.attitudes.constant import FixedAttitude
 from rso_lidar.motion.attitudes.situation import Orientation, Situation, orient
 from rso_lidar.motion.attitudes.sun_pointing import sun_line
 from rso_lidar.motion.bodies.body import Body
-from rso_lidar.motion.bodies.hinge import sun_in_body
-from rso_lidar.motion.bodies.order import seen_by, working_order
-from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, open_loop
+from rso_lidar.motion.bodies.hinge import find_sun_in_body
+from rso_lidar.motion.bodies.order import list_dependencies, sort_bodies
+from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel, fly_open_loop
 from rso_lidar.motion.motions.motion import chief_of, states_of
 from rso_lidar.motion.motions.placed import Place, PlacedMotion
 from rso_lidar.motion.sun_vectors import SunVectors
@@ -53,18 +53,18 @@ def truth(
     tree = PoseTree({}, {})
     states: dict[str, BodyState] = {}
     by_origin = {body.origin: body for body in bodies}
-    for name in working_order(bodies, local=local):
+    for name in sort_bodies(bodies, local=local):
         if name in by_origin:
             body = by_origin[name]
             with add_place(f"{body.name}.motion"):
-                tree = _with_origin(tree, body, here)
-            states[body.name] = here.states.get(body.name) or _state(tree, name, len(epochs))
+                tree = _add_origin(tree, body, here)
+            states[body.name] = here.states.get(body.name) or _read_state(tree, name, len(epochs))
         else:
             body = here.by_name[name]
             with add_place(f"{name}.attitude"):
-                tree = _with_body(tree, body, here)
+                tree = _add_body_axes(tree, body, here)
             with add_place(f"{name}.joint"):
-                tree = _with_joints(tree, body, here)
+                tree = _add_hinges(tree, body, here)
     states = {body.name: states[body.name] for body in bodies}
     lit: dict[str, np.ndarray] = {}
     if here.sun.position_m is not None:
@@ -145,7 +145,7 @@ class _Evaluation:
     def flight_of(self, body: Body, model: StateSpaceModel) -> Flight:
         """Return the flight of a state-space model of a body: the commanded one, or the one that nobody commands."""
         name = next(name for name, one in body.models.items() if one is model)
-        return self.flights.get(name) or open_loop(body.models[name])
+        return self.flights.get(name) or fly_open_loop(body.models[name])
 
     def chief(self, tree: PoseTree, name: str) -> Chief:
         """Return the trajectory of a body that stands in the tree already."""
@@ -195,7 +195,7 @@ class Chief:
         return [body.replace(attitude=None, axes=()) for body in chain]
 
 
-def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
+def _read_state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
     link = tree.link(ROOT, origin)
     shape = (n_epochs, 3)
     return BodyState(np.broadcast_to(link.translation_m, shape), np.broadcast_to(link.velocity_m_s, shape))
@@ -204,22 +204,22 @@ def _state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
 # ---------------------------------------------------------------------------------------------------------- places
 
 
-def _with_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
+def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with the axes at a body's origin."""
-    place, relative_to = _place(tree, body, here), chief_of(body.motion)
+    place, relative_to = _place_body(tree, body, here), chief_of(body.motion)
     if not body.orbits:
         link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
         return tree.with_node(body.origin, relative_to or ROOT, link)
     if relative_to is not None:
-        return _about(tree, body, relative_to, place, here)
+        return _add_relative(tree, body, relative_to, place, here)
     state = BodyState(place.position_m, place.velocity_m_s)
     rates = place.rates
     if rates is None:
         rates = state_rates(body.motion, here.epochs, state) if here.turns(body) else two_body_rates(state)
-    return _in_orbit(tree, body, state, rates, here)
+    return _add_orbit(tree, body, state, rates, here)
 
 
-def _place(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
+def _place_body(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
     """Return where a body's origin is, in the axes that its motion is given in; what its model doubts is a warning."""
     motion = body.motion
     if isinstance(motion, PlacedMotion):
@@ -238,7 +238,7 @@ def _place(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
     return place
 
 
-def _in_orbit(
+def _add_orbit(
     tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], here: _Evaluation
 ) -> PoseTree:
     """Return the tree with the rtn axes of an orbit under the root; `rates` are the derivatives of its state."""
@@ -247,7 +247,7 @@ def _in_orbit(
     return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
 
 
-def _about(
+def _add_relative(
     tree: PoseTree,
     body: Body,
     chief: str,
@@ -287,9 +287,9 @@ def _about(
 # ----------------------------------------------------------------------------------------------------------- turns
 
 
-def _with_body(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
+def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with a body's axes under its origin's, and under those what is fixed or hinged to it."""
-    orientation = _orientation(tree, body, here)
+    orientation = _orient_body(tree, body, here)
     matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
     if not orientation.in_origin:  # from the root's axes into those of the origin
         base = tree.link(ROOT, body.origin)
@@ -301,23 +301,23 @@ def _with_body(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     return tree
 
 
-def _with_joints(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
+def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
     """Return the tree with the axes of a body's hinges under its own."""
     if not body.joints:
         return tree
     seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
     if here.sun.position_m is not None:
         whole = tree.link(ROOT, body.name)
-        line = sun_line(_situation(tree, body, here), "joint")
-        seen = sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
+        line = sun_line(_make_situation(tree, body, here), "joint")
+        seen = find_sun_in_body(whole.rotation, whole.angular_velocity_rad_s, *line)
     for joint in body.joints:
         tree = tree.with_node(body.joint_axes(joint), body.name, joint.link(here.epochs.time_s, *seen))
     return tree
 
 
-def _orientation(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
+def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
     """Return how a body is rotate_vectors: by its attitude, else by its motion, else not at all."""
-    situation, attitude = _situation(tree, body, here), body.attitude
+    situation, attitude = _make_situation(tree, body, here), body.attitude
     if attitude is None and isinstance(body.motion, PlacedMotion):
         turned_by_motion = body.motion.orient(situation)
         if turned_by_motion is not None:
@@ -325,7 +325,7 @@ def _orientation(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
     return orient(attitude or FixedAttitude(), situation)
 
 
-def _situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
+def _make_situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
     """Return what the attitude law of a body may look at."""
     base = tree.link(ROOT, body.origin)
     to_root = base.rotation
@@ -339,13 +339,13 @@ def _situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
         return np.broadcast_to(toward, shape), np.broadcast_to(moving, shape)
 
     def at(epochs: Epochs) -> Situation:
-        some = seen_by(body, here.bodies)
+        some = list_dependencies(body, here.bodies)
         there = _Evaluation(
             tuple(some), epochs, here.local, SunVectors(epochs, here.local, here.sun.given), here.flights
         )
         with suppress_warnings():
             poses = truth(some, epochs, local=here.local, sun_direction=here.sun.given, flights=here.flights).poses
-        return _situation(poses, body, there)
+        return _make_situation(poses, body, there)
 
     return Situation(
         here.epochs,

@@ -20,22 +20,23 @@ FASTEST_M_S = 25_000.0  # twice the escape speed at the Earth's surface is 22.4 
 MOST_PIECES = 1000  # legs of one plan
 
 
-def _in_a_life(duration_s: float) -> float:
+def _check_duration(duration_s: float) -> float:
     if duration_s > LONGEST_S:
         raise ValueError(
-            f"{years(duration_s)} years are too long: plans are for up to {years(LONGEST_S)}; give at most {LONGEST_S:g} s"
+            f"{format_years(duration_s)} years are too long: plans are for up to {format_years(LONGEST_S)}; "
+            f"give at most {LONGEST_S:g} s"
         )
     return duration_s
 
 
-def _takes_time(duration_s: float) -> float:
+def _check_transfer_time(duration_s: float) -> float:
     if duration_s <= 0.0:
         what = "needs infinite speed" if duration_s == 0.0 else "goes back in time"
         raise ValueError(f"a transfer in {duration_s:g} s {what}: give more than zero")
     return duration_s
 
 
-def _slow_enough(velocity_m_s: Vector) -> Vector:
+def _check_speed(velocity_m_s: Vector) -> Vector:
     speed_m_s = math.hypot(*velocity_m_s)
     if speed_m_s > FASTEST_M_S:
         raise ValueError(
@@ -44,25 +45,25 @@ def _slow_enough(velocity_m_s: Vector) -> Vector:
     return velocity_m_s
 
 
-def _few(count: int) -> int:
+def _check_count(count: int) -> int:
     if count > MOST_PIECES:
         raise ValueError(f"a plan has at most {MOST_PIECES} of them; give fewer")
     return count
 
 
-Duration = Annotated[Positive, AfterValidator(_in_a_life)]
-Wait = Annotated[NotNegative, AfterValidator(_in_a_life)]
-TransferTime = Annotated[Number, AfterValidator(_takes_time), AfterValidator(_in_a_life)]
-Velocity = Annotated[Vector, AfterValidator(_slow_enough)]
-Pieces = Annotated[Count, AfterValidator(_few)]
+Duration = Annotated[Positive, AfterValidator(_check_duration)]
+Wait = Annotated[NotNegative, AfterValidator(_check_duration)]
+TransferTime = Annotated[Number, AfterValidator(_check_transfer_time), AfterValidator(_check_duration)]
+Velocity = Annotated[Vector, AfterValidator(_check_speed)]
+Pieces = Annotated[Count, AfterValidator(_check_count)]
 
 
-def years(duration_s: float) -> str:
+def format_years(duration_s: float) -> str:
     """Format a time in years."""
     return f"{duration_s / (365.25 * units.DAY_S):.3g}"
 
 
-def horizon_within(horizon_s: Any) -> float:
+def check_horizon(horizon_s: Any) -> float:
     """Check a horizon [s], and return it.
 
     Raises

@@ -1,25 +1,25 @@
 """Reference controllers and trackers: an Observation in, a Command out; points in, an estimate out."""
 
-from rso_lidar.track.centroid import Fix, centroid
+from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller
 from rso_lidar.track.follow import PoseFollower
-from rso_lidar.track.icp import Alignment, Model, acquire, align, sampled, seen_middle
-from rso_lidar.track.kalman import Track, kalman, nis_bounds
+from rso_lidar.track.icp import Alignment, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
+from rso_lidar.track.kalman import Track, filter_positions, nis_bounds
 from rso_lidar.track.pointing import Pointing
 
 __all__ = [
     "Alignment",
     "Controller",
     "Fix",
-    "Model",
     "Pointing",
     "PoseFollower",
+    "SampledMesh",
     "Track",
     "acquire",
     "align",
-    "centroid",
-    "kalman",
+    "filter_positions",
+    "locate_centroid",
+    "measure_visible_centroid",
     "nis_bounds",
-    "sampled",
-    "seen_middle",
+    "sample_mesh",
 ]

@@ -29,7 +29,7 @@ class Fix:
         return float(np.linalg.norm(self.position_m))
 
 
-def centroid(
+def locate_centroid(
     points_m: np.ndarray,
     *,
     pixel_rad: float,
@@ -64,13 +64,13 @@ def centroid(
     cloud = np.asarray(points_m, dtype=float)
     if cloud.ndim not in (2, 3) or cloud.shape[-1] != 3:
         raise ScenarioError(f"centroid: points are (n, 3) or (row, col, 3), not {cloud.shape}")
-    taken = gated(cloud, gate_m)
+    taken = select_target_points(cloud, gate_m)
     n = int(taken.sum())
     if n < min_points:
         return None
     points = cloud[taken]
     middle = points.mean(axis=0)
-    found = _found_fraction(taken) if cloud.ndim == 3 else 1.0
+    found = _count_found_fraction(taken) if cloud.ndim == 3 else 1.0
     range_m = float(np.linalg.norm(middle))
     ahead = np.outer(middle, middle) / range_m**2
     edge_m2 = (pixel_rad * range_m) ** 2 / (12.0 * np.sqrt(n))
@@ -80,7 +80,7 @@ def centroid(
     return Fix(middle, covariance, points, found)
 
 
-def gated(cloud: np.ndarray, gate_m: float) -> np.ndarray:
+def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
     """Return which points (…) of a cloud (…, 3) are the target's: in the fullest window of range, and together."""
     range_m = np.sqrt((cloud**2).sum(axis=-1))
     rising = np.sort(range_m[np.isfinite(range_m)])
@@ -94,7 +94,7 @@ def gated(cloud: np.ndarray, gate_m: float) -> np.ndarray:
     return together
 
 
-def _found_fraction(taken: np.ndarray) -> float:
+def _count_found_fraction(taken: np.ndarray) -> float:
     """Return the share of pixels that returned, of those (row, col) between two that did."""
     inside = found = 0
     for down, right in _NEIGHBOURS:

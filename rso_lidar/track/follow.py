@@ -9,7 +9,7 @@ import numpy as np
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.pose import pose
-from rso_lidar.track.icp import Alignment, Model, acquire, align, misfit_m, outline_of
+from rso_lidar.track.icp import Alignment, SampledMesh, acquire, align, find_outline, misfit_m
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
@@ -72,7 +72,7 @@ class PoseFollower:
 
     def __init__(
         self,
-        model: Model,
+        model: SampledMesh,
         *,
         min_points: int = FEWEST_POINTS,
         most_points: int = 1500,
@@ -94,7 +94,7 @@ class PoseFollower:
         middle = axes_from_lidar.apply(points.mean(axis=0))
         self._waited += 1
         usual_m = np.sqrt(min((one.square_m2 for one in self._kept), default=0.0))
-        outline, now_m = outline_of(points), np.inf
+        outline, now_m = find_outline(points), np.inf
         for one in self._kept:
             found = align(points, self.model, one.guess(time_s, middle, axes_from_lidar))
             misfit = misfit_m(found.pose, self.model, points, outline)

@@ -26,7 +26,7 @@ _UNLIKE_RAD = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class SampledMesh:
     """Points (point, 3) [m] spread evenly over a mesh, in body axes, with their facets' unit normals."""
 
     points_m: np.ndarray
@@ -67,7 +67,7 @@ class Alignment:
     steps: int
 
 
-def sampled(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Generator | None = None) -> Model:
+def sample_mesh(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Generator | None = None) -> SampledMesh:
     """Return a model of a mesh, from the corners (facet, 3, xyz) [m] of its facets: points even over its area."""
     corners = np.asarray(corners_m, dtype=float)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
@@ -79,10 +79,10 @@ def sampled(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Generator
     a, b = np.sort(rng.random((2, count)), axis=0)  # even over a triangle
     first, second, third = (corners[facet, k] for k in range(3))
     points = a[:, None] * first + (b - a)[:, None] * second + (1.0 - b)[:, None] * third
-    return Model(points, normal[facet] / double[facet, None])
+    return SampledMesh(points, normal[facet] / double[facet, None])
 
 
-def align(points_m: np.ndarray, model: Model, guess: RigidTransform, steps: int = _STEPS) -> Alignment:
+def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps: int = _STEPS) -> Alignment:
     """Return lidar_from_body from points (n, 3) [m] in lidar axes, near a guess.
 
     Each step pairs every point with the nearest of the model, leaves out pairs more than three times the median apart, and
@@ -107,14 +107,14 @@ def align(points_m: np.ndarray, model: Model, guess: RigidTransform, steps: int 
         square = np.einsum("ni,nj->ij", rows, rows) + 1e-6 * len(rows) * np.eye(6)
         small = np.linalg.solve(square, np.einsum("ni,n->i", rows, off))
         turn, shift = small[:3] / model.radius_m, small[3:]
-        rotation = _rotation(turn)
+        rotation = _make_rotation(turn)
         body_from_lidar = pose(middle + shift - rotation.apply(middle), rotation) * body_from_lidar
         if np.abs(turn).max() < _STILL and np.abs(shift).max() < _STILL * model.radius_m:
             break
     return Alignment(body_from_lidar.inv(), float(np.sqrt(np.mean(off**2))), taken)
 
 
-def acquire(points_m: np.ndarray, model: Model, starts: int = 96, count: int = 1) -> list[Alignment]:
+def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: int = 1) -> list[Alignment]:
     """Return up to `count` poses lidar_from_body, the best first, from points (n, 3) [m] in lidar axes without a guess.
 
     The turns of a super-Fibonacci spiral (Alexa 2022), even over all rotations, are each tried for a few steps from the
@@ -124,27 +124,27 @@ def acquire(points_m: np.ndarray, model: Model, starts: int = 96, count: int = 1
     """
     points = np.asarray(points_m, dtype=float)
     some = points[:: max(1, len(points) // _COARSE_POINTS)]
-    outline = outline_of(points)
+    outline = find_outline(points)
     middle = points.mean(axis=0)
     tried = []
-    for rotation in _spiral(starts):
+    for rotation in _spread_rotations(starts):
         start = pose(middle - rotation.apply(model.middle_m), rotation)
         found = align(some, model, start, _COARSE_STEPS)
         tried.append((misfit_m(found.pose, model, some, outline), found))
     ranked = [found for _, found in sorted(tried, key=lambda one: one[0])]
-    best = ranked[:3] if count == 1 else _unlike(ranked, model, count)
+    best = ranked[:3] if count == 1 else _select_unlike(ranked, model, count)
     finished = [align(points, model, found.pose) for found in best]
     return sorted(finished, key=lambda found: misfit_m(found.pose, model, points, outline))[:count]
 
 
-def outline_of(points_m: np.ndarray) -> Any:
+def find_outline(points_m: np.ndarray) -> Any:
     """Return the directions (n, 2) of points [m] in lidar axes, x/z and y/z, as scipy's k-d tree."""
     from scipy.spatial import cKDTree
 
     return cKDTree(points_m[:, :2] / points_m[:, 2:])
 
 
-def misfit_m(lidar_from_body: RigidTransform, model: Model, points_m: np.ndarray, outline: Any) -> float:
+def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.ndarray, outline: Any) -> float:
     """Return how far points are from the model [m], rms, and added to it how far across the model is from their outline."""
     apart, _ = model.tree.query(lidar_from_body.inv().apply(points_m))
     shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
@@ -154,30 +154,32 @@ def misfit_m(lidar_from_body: RigidTransform, model: Model, points_m: np.ndarray
     return float(np.sqrt(np.mean(apart**2)) + np.sqrt(np.mean((beside * shown[:, 2]) ** 2)))
 
 
-def _unlike(ranked: list[Alignment], model: Model, count: int) -> list[Alignment]:
+def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> list[Alignment]:
     """Return up to `count` poses that differ, those first whose long axes do."""
     chosen: list[Alignment] = []
     for by_axis in (True, False):
         for found in ranked:
-            if len(chosen) < count and all(_apart_rad(found, other, model, by_axis) > _UNLIKE_RAD for other in chosen):
+            if len(chosen) < count and all(
+                _angle_between_rad(found, other, model, by_axis) > _UNLIKE_RAD for other in chosen
+            ):
                 chosen.append(found)
     return chosen
 
 
-def _apart_rad(one: Alignment, other: Alignment, model: Model, by_axis: bool) -> float:
+def _angle_between_rad(one: Alignment, other: Alignment, model: SampledMesh, by_axis: bool) -> float:
     if by_axis:
         a, b = (found.pose.rotation.apply(model.long_axis) for found in (one, other))
         return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
     return float((one.pose.rotation.inv() * other.pose.rotation).magnitude())
 
 
-def _rotation(turn_rad: np.ndarray) -> Rotation:
+def _make_rotation(turn_rad: np.ndarray) -> Rotation:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_rotvec(turn_rad)
 
 
-def _spiral(count: int) -> list[Rotation]:
+def _spread_rotations(count: int) -> list[Rotation]:
     """Return rotations that lie evenly among all (super-Fibonacci, with its constants)."""
     from scipy.spatial.transform import Rotation
 
@@ -189,7 +191,7 @@ def _spiral(count: int) -> list[Rotation]:
     return [Rotation.from_quat(one) for one in quaternions]
 
 
-def seen_middle(model: Model, directions: int = 60, cells: int = 32) -> tuple[float, float, float]:
+def measure_visible_centroid(model: SampledMesh, directions: int = 60, cells: int = 32) -> tuple[float, float, float]:
     """Return how the middle of what is seen of a model lies about its origin, over all directions to look from [m].
 
     They are the mean along the line of sight (negative: toward the lidar), the standard deviation of that, and the rms
@@ -197,7 +199,7 @@ def seen_middle(model: Model, directions: int = 60, cells: int = 32) -> tuple[fl
     """
     along, across = [], []
     width = 2.0 * model.radius_m / cells
-    for rotation in _spiral(directions):
+    for rotation in _spread_rotations(directions):
         shown = rotation.apply(model.points_m)
         place = np.floor((shown[:, :2] - rotation.apply(model.middle_m)[:2]) / width).astype(int) + cells
         cell = place[:, 0] * (2 * cells) + place[:, 1]

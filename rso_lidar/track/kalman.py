@@ -61,7 +61,7 @@ def nis_bounds(count: int = 1, share: float = 0.95) -> tuple[float, float]:
     return low, high
 
 
-def kalman(
+def filter_positions(
     time_s: np.ndarray,
     position_m: np.ndarray,
     covariance_m2: np.ndarray,
@@ -102,10 +102,10 @@ def kalman(
     kick_s = np.array([at for at, _ in kicks], dtype=float)
     for k in range(n):
         if begun:
-            forward, noise = _discrete(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - time_s[k - 1]))
+            forward, noise = _discretize(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - time_s[k - 1]))
             state, covariance = forward @ state, forward @ covariance @ forward.T + noise
             for j in range(*np.searchsorted(kick_s, time_s[k - 1 : k + 1], side="right").tolist()):
-                onward, _ = _discrete(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - kick_s[j]))
+                onward, _ = _discretize(mean_motion_rad_s, acceleration_m_s2_rthz, float(time_s[k] - kick_s[j]))
                 state = state + onward[:, AXES:] @ kicks[j][1]
             if seen[k]:
                 innovation_m[k] = position_m[k] - state[:AXES]
@@ -129,7 +129,7 @@ def kalman(
 
 
 @lru_cache(maxsize=256)
-def _discrete(mean_motion_rad_s: float | None, density: float, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+def _discretize(mean_motion_rad_s: float | None, density: float, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the transition (6, 6) over a step [s], and the covariance that white acceleration adds (Van Loan)."""
     from scipy.linalg import expm
 

@@ -64,7 +64,7 @@ class Pointing:
             raise ScenarioError("Pointing: the observation has no pan and tilt: give the scenario a [ptu]")
         interval_s = time_s - self._called_s if self._called_s < time_s else 0.0
         self._called_s = time_s
-        seen = cluster(observation.reading, self.gate_m, self.min_pixels)
+        seen = find_cluster(observation.reading, self.gate_m, self.min_pixels)
         if seen.any():
             toward = observation.line_of_sight[seen].mean(axis=0)
             self._update(time_s, self._aim(self._ptu_from_lidar.apply(toward), *measured.tolist()), measured)
@@ -108,7 +108,7 @@ class Pointing:
         self._rate = self._rate + beta / dt * (angle - expected)
 
 
-def cluster(reading: Reading, gate_m: float, min_pixels: int) -> np.ndarray:
+def find_cluster(reading: Reading, gate_m: float, min_pixels: int) -> np.ndarray:
     """Return the mask (row, col) of the returns of the target: the fullest window of ranges, or nothing.
 
     Only returns with a neighbour within `gate_m` [m] count; fewer than `min_pixels` in the window are nothing.

@@ -21,11 +21,8 @@ TREES = {
 
 
 # What is still to be renamed; each list only ever shrinks.
-CLASSES_TO_RENAME = {
-    "Arc", "Camera", "Curve", "Flight", "Impulse", "Model", "Plan", "Pulses", "Rows",
-    "Sight", "Sky", "Store", "Table", "Way",
-}  # fmt: skip
-MODULES_TO_RENAME = {"aem aim", "preview review"}
+CLASSES_TO_RENAME = {"Camera", "Plan", "Pulses", "Table"}
+MODULES_TO_RENAME = {"preview review"}
 ROOMS_TO_CLEAN = {"scenario", "study"}
 
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import motion, orbit, rpo
-from rso_lidar.motion.attitudes.look_at import look_at
+from rso_lidar.motion.attitudes.look_at import aim_axes
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.units import DEG, EARTH_GM_M3_S2
 
@@ -236,7 +236,7 @@ def test_rate_of_looking_at_a_target_that_passes(validation):
     """A target on a straight line, 1500 m off at the closest and 25 m/s fast, as in examples/tle_flyby.toml."""
     beside, speed, time = 1500.0, 25.0, np.linspace(-120.0, 120.0, 241)
     line = np.stack([np.full_like(time, beside), speed * time, 0 * time], axis=-1)
-    _, rates = look_at(line, np.broadcast_to([0, speed, 0], line.shape), np.array([0, 0, 1.0]))
+    _, rates = aim_axes(line, np.broadcast_to([0, speed, 0], line.shape), np.array([0, 0, 1.0]))
     expected = speed * beside / (beside**2 + (speed * time) ** 2)  # the derivative of atan(v t / b)
     assert not rates[:, :2].any()
     worst = np.argmax(np.abs(rates[:, 2] - expected))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.attitudes.aem import AttitudeTable
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
 from rso_lidar.motion.bodies.body import Body
 from rso_lidar.motion.truth import truth
 from rso_lidar.orbit.ccsds.ephemeris import Ephemeris

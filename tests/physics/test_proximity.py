@@ -67,31 +67,33 @@ def inertial(chief, position_m, velocity_m_s):
     [
         (
             "V-bar hop of 480 m by radial boosts, half a revolution: sum of the two, n dy / 2",
-            lambda: rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, hops=1).flown(N).delta_v_m_s,
+            lambda: rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, hops=1).make_plan(N).delta_v_m_s,
             N * 480.0 / 2.0,
         ),
         (
             "V-bar hop of 480 m by tangential boosts, one revolution: sum of the two, n dy / (3 pi)",
             lambda: (
                 rpo.Hop(**CHIEF, from_m=(0.0, -500.0, 0.0), to_m=(0.0, -20.0, 0.0), duration_s=REVOLUTION)
-                .flown(N)
+                .make_plan(N)
                 .delta_v_m_s
             ),
             N * 480.0 / (3.0 * math.pi),
         ),
         (
             "V-bar straight line over 480 m: continuous thrust, 2 n dy",
-            lambda: rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, speed_m_s=0.1).flown(N).continuous_delta_v_m_s,
+            lambda: (
+                rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, speed_m_s=0.1).make_plan(N).continuous_delta_v_m_s
+            ),
             2.0 * N * 480.0,
         ),
         (
             "Held 100 m above for one revolution: 3 n^2 x T",
-            lambda: rpo.StationKeeping(**CHIEF, position_m=(100.0, 0.0, 0.0)).flown(N).delta_v_m_s,
+            lambda: rpo.StationKeeping(**CHIEF, position_m=(100.0, 0.0, 0.0)).make_plan(N).delta_v_m_s,
             3.0 * N * 100.0 * math.tau,
         ),
         (
             "Held 100 m across for one revolution: n^2 z T",
-            lambda: rpo.StationKeeping(**CHIEF, position_m=(0.0, 0.0, 100.0)).flown(N).delta_v_m_s,
+            lambda: rpo.StationKeeping(**CHIEF, position_m=(0.0, 0.0, 100.0)).make_plan(N).delta_v_m_s,
             N * 100.0 * math.tau,
         ),
         (
@@ -104,7 +106,7 @@ def inertial(chief, position_m, velocity_m_s):
                     to_m=(0.0, -2000.0 + 0.75 * math.pi * 500.0, 0.0),
                     duration_s=0.5 * REVOLUTION,
                 )
-                .flown(N)
+                .make_plan(N)
                 .delta_v_m_s
             ),
             N * 500.0 / 2.0,
@@ -116,7 +118,7 @@ def test_cost(validation, case, plan, expected):
 
 
 def test_forced_v_bar_acceleration(validation):
-    plan = rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, speed_m_s=0.1).flown(N)
+    plan = rpo.VBarApproach(**CHIEF, from_m=-500.0, to_m=-20.0, speed_m_s=0.1).make_plan(N)
     control = plan.control_m_s2(np.array([0.0, 2000.0]))
     np.testing.assert_allclose(control[:, 1:], 0.0, atol=1e-18)
     validation(
@@ -130,7 +132,7 @@ def test_forced_v_bar_acceleration(validation):
 
 
 def test_co_elliptic_drift(validation):
-    plan = rpo.CoElliptic(**CHIEF, radial_m=-1000.0, from_m=-10_000.0, duration_s=REVOLUTION).flown(N)
+    plan = rpo.CoElliptic(**CHIEF, radial_m=-1000.0, from_m=-10_000.0, duration_s=REVOLUTION).make_plan(N)
     (begin, end), _ = plan.relative(np.array([0.0, REVOLUTION]))
     assert end[0] == pytest.approx(-1000.0, abs=1e-9)
     validation(
@@ -145,7 +147,7 @@ def test_co_elliptic_drift(validation):
 
 def test_two_by_one_ellipse(validation):
     part = rpo.Circumnavigation(**CHIEF, radial_m=100.0, cross_track_m=60.0, phase_deg=30.0, phase_difference_deg=20.0)
-    position, _ = part.flown(N).relative(np.linspace(0.0, REVOLUTION, 100_001))
+    position, _ = part.make_plan(N).relative(np.linspace(0.0, REVOLUTION, 100_001))
     for axis, (name, expected) in enumerate([("radial", 100.0), ("along-track", 200.0), ("across", 60.0)]):
         validation(
             case=f"Natural circumnavigation of 100 m: half its size, {name}",
@@ -167,7 +169,7 @@ def test_separation_of_a_safety_ellipse(validation, difference_deg):
     i = 80.0 * np.array([math.cos(math.radians(difference_deg)), math.sin(math.radians(difference_deg))])
     size = e @ e + i @ i + np.linalg.norm(e + i) * np.linalg.norm(e - i)
     expected = math.sqrt(2.0) * abs(e @ i) / math.sqrt(size)
-    position, _ = part.flown(N).relative(np.linspace(0.0, REVOLUTION, 20_001))
+    position, _ = part.make_plan(N).relative(np.linspace(0.0, REVOLUTION, 20_001))
     assert np.hypot(position[:, 0], position[:, 2]).min() == pytest.approx(expected, abs=1e-3)
     validation(
         case=f"e/i separation, 120 m by 80 m, vectors {difference_deg:g} deg apart: least distance from the track",
@@ -181,7 +183,7 @@ def test_separation_of_a_safety_ellipse(validation, difference_deg):
 
 def test_walking_keeps_clear_of_the_track():
     part = rpo.SafetyEllipse(**CHIEF, radial_m=120.0, cross_track_m=80.0, drift_m=300.0, center_along_track_m=-1500.0)
-    plan = part.flown(N)
+    plan = part.make_plan(N)
     position, _ = plan.relative(np.linspace(0.0, 12.0 * REVOLUTION, 50_001))
     assert np.linalg.norm(position, axis=1).min() >= part.separation_m
     centre = position[::5000, 1] - position[0, 1]
@@ -195,7 +197,7 @@ def test_r_bar_turns_before_the_bodys_height(validation):
     # released at x0 with v toward the body: x = 4 x0 - 3 x0 cos nt + v / n sin nt, nearest 4 |x0| - sqrt(9 x0^2 + v^2 / n^2)
     for speed in (0.5, 2.0):
         v = speed * N * 100.0
-        leg = rpo.RBarApproach(**CHIEF, from_m=-400.0, to_m=-100.0, speed_m_s=v).flown(N)
+        leg = rpo.RBarApproach(**CHIEF, from_m=-400.0, to_m=-100.0, speed_m_s=v).make_plan(N)
         (place,), (velocity,) = leg.relative(np.array([leg.duration_s - 1e-9]))
         drifted, _ = clohessy_wiltshire(place, velocity, np.linspace(0.0, REVOLUTION, 200_001), N)
         validation(

@@ -18,9 +18,9 @@ from rso_lidar.orbit.two_body.kepler import Kepler, propagate_two_body
 from rso_lidar.orbit.two_body.lambert import solve_lambert
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, elements_from_state, state_from_elements
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.rpo.relative.nonlinear import rtn_difference
+from rso_lidar.rpo.relative.nonlinear import find_relative_state
 
 GM = units.EARTH_GM_M3_S2
 CURTIS_GM = 3.986e14  # his, 1.1e-6 less: beyond the five digits that he prints
@@ -227,7 +227,7 @@ def test_a_meteoroid_seen_twice(compare):
 def test_relative_velocity_in_turning_axes(compare):
     chief = of_momentum(52059.0, 0.025724, 60.0, 40.0, 30.0, 40.0)
     other = of_momentum(52362.0, 0.0072696, 50.0, 40.0, 120.0, 40.0)
-    apart = rtn_difference(*(BodyState(r[None], v[None]) for r, v in (chief, other)))
+    apart = find_relative_state(*(BodyState(r[None], v[None]) for r, v in (chief, other)))
     compare(
         f"{CURTIS}, example 7.1",
         vector("two orbits: relative position", (-6701.2, 6828.3, -406.26), apart[0][0] / units.KM, 0.06, "km")
@@ -247,7 +247,7 @@ def test_clohessy_wiltshire_of_a_release(compare):
         ),
     )
     place, _ = clohessy_wiltshire((0.0, 0.0, 0.0), (-0.1, -0.04, -0.02), 600.0, n)
-    back = departure_m_s(np.array([-70.933, 20.357, -11.17]), np.zeros(3), 300.0, n)
+    back = solve_departure_m_s(np.array([-70.933, 20.357, -11.17]), np.zeros(3), 300.0, n)
     compare(
         f"{VALLADO}, example 6-15",
         vector("released at 0.1 m/s, after 10 min: position", (-70.933, 20.357, -11.170), place, 6e-4, "m")
@@ -293,14 +293,14 @@ def test_rendezvous_in_eight_hours(compare):
 
     station = orbit(300.0, 300.0, 40.0, 20.0, 0.0, 60.0)
     other = orbit(320.06, 513.86, 40.130, 19.819, 70.662, 349.65)
-    position, velocity = (rows[0] for rows in rtn_difference(BodyState(*station), BodyState(*other)))
+    position, velocity = (rows[0] for rows in find_relative_state(BodyState(*station), BodyState(*other)))
     n = math.sqrt(CURTIS_GM / ((CURTIS_RADIUS_KM + 300.0) * 1e3) ** 3)
     plan = rpo.Rendezvous(
         relative_to="station",
         position_m=tuple(position.tolist()),
         velocity_m_s=tuple(velocity.tolist()),
         duration_s=8 * 3600.0,
-    ).flown(n)
+    ).make_plan(n)
     compare(
         f"{CURTIS}, example 7.4",
         [("rendezvous in 8 h from 36 km: both boosts", 111.24, plan.delta_v_m_s, 0.1, "m/s")],

@@ -18,7 +18,7 @@ from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import Hill
 from rso_lidar.rpo.relative.nonlinear import Nonlinear
-from rso_lidar.rpo.relative.relative_elements import RelativeElements, beside_elements
+from rso_lidar.rpo.relative.relative_elements import RelativeElements, add_relative_elements
 from rso_lidar.rpo.relative.rtn import rtn_axes
 from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen
 
@@ -185,7 +185,7 @@ def test_relative_elements_with_j2(validation, e, inclination_deg, share):
         pull = 1 + push * (np.array([1.0, 1.0, 3.0]) - 5 * x[2] ** 2 / r2)
         return np.concatenate([x[3:], -GM / r2**1.5 * x[:3] * pull])
 
-    body = osculating_from_mean(beside_elements(mean, part.elements_m))
+    body = osculating_from_mean(add_relative_elements(mean, part.elements_m))
     rows = [integrated(flattened, np.concatenate(state), times) for state in ((r, v), body)]
     want, _ = in_rtn(rows[0], rows[1] - rows[0])
     validation(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import rso_lidar as rl
 from rso_lidar import motion, units
 from rso_lidar.errors import RsoLidarError, ScenarioError
-from rso_lidar.motion.aim import driven, with_lidar
+from rso_lidar.motion.aim import add_lidar, simulate_drive
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
@@ -250,9 +250,9 @@ mount = {{ position_m = [0.05, 0.02, -0.1], euler_zyx_deg = [1, 2, 3] }}
     times_s = np.array([0.5, 1.2, 3.0, 7.25, 15.0])  # on the first line of the raster, which ends at 20 s
     grid_s = (times_s[:, None] + step_s * np.arange(-2, 3)).ravel()
     course = motion.truth(scenario.bodies, epochs(grid_s))
-    angles, rates = driven(scenario.ptu, scenario.bodies, course, START, local=False)
+    angles, rates = simulate_drive(scenario.ptu, scenario.bodies, course, START, local=False)
     assert np.all(np.abs(rates[:, 0]) > 0.01)  # it moves, and may not be right by standing still
-    poses = with_lidar(course.poses, scenario.ptu, angles, rates, scenario.lidar.mount)
+    poses = add_lidar(course.poses, scenario.ptu, angles, rates, scenario.lidar.mount)
     for parent, child in (("follower", "ptu"), ("follower", "lidar"), ("lidar", "follower"), ("lidar", "chief")):
         link = poses.link(parent, child)
         away_m = np.linalg.norm(batch(link.translation_m, 3), axis=1).max()

@@ -176,7 +176,7 @@ def test_flattening_is_told_of_free_flight_and_names_the_operation():
 def test_flattening_bounds_what_an_integration_finds(inclination_deg, anomaly_deg):
     """Two bodies against J2 integrated: it moves a ring about a chief by up to 4.5 % of the separation a revolution."""
     from rso_lidar.orbit.propagation.forces import Forces
-    from rso_lidar.rpo.relative.hill import flattening, state_at_start
+    from rso_lidar.rpo.relative.hill import describe_flattening, find_start_state
 
     chief = STATION.replace(inclination_deg=inclination_deg, true_anomaly_deg=anomaly_deg, eccentricity=0.0)
     epochs = Epochs(START, np.linspace(0.0, 2.0 * REVOLUTION, 41))
@@ -185,6 +185,6 @@ def test_flattening_bounds_what_an_integration_finds(inclination_deg, anomaly_de
     plain = rpo.Nonlinear(**C, **start).relative(epochs, chief)[0]
     real = rpo.Nonlinear(**C, **start, forces=Forces(zonal_degree=2)).relative(epochs, chief)[0]
     off = np.linalg.norm(real - plain, axis=1)[-1] / np.linalg.norm(plain, axis=1).max()
-    (told,) = flattening("ring", epochs, *state_at_start(chief, START))
+    (told,) = describe_flattening("ring", epochs, *find_start_state(chief, START))
     share = float(told.split("by up to ")[1].split("%")[0]) / 100.0
     assert 0.2 * share < off < share

@@ -171,7 +171,7 @@ def test_teardrop_turns_where_it_was_asked():
     for turn_m in (150.0, 1.0, -40.0):
         part = rpo.Teardrop(**C, cusp_m=300.0, turn_m=turn_m, loops=2)
         each_s = part.loop_s(N)
-        position, _ = part.flown(N).relative(np.linspace(0.0, each_s, 2001))
+        position, _ = part.make_plan(N).relative(np.linspace(0.0, each_s, 2001))
         assert position[1000, 0] == pytest.approx(turn_m, abs=1e-6)
         assert position[:, 0].min() == pytest.approx(turn_m, abs=1e-6)
         np.testing.assert_allclose(position[:, 1], -position[::-1, 1], rtol=0, atol=1e-6)
@@ -332,8 +332,8 @@ def test_ellipses_about_a_body_are_lovell_and_spencers(phase_deg, ahead_deg):
     time = np.linspace(0.0, 1.7 * math.tau / n, 37)
     u, ahead = n * time + math.radians(phase_deg), math.radians(ahead_deg)
     shape = {**C, "radial_m": 120.0, "cross_track_m": 70.0, "phase_deg": phase_deg, "phase_difference_deg": ahead_deg}
-    still = rpo.Circumnavigation(**shape, center_along_track_m=-35.0).flown(n)
-    walking = rpo.SafetyEllipse(**shape, center_along_track_m=500.0, drift_m=-90.0).flown(n)
+    still = rpo.Circumnavigation(**shape, center_along_track_m=-35.0).make_plan(n)
+    walking = rpo.SafetyEllipse(**shape, center_along_track_m=500.0, drift_m=-90.0).make_plan(n)
     for plan, centre_m, drift_m in ((still, -35.0, 0.0), (walking, 500.0, -90.0)):
         height_m = -drift_m / (3.0 * math.pi)
         along = centre_m + drift_m * n * time / math.tau - 240.0 * np.sin(u)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import rso_lidar as rl
 from rso_lidar.pose import pose
-from rso_lidar.track import Model, PoseFollower, acquire, align, sampled, seen_middle
+from rso_lidar.track import PoseFollower, SampledMesh, acquire, align, measure_visible_centroid, sample_mesh
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DEG = rl.units.DEG
@@ -20,13 +20,13 @@ def corners():
 
 @pytest.fixture(scope="module")
 def model(corners):
-    return sampled(corners)
+    return sample_mesh(corners)
 
 
 def cloud(corners, seed, noise_m, true=TRUE, count=800):
     """Return points on the facets that are not the model's own, in lidar axes, with noise along the line of sight."""
     rng = np.random.default_rng(seed)
-    points = true.apply(sampled(corners, count, rng).points_m)
+    points = true.apply(sample_mesh(corners, count, rng).points_m)
     ahead = points / np.linalg.norm(points, axis=1, keepdims=True)
     return points + ahead * rng.normal(0.0, noise_m, (count, 1))
 
@@ -65,7 +65,7 @@ def test_what_a_round_target_does_not_tell_stays_as_guessed():
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     disc = np.stack([np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)], axis=1)
     guess = TRUE * pose(np.array([0.0, 0.0, 0.2]), Rotation.from_rotvec([0.05, 0.0, 0.0]))
-    found = align(cloud(disc, 5, 0.0), sampled(disc), guess).pose
+    found = align(cloud(disc, 5, 0.0), sample_mesh(disc), guess).pose
     axis = [one.rotation.apply([0.0, 0.0, 1.0]) for one in (found, TRUE)]
     assert np.linalg.norm(axis[0] - axis[1]) < 1e-3
     assert apart(found)[0] < 3.5  # the guess is 3 degrees off, about another axis
@@ -85,7 +85,7 @@ def test_a_spinning_target_is_followed(corners, model):
 
 def test_a_model_is_even_and_knows_its_axis():
     square = np.array([[[0, 0, 0], [4, 0, 0], [4, 1, 0]], [[0, 0, 0], [4, 1, 0], [0, 1, 0]]], dtype=float)
-    made = sampled(square, 8000)
+    made = sample_mesh(square, 8000)
     counts, _, _ = np.histogram2d(made.points_m[:, 0], made.points_m[:, 1], bins=(4, 2), range=[[0, 4], [0, 1]])
     np.testing.assert_allclose(counts, 1000.0, atol=4.5 * np.sqrt(1000.0))  # Poisson, 8 cells
     assert abs(made.long_axis[0]) > 0.99
@@ -97,7 +97,7 @@ def test_the_middle_of_what_is_seen_of_a_ball():
     rng = np.random.default_rng(8)
     points = rng.normal(size=(60_000, 3))
     points *= 3.0 / np.linalg.norm(points, axis=1, keepdims=True)
-    along, wander, across = seen_middle(Model(points, points / 3.0))
+    along, wander, across = measure_visible_centroid(SampledMesh(points, points / 3.0))
     assert along == pytest.approx(-2.0, rel=0.05)  # cells at the rim, nearest point of each
     assert wander < 0.05
     assert across < 0.05
@@ -107,6 +107,6 @@ def test_refused(model):
     with pytest.raises(rl.ScenarioError, match="at least 6 points"):
         align(np.zeros((5, 3)), model, TRUE)
     with pytest.raises(rl.ScenarioError, match="corners"):
-        sampled(np.zeros((0, 3, 3)))
+        sample_mesh(np.zeros((0, 3, 3)))
     with pytest.raises(rl.ScenarioError, match="PoseFollower"):
         PoseFollower(model, min_points=2)

@@ -5,15 +5,15 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.track import centroid, kalman, nis_bounds
-from rso_lidar.track.kalman import _discrete
+from rso_lidar.track import filter_positions, locate_centroid, nis_bounds
+from rso_lidar.track.kalman import _discretize
 
 N_RAD_S = 1.0948e-3  # 550 km up
 
 
 def wandering(rng, count, step_s, density, noise_m):
     """Return positions measured of a target that moves as the filter believes."""
-    forward, noise = _discrete(None, density, step_s)
+    forward, noise = _discretize(None, density, step_s)
     root = np.linalg.cholesky(noise)
     state, places = np.array([100.0, -50.0, 300.0, 0.5, -0.2, 1.0]), []
     for _ in range(count):
@@ -26,14 +26,14 @@ def test_nis_is_chi_square_where_the_noises_are_known():
     count, noise_m = 1500, 0.1
     time_s, places = wandering(np.random.default_rng(5), count, 0.5, 0.02, noise_m)
     spread = np.broadcast_to(np.eye(3) * noise_m**2, (count, 3, 3))
-    made = kalman(time_s, places, spread, acceleration_m_s2_rthz=0.02)
+    made = filter_positions(time_s, places, spread, acceleration_m_s2_rthz=0.02)
     known = np.isfinite(made.nis)
     assert known.sum() == count - 1
     assert not known[0]
     assert made.nis_share == pytest.approx(0.95, abs=3.0 * np.sqrt(0.95 * 0.05 / count))  # binomial, 3 sigma
     low, high = nis_bounds(count - 1, 0.9973)
     assert low <= made.nis_mean <= high
-    sure = kalman(time_s, places, spread / 9.0, acceleration_m_s2_rthz=0.02)  # believes a third of the noise
+    sure = filter_positions(time_s, places, spread / 9.0, acceleration_m_s2_rthz=0.02)  # believes a third of the noise
     assert sure.nis_mean > 2.0 * made.nis_mean
     assert sure.nis_share < 0.7
 
@@ -50,9 +50,9 @@ def test_nis_of_a_flat_target_with_known_noise():
         right, down = at[..., 0] - middle[0], at[..., 1] - middle[1]
         on = np.hypot(right, down) < 1.7
         seen = at[on] * (1.0 + rng.normal(0.0, noise_m, on.sum()) / middle[2])[:, None]
-        fix = centroid(seen, pixel_rad=pixel_rad, range_noise_m=noise_m)
+        fix = locate_centroid(seen, pixel_rad=pixel_rad, range_noise_m=noise_m)
         places[k], spreads[k] = fix.position_m, fix.covariance_m2
-    made = kalman(np.arange(count) * 1.0, places, spreads, acceleration_m_s2_rthz=0.0)
+    made = filter_positions(np.arange(count) * 1.0, places, spreads, acceleration_m_s2_rthz=0.0)
     # Along the line of sight the noise is known, across it for a disc 0.3 to 0.9 of what is believed: the mean of NIS, 3 for
     # equality, lies between 1 + 2 * 0.3 and 1 + 2 * 0.9, give or take its spread of sqrt(6 / 400), 3 sigma.
     assert 1.6 - 0.37 < made.nis_mean < 2.8 + 0.37
@@ -68,7 +68,8 @@ def test_clohessy_wiltshire_foresees_a_hop_and_constant_velocity_does_not():
     measured = drift + np.random.default_rng(7).normal(0.0, noise_m, drift.shape)
     spread = np.broadcast_to(np.eye(3) * noise_m**2, (time_s.size, 3, 3))
     hill, straight = (
-        kalman(time_s, measured, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5) for n in (N_RAD_S, None)
+        filter_positions(time_s, measured, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5)
+        for n in (N_RAD_S, None)
     )
     assert hill.nis_mean == pytest.approx(3.0, abs=3.0 * np.sqrt(6.0 / time_s.size))  # 3 sigma of chi-square
     assert straight.nis_mean > 30.0
@@ -76,7 +77,8 @@ def test_clohessy_wiltshire_foresees_a_hop_and_constant_velocity_does_not():
     blind = measured.copy()
     blind[-30:] = np.nan
     hill, straight = (
-        kalman(time_s, blind, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5) for n in (N_RAD_S, None)
+        filter_positions(time_s, blind, spread, mean_motion_rad_s=n, acceleration_m_s2_rthz=1e-5)
+        for n in (N_RAD_S, None)
     )
     off = [np.linalg.norm(made.position_m[-1] - drift[-1]) for made in (hill, straight)]
     assert off[0] < 5.0
@@ -88,12 +90,12 @@ def test_clohessy_wiltshire_foresees_a_hop_and_constant_velocity_does_not():
 
 def test_the_models_are_those_of_the_books():
     step_s, density = 7.0, 0.3
-    forward, noise = _discrete(None, density, step_s)
+    forward, noise = _discretize(None, density, step_s)
     state = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
     np.testing.assert_allclose(forward @ state, [1.7, 3.4, 5.1, 0.1, 0.2, 0.3], rtol=1e-12)
     np.testing.assert_allclose(noise[0, [0, 3]], density**2 * np.array([step_s**3 / 3.0, step_s**2 / 2.0]), rtol=1e-12)
     np.testing.assert_allclose(noise[3, 3], density**2 * step_s, rtol=1e-12)
-    forward, _ = _discrete(N_RAD_S, density, 300.0)
+    forward, _ = _discretize(N_RAD_S, density, 300.0)
     start = np.array([100.0, -2000.0, 30.0]), np.array([0.1, -0.2, 0.3])
     place, speed = clohessy_wiltshire(*start, np.array([300.0]), N_RAD_S)
     np.testing.assert_allclose(forward @ np.concatenate(start), np.concatenate([place[0], speed[0]]), rtol=1e-9)
@@ -102,10 +104,10 @@ def test_the_models_are_those_of_the_books():
 def test_before_the_first_position_there_is_nothing():
     places = np.full((5, 3), np.nan)
     places[2:] = [1.0, 2.0, 3.0]
-    made = kalman(np.arange(5.0), places, np.broadcast_to(np.eye(3), (5, 3, 3)))
+    made = filter_positions(np.arange(5.0), places, np.broadcast_to(np.eye(3), (5, 3, 3)))
     assert np.isnan(made.position_m[:2]).all()
     np.testing.assert_array_equal(made.position_m[2], [1.0, 2.0, 3.0])
-    none = kalman(np.arange(5.0), np.full((5, 3), np.nan), np.broadcast_to(np.eye(3), (5, 3, 3)))
+    none = filter_positions(np.arange(5.0), np.full((5, 3), np.nan), np.broadcast_to(np.eye(3), (5, 3, 3)))
     assert np.isnan([none.nis_mean, none.nis_share]).all()
 
 
@@ -115,7 +117,7 @@ def test_before_the_first_position_there_is_nothing():
 )
 def test_refused(time_s, places, given):
     with pytest.raises(rl.ScenarioError, match="kalman"):
-        kalman(np.array(time_s), np.zeros(places), np.zeros((2, 3, 3)), **given)
+        filter_positions(np.array(time_s), np.zeros(places), np.zeros((2, 3, 3)), **given)
 
 
 @pytest.mark.parametrize("mean_motion", [None, N_RAD_S])
@@ -134,7 +136,9 @@ def test_a_known_kick_moves_the_estimate_and_not_the_innovation(mean_motion):
         if np.isfinite(end):
             (start,), (velocity,) = clohessy_wiltshire(start, velocity, np.array([end - begin]), n)
     spread = np.broadcast_to(np.eye(3) * 1e-6, (40, 3, 3))
-    made = kalman(time_s, places, spread, mean_motion_rad_s=mean_motion, acceleration_m_s2_rthz=0.0, kicks=kicks)
+    made = filter_positions(
+        time_s, places, spread, mean_motion_rad_s=mean_motion, acceleration_m_s2_rthz=0.0, kicks=kicks
+    )
     assert np.abs(made.innovation_m[2:]).max() < 1e-6  # metres; a kick that is not told of gives 0.3
     np.testing.assert_allclose(made.velocity_m_s[-1], speeds[-1], atol=1e-6)
-    assert np.abs(kalman(time_s, places, spread, mean_motion_rad_s=mean_motion).innovation_m[21:]).max() > 0.1
+    assert np.abs(filter_positions(time_s, places, spread, mean_motion_rad_s=mean_motion).innovation_m[21:]).max() > 0.1

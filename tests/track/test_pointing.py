@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import FixedPoint, pan_tilt
+from rso_lidar.motion.gimbal.demand import FixedPoint, find_pan_tilt
 from rso_lidar.motion.gimbal.drive import SecondOrder
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, sense, start, step
 from rso_lidar.motion.mount import Mount
 from rso_lidar.records import Command, Observation, Reading
-from rso_lidar.track.pointing import Pointing, cluster
+from rso_lidar.track.pointing import Pointing, find_cluster
 from rso_lidar.units import DEG
 
 N = 64
@@ -85,7 +85,7 @@ def test_misalignment_jitter_and_encoder_noise_are_lived_with():
 @pytest.mark.parametrize("euler_zyx_deg", [(0, 0, 90), (3, -4, 10), (-40, 30, 180), (170, -8, 0)])
 def test_it_knows_how_the_lidar_is_mounted(euler_zyx_deg):
     mount = Mount(euler_zyx_deg=euler_zyx_deg)
-    pan, tilt = pan_tilt(mount.rotation.apply([1.0, 0.0, 0.0]))  # where the boresight is at zero
+    pan, tilt = find_pan_tilt(mount.rotation.apply([1.0, 0.0, 0.0]))  # where the boresight is at zero
     off = fly(Pointing(mount=mount), lambda t: (pan + 0.3 * DEG * t, tilt + 0.2 * DEG * t), seconds=20, mount=mount)
     assert off[10:].max() < 0.05 * FOV
     with pytest.raises(ScenarioError, match="tilt axis"):
@@ -141,12 +141,12 @@ def test_the_fullest_window_of_neighbours_is_the_cluster():
     ranges[3, 7] = 899.0  # alone at that range: a false trigger
     ranges[5, 4] = 100.0  # beside the target, at another range
     reading = Reading(ranges, np.zeros((8, 8)), np.zeros((8, 8)))
-    found = cluster(reading, 10.0, 3)
+    found = find_cluster(reading, 10.0, 3)
     assert found.sum() == 4
     assert found[5:7, 5:7].all()
-    assert not cluster(reading, 10.0, 5).any()
+    assert not find_cluster(reading, 10.0, 5).any()
     empty = Reading(np.full((8, 8), np.nan), np.zeros((8, 8)), np.zeros((8, 8)))
-    assert not cluster(empty, 10.0, 1).any()
+    assert not find_cluster(empty, 10.0, 1).any()
 
 
 def test_it_refuses_what_it_cannot_do():

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from rso_lidar.motion.attitudes.law import Law, no_bare_lvlh
+from rso_lidar.motion.attitudes.law import Law, refuse_bare_lvlh
 from rso_lidar.motion.attitudes.situation import Attitude
 from rso_lidar.motion.attitudes.slew import Slew
 from rso_lidar.motion.attitudes.state_space import StateSpaceAttitude
@@ -12,6 +12,6 @@ from rso_lidar.part import Seam
 
 DescribedAttitude = Annotated[
     Annotated[Law | Slew | StateSpaceAttitude, Field(discriminator="type")],
-    BeforeValidator(no_bare_lvlh),
+    BeforeValidator(refuse_bare_lvlh),
 ]
 AnyAttitude = Annotated[DescribedAttitude | Attitude, Seam(DescribedAttitude, Attitude)]

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-def free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tuple[Rotation, np.ndarray]:
+def rotate_freely(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tuple[Rotation, np.ndarray]:
     """Return first_body_from_body (time) and body rates (time, 3) [rad/s] of a torque-free rigid body (Euler, Jacobi).
 
     In principal axes a, b, c, right-handed, b the middle one and c the one that the body keeps circling (Landau &
@@ -48,9 +48,9 @@ def free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
     m1 = max(beyond / (i_c * abs(i_c - i_b) * amplitude_c**2), 1e-32)  # 1 - m; its floor is rounding, squared
     m1 = min(m1, 1.0)
 
-    functions = _Jacobi(m1, i_c * amplitude_c)
+    functions = _JacobiFunctions(m1, i_c * amplitude_c)
     sine, cosine = (w_b / amplitude_b, w_a / amplitude_a) if amplitude_a else (0.0, 1.0)
-    u0 = functions.argument(sine, cosine)
+    u0 = functions.find_argument(sine, cosine)
     u = np.append(0.0, slowness * speed * time) + u0  # the first is t = 0
     sn, cn, dn = functions.values(u)
     momentum = np.stack([i_a * amplitude_a * cn, i_b * amplitude_b * sn, i_c * amplitude_c * dn], axis=-1)
@@ -74,7 +74,7 @@ def free_rotation(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
     return turned, parts[:, :1] * e_a + parts[:, 1:2] * e_b + parts[:, 2:] * e_c
 
 
-class _Jacobi:
+class _JacobiFunctions:
     """Jacobi's sn, cn, dn of parameter 1 - m1 for any argument, and the integral of 1 / (size + weight dn)."""
 
     NODES = 24  # in a panel of width 1 the integrand, analytic to |Im u| < pi/2, is met to 6.4^-24 < 1e-18
@@ -85,14 +85,14 @@ class _Jacobi:
         self.m1, self.weight = float(m1), float(weight)
         self.quarter = float(ellipkm1(self.m1))  # K, a quarter of a period
 
-    def argument(self, sine: float, cosine: float) -> float:
+    def find_argument(self, sine: float, cosine: float) -> float:
         """Return u where sn u = sine and cn u = cosine, in [-2K, 2K] (Carlson's R_F, DLMF 19.25.5)."""
         from scipy.special import elliprf
 
         u = sine * float(elliprf(cosine**2, cosine**2 + self.m1 * sine**2, sine**2 + cosine**2))
         return u if cosine >= 0.0 else float(np.copysign(2.0 * self.quarter, sine)) - u
 
-    def reduced(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def reduce(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return how many half periods to leave out of `u`, and what then remains in [-K, K]."""
         turns = np.rint(u / (2.0 * self.quarter))
         return turns, u - 2.0 * self.quarter * turns
@@ -101,7 +101,7 @@ class _Jacobi:
         """Return sn, cn, dn at `u`."""
         from scipy.special import ellipj
 
-        turns, v = self.reduced(u)
+        turns, v = self.reduce(u)
         sign = 1.0 - 2.0 * np.mod(turns, 2.0)
         if self.m1 >= 0.5:
             sn, cn, dn, _ = ellipj(v, 1.0 - self.m1)
@@ -140,7 +140,7 @@ class _Jacobi:
         ends = np.cumsum(chebyshev.chebval(1.0, pieces))
         pieces[0, 1:] += ends[:-1]
 
-        turns, v = self.reduced(u)
+        turns, v = self.reduce(u)
         scaled = np.abs(v) / width
         panel = np.minimum(scaled.astype(int), panels - 1)
         part = chebyshev.chebval(2.0 * (scaled - panel) - 1.0, pieces[:, panel], tensor=False)

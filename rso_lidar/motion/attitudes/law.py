@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from rso_lidar.motion.attitudes.aem import AttitudeTable
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable
 from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
 from rso_lidar.motion.attitudes.look_at import LookAt
 from rso_lidar.motion.attitudes.situation import Attitude
@@ -15,7 +15,7 @@ from rso_lidar.motion.attitudes.sun_pointing import Nadir, SunPointing
 from rso_lidar.part import Seam
 
 
-def no_bare_lvlh(table: Any) -> Any:
+def refuse_bare_lvlh(table: Any) -> Any:
     """Return a table of an attitude as it is, unless its type is the bare "lvlh", which means two things."""
     tag = table.get("type") if isinstance(table, dict) else None
     if tag in ("lvlh", "LVLH"):
@@ -27,5 +27,5 @@ def no_bare_lvlh(table: Any) -> Any:
 
 
 Law = FixedAttitude | Rtn | LvlhCcsds | LookAt | Spin | Tumble | SunPointing | Nadir | AttitudeTable
-DescribedLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(no_bare_lvlh)]
+DescribedLaw = Annotated[Annotated[Law, Field(discriminator="type")], BeforeValidator(refuse_bare_lvlh)]
 AnyLaw = Annotated[DescribedLaw | Attitude, Seam(DescribedLaw, Attitude)]

@@ -43,11 +43,11 @@ class LookAt(Part):
         """Return how the body is turned toward what it looks at."""
         line, rate = here.line(self.at)
         if self.up is None:
-            return Orientation(*look_at(line, rate, here.upward, here.upward_rate))
-        return Orientation(*look_at(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
+            return Orientation(*aim_axes(line, rate, here.upward, here.upward_rate))
+        return Orientation(*aim_axes(line, rate, np.broadcast_to(np.array(self.up, dtype=float), line.shape)))
 
 
-def look_at(
+def aim_axes(
     line_of_sight: np.ndarray, line_of_sight_rate: np.ndarray, up: np.ndarray, up_rate: np.ndarray | None = None
 ) -> tuple[Rotation, np.ndarray]:
     """Return inertial_from_body and body rates (…, 3) [rad/s] of a body that turns its +x to a target, +z nearest `up`.

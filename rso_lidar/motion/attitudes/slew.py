@@ -72,17 +72,17 @@ class Slew(Part):
         over = begun.copy()
         quaternion, rate = np.empty((len(time_s), 4)), np.empty((len(time_s), 3))
         if begun.any():
-            plan = self.plan(here)
-            over &= time_s >= plan.end_s
+            profile = self.plan(here)
+            over &= time_s >= profile.end_s
             during = begun & ~over
             if during.any():
-                there = part_of(here, during)
-                rotation, rate[during] = plan.turned(time_s[during], *self._laid(there))
+                there = select_epochs(here, during)
+                rotation, rate[during] = profile.orient(time_s[during], *self._evaluate_laws(there))
                 quaternion[during] = rotation.as_quat()
         for law, which in ((self.first, ~begun), (self.then, over)):  # a law is asked only about its own time
             if which.any():
-                there = part_of(here, which)
-                laid = _Laid.of(orient(law, there), there)
+                there = select_epochs(here, which)
+                laid = _EvaluatedLaw.of(orient(law, there), there)
                 quaternion[which], rate[which] = laid.rotation.as_quat(), laid.rate_rad_s
         return Orientation(Rotation.from_quat(quaternion), rate)
 
@@ -90,21 +90,21 @@ class Slew(Part):
         """Return when the slew is over [s]."""
         return self.plan(here).end_s
 
-    def plan(self, here: Situation) -> Plan:
+    def plan(self, here: Situation) -> SlewProfile:
         """Return when and how the body slews; it does not depend on the epochs of `here`."""
         limit = np.array([self.max_rate_deg_s, self.max_acceleration_deg_s2]) * units.DEG
-        start = self._laid(self._elsewhen(here, np.array([self.at_s])))
-        theta = _first_way(start[0].rotation, start[1].rotation)
+        start = self._evaluate_laws(self._situation_at(here, np.array([self.at_s])))
+        theta = _initial_rotvec(start[0].rotation, start[1].rotation)
         angle = float(np.linalg.norm(theta))
-        plan = Plan.within(self.at_s, angle, *limit)
+        profile = SlewProfile.fastest(self.at_s, angle, *limit)
         for _ in range(_TRIALS):
-            grid_s = plan.grid_s()
-            laws = self._laid(self._elsewhen(here, grid_s))
-            plan = plan.along(_unwrapped(_between(*laws), theta))
-            demand = _demand(grid_s, plan.turned(grid_s, *laws)[1])
+            grid_s = profile.grid_s()
+            laws = self._evaluate_laws(self._situation_at(here, grid_s))
+            profile = profile.with_way(_unwrap(_relative_rotvec(*laws), theta))
+            demand = _peak_demand(grid_s, profile.orient(grid_s, *laws)[1])
             if np.all(demand <= limit * (1.0 + _SLACK)):
-                return plan
-            own = np.max([_demand(grid_s, law.rate_rad_s) for law in laws], axis=0)
+                return profile
+            own = np.max([_peak_demand(grid_s, law.rate_rad_s) for law in laws], axis=0)
             if np.any(own >= limit):
                 k = int(np.argmax(own / limit))
                 what, unit = (("rate", "deg/s"), ("acceleration", "deg/s2"))[k]
@@ -114,28 +114,28 @@ class Slew(Part):
                 )
             # The laws' share stays as the slew is stretched; the rest falls as 1/k in rate, as 1/k^2 in acceleration.
             more = np.maximum(demand - own, 0.0) / (limit - own)
-            plan = plan.stretched(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
+            profile = profile.stretch(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
         raise ScenarioError(
             "slew: no duration keeps its limits, for the laws that it leads between almost reach them: raise max_rate_deg_s "
             "or max_acceleration_deg_s2"
         )
 
-    def _elsewhen(self, here: Situation, grid_s: np.ndarray) -> Situation:
+    def _situation_at(self, here: Situation, grid_s: np.ndarray) -> Situation:
         return here.at(Epochs(here.epochs.start_utc, grid_s))
 
-    def _laid(self, here: Situation) -> tuple[_Laid, _Laid]:
-        return _Laid.of(orient(self.first, here), here), _Laid.of(orient(self.then, here), here)
+    def _evaluate_laws(self, here: Situation) -> tuple[_EvaluatedLaw, _EvaluatedLaw]:
+        return _EvaluatedLaw.of(orient(self.first, here), here), _EvaluatedLaw.of(orient(self.then, here), here)
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
+class _EvaluatedLaw:
     """A law laid out over epochs: root_from_body (time) and the body rate (time, 3) [rad/s]."""
 
     rotation: Rotation
     rate_rad_s: np.ndarray
 
     @staticmethod
-    def of(turn: Orientation, here: Situation) -> _Laid:
+    def of(turn: Orientation, here: Situation) -> _EvaluatedLaw:
         """Return a turn laid out over the epochs, in root axes."""
         from scipy.spatial.transform import Rotation
 
@@ -144,10 +144,10 @@ class _Laid:
             rate = rate + rotate_vectors(rotation.inv(), here.origin_rate_rad_s)
             rotation = here.root_from_origin * rotation
         quaternion = np.broadcast_to(rotation.as_quat(), (n, 4))
-        return _Laid(Rotation.from_quat(quaternion), np.array(np.broadcast_to(rate, (n, 3))))
+        return _EvaluatedLaw(Rotation.from_quat(quaternion), np.array(np.broadcast_to(rate, (n, 3))))
 
 
-def part_of(here: Situation, which: np.ndarray) -> Situation:
+def select_epochs(here: Situation, which: np.ndarray) -> Situation:
     """Return a situation at some of its epochs, which a mask picks."""
     if which.all():
         return here
@@ -169,7 +169,7 @@ def part_of(here: Situation, which: np.ndarray) -> Situation:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class SlewProfile:
     """When a slew takes place [s]: from `start_s`, speeding up and slowing down for `ramp_s` each, over at `end_s`.
 
     `way` (grid, 3) [rad] is the turn that is left to the second law at `grid_s`, which tells the way round elsewhere.
@@ -181,25 +181,25 @@ class Plan:
     way: np.ndarray | None = None
 
     @staticmethod
-    def within(start_s: float, angle_rad: float, rate_rad_s: float, acceleration_rad_s2: float) -> Plan:
+    def fastest(start_s: float, angle_rad: float, rate_rad_s: float, acceleration_rad_s2: float) -> SlewProfile:
         """Return the quickest turn by an angle: a trapezoid of rate, or a triangle where it never reaches its limit."""
         ramp_s = min(rate_rad_s / acceleration_rad_s2, math.sqrt(angle_rad / acceleration_rad_s2))
         ramp_s = max(ramp_s, _LEAST_RAMP_S)
         coast_s = angle_rad / (acceleration_rad_s2 * ramp_s) - ramp_s
-        return Plan(start_s, ramp_s, coast_s if coast_s > 1e-6 * ramp_s else 0.0)
+        return SlewProfile(start_s, ramp_s, coast_s if coast_s > 1e-6 * ramp_s else 0.0)
 
     @property
     def end_s(self) -> float:
         """Return when it is over [s]."""
         return self.start_s + 2.0 * self.ramp_s + self.coast_s
 
-    def stretched(self, factor: float) -> Plan:
+    def stretch(self, factor: float) -> SlewProfile:
         """Return it made longer, the shape kept."""
-        return Plan(self.start_s, self.ramp_s * factor, self.coast_s * factor)
+        return SlewProfile(self.start_s, self.ramp_s * factor, self.coast_s * factor)
 
-    def along(self, way: np.ndarray) -> Plan:
+    def with_way(self, way: np.ndarray) -> SlewProfile:
         """Return it with its way round."""
-        return Plan(self.start_s, self.ramp_s, self.coast_s, way)
+        return SlewProfile(self.start_s, self.ramp_s, self.coast_s, way)
 
     def grid_s(self) -> np.ndarray:
         """Return instants from start to end, the edges of its phases among them [s]."""
@@ -220,16 +220,16 @@ class Plan:
         share = np.where(up, share, np.where(down, 1.0 - share, top * (since - 0.5 * ramp)))
         return share, np.where(up | down, top * near / ramp, top)
 
-    def turned(self, time_s: np.ndarray, a: _Laid, b: _Laid) -> tuple[Rotation, np.ndarray]:
+    def orient(self, time_s: np.ndarray, a: _EvaluatedLaw, b: _EvaluatedLaw) -> tuple[Rotation, np.ndarray]:
         """Return root_from_body and body rates (time, 3) [rad/s] between the two laws."""
         from scipy.spatial.transform import Rotation
 
-        theta = _between(a, b)
+        theta = _relative_rotvec(a, b)
         if self.way is not None:
             grid_s = self.grid_s()
             row = np.clip(np.searchsorted(grid_s, time_s, side="right") - 1, 0, len(grid_s) - 2)
             part = ((time_s - grid_s[row]) / (grid_s[row + 1] - grid_s[row]))[:, None]
-            theta = _nearer(theta, self.way[row] + part * (self.way[row + 1] - self.way[row]))
+            theta = _pick_nearer(theta, self.way[row] + part * (self.way[row + 1] - self.way[row]))
         share, share_rate = self.share(time_s)
         whole = Rotation.from_rotvec(theta)
         theta_rate = _jacobian_inverse(theta, b.rate_rad_s - rotate_vectors(whole.inv(), a.rate_rad_s))
@@ -239,42 +239,42 @@ class Plan:
         return a.rotation * part_turn, rotate_vectors(part_turn.inv(), a.rate_rad_s) + _jacobian(phi, phi_rate)
 
 
-def _between(a: _Laid, b: _Laid) -> np.ndarray:
+def _relative_rotvec(a: _EvaluatedLaw, b: _EvaluatedLaw) -> np.ndarray:
     rotvec: np.ndarray = (a.rotation.inv() * b.rotation).as_rotvec()
     return rotvec
 
 
-def _first_way(a: Rotation, b: Rotation) -> np.ndarray:
+def _initial_rotvec(a: Rotation, b: Rotation) -> np.ndarray:
     """Return the turn (3,) [rad] from one attitude to another, of two equally long ones always the same."""
     theta: np.ndarray = (a.inv() * b).as_rotvec()[0]
     if np.linalg.norm(theta) > np.pi - _HALF_TURN_WITHIN_RAD and theta[np.argmax(np.abs(theta))] < 0.0:
-        theta = _other(theta[None])[0]
+        theta = _other_way(theta[None])[0]
     return theta
 
 
-def _other(theta: np.ndarray) -> np.ndarray:
+def _other_way(theta: np.ndarray) -> np.ndarray:
     """Return the turns (time, 3) [rad] the other way round to the same attitude."""
     angle = np.maximum(np.linalg.norm(theta, axis=-1, keepdims=True), 1e-300)
     other: np.ndarray = theta * ((angle - 2.0 * np.pi) / angle)
     return other
 
 
-def _nearer(theta: np.ndarray, guide: np.ndarray) -> np.ndarray:
+def _pick_nearer(theta: np.ndarray, guide: np.ndarray) -> np.ndarray:
     """Return of the two ways round the one that is nearer to a guide (time, 3) [rad]."""
-    other = _other(theta)
+    other = _other_way(theta)
     closer = np.sum((other - guide) ** 2, axis=-1) < np.sum((theta - guide) ** 2, axis=-1)
     return np.where(closer[:, None], other, theta)
 
 
-def _unwrapped(theta: np.ndarray, first: np.ndarray) -> np.ndarray:
+def _unwrap(theta: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Return turns along a grid (grid, 3) [rad], each the way round that is nearer to the one before."""
     way, before = np.empty_like(theta), first
     for k in range(len(theta)):
-        before = way[k] = _nearer(theta[k : k + 1], before[None])[0]
+        before = way[k] = _pick_nearer(theta[k : k + 1], before[None])[0]
     return way
 
 
-def _demand(grid_s: np.ndarray, rate_rad_s: np.ndarray) -> np.ndarray:
+def _peak_demand(grid_s: np.ndarray, rate_rad_s: np.ndarray) -> np.ndarray:
     """Return the largest rate [rad/s] and the largest mean acceleration of a step [rad/s2] on a grid."""
     steps = np.linalg.norm(np.diff(rate_rad_s, axis=0), axis=1) / np.diff(grid_s)
     return np.array([np.linalg.norm(rate_rad_s, axis=1).max(), steps.max()])

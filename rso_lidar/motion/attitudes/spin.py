@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from rso_lidar import units
-from rso_lidar.motion.attitudes.free_rotation import free_rotation
+from rso_lidar.motion.attitudes.free_rotation import rotate_freely
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.part import GREATEST, Direction, Number, Part, Quaternion, Vector
 
@@ -66,7 +66,7 @@ class Spin(Part):
         return Orientation(*self.orientation(here.epochs.time_s))
 
 
-def _three_or_nine(inertia: Any) -> Any:
+def _check_inertia(inertia: Any) -> Any:
     rows = list(inertia) if isinstance(inertia, list | tuple) else []
     tables = [list(row) if isinstance(row, list | tuple) else None for row in rows]
     square = all(row is not None and len(row) == 3 for row in tables)
@@ -88,7 +88,7 @@ class Tumble(Part):
     """
 
     type: Literal["tumble"] = "tumble"
-    inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_three_or_nine)] = Field(
+    inertia_kg_m2: Annotated[Vector | tuple[Vector, Vector, Vector], BeforeValidator(_check_inertia)] = Field(
         description=(
             "Three principal moments of inertia along the body axes, or the symmetric inertia tensor in body axes [kg "
             "m²]."
@@ -126,7 +126,7 @@ class Tumble(Part):
 
         time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
         rate = np.asarray(self.body_rate_deg_s, dtype=float) * units.DEG
-        turned, rates = free_rotation(self.inertia_tensor_kg_m2, rate, time)
+        turned, rates = rotate_freely(self.inertia_tensor_kg_m2, rate, time)
         rotation = Rotation.from_quat(self.quaternion_xyzw) * turned
         return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
 

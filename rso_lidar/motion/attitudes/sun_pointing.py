@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.motion.attitudes.constant import rtn_from_lvlh_ccsds
-from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, look_at
+from rso_lidar.motion.attitudes.look_at import PARALLEL_RAD, aim_axes
 from rso_lidar.motion.attitudes.situation import Orientation, Situation
 from rso_lidar.orbit.epochs import format_utc
 from rso_lidar.orbit.sky.sun import sun_position_m
@@ -51,7 +51,7 @@ class SunPointing(Part):
     @property
     def _body_from_triad(self) -> Rotation:
         """Return how the axes x along `axis`, z nearest `up_axis` stand in the body's."""
-        return look_at(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
+        return aim_axes(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
 
     def orient(self, here: Situation) -> Orientation:
         """Return how the body is rotate_vectors, in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
@@ -63,7 +63,7 @@ class SunPointing(Part):
             f"sun_pointing: the Sun is within {PARALLEL_RAD:g} rad of `up`",
             "give an `up` (root axes) across it",
         )
-        rotation, rate = look_at(line, line_rate, up, here.upward_rate if self.up is None else None)
+        rotation, rate = aim_axes(line, line_rate, up, here.upward_rate if self.up is None else None)
         body_from_triad = self._body_from_triad
         return Orientation(rotation * body_from_triad.inv(), rotate_vectors(body_from_triad, rate))
 

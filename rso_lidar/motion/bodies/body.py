@@ -7,7 +7,7 @@ from pydantic import Field
 from rso_lidar.motion.attitudes.attitude import AnyAttitude
 from rso_lidar.motion.bodies.hinge import HingeAxes
 from rso_lidar.motion.dynamics.flight import StateSpaceModel
-from rso_lidar.motion.motions.motion import AnyMotion, orbits
+from rso_lidar.motion.motions.motion import AnyMotion, has_orbit
 from rso_lidar.motion.mount import Mount
 from rso_lidar.part import Name, Part
 
@@ -47,7 +47,7 @@ class Body(Part):
     @property
     def orbits(self) -> bool:
         """Whether the body has an orbit, and so rtn axes of its own."""
-        return orbits(self.motion)
+        return has_orbit(self.motion)
 
     @property
     def models(self) -> dict[str, StateSpaceModel]:

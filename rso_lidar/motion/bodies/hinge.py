@@ -131,7 +131,7 @@ class HingeAxes(Part):
         return np.where(square > 1e-12, np.arctan2(across, along), 0.0), rate
 
 
-def sun_in_body(
+def find_sun_in_body(
     root_from_body: Rotation,
     body_rate_rad_s: np.ndarray,
     line_m: np.ndarray,

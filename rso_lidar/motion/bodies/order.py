@@ -10,7 +10,7 @@ from rso_lidar.motion.motions.motion import chief_of, is_attached
 from rso_lidar.part import kind_of
 
 
-def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
+def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
     """Return the names of origin and body axes in an order in which each needs only what stands before it.
 
     Raises `ScenarioError` for names used twice, unknown names, motions that need an Earth in a local world, relative
@@ -32,7 +32,7 @@ def working_order(bodies: Sequence[Body], *, local: bool) -> list[str]:
         ) from None
 
 
-def seen_by(body: Body, bodies: Sequence[Body]) -> list[Body]:
+def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
     """Return the bodies that the attitude of one looks at, and those about which they move in turn, itself untilted.
 
     They keep their attitudes only where these matter: where axes that they declare are looked at, or carry others.
@@ -106,13 +106,13 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
             raise ScenarioError(
                 f"{body.name}.attitude: '{kind_of(law)}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
             )
-        needs += [_seen(at, body, by_name, hosts) for at in looks_at(law)]
+        needs += [_find_looked_at(at, body, by_name, hosts) for at in looks_at(law)]
     if getattr(body.motion, "turns", False) and body.attitude is not None:
         raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
     return needs
 
 
-def _seen(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
+def _find_looked_at(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
     """Return the name of the axes that a body looks at."""
     if at in by_name:
         if at == body.name:

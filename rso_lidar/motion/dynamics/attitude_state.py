@@ -25,7 +25,7 @@ NEAR_RAD = 1.0 * units.DEG  # of the singularity: the rates of two angles are ov
 SINGULAR_RAD = 1e-6
 
 
-def _attitude_state(text: str) -> str:
+def _check_attitude_state(text: str) -> str:
     """Check the name of an attitude representation and return it."""
     found = re.fullmatch(r"euler_([xyz])([xyz])([xyz])_(?:rad|deg)", text)
     if text != QUATERNION and not (found and found[1] != found[2] != found[3]):
@@ -36,7 +36,7 @@ def _attitude_state(text: str) -> str:
     return text
 
 
-AttitudeState = Annotated[Text, AfterValidator(_attitude_state)]
+AttitudeState = Annotated[Text, AfterValidator(_check_attitude_state)]
 
 
 def count_entries(attitude_state: str) -> int:
@@ -54,8 +54,8 @@ def attitude_from_state(
     numbers, rates = state[:, :width], state[:, width : width + 3]
     if attitude_state == QUATERNION:
         return Rotation.from_quat(numbers), rates
-    order, angles = _angles(numbers, attitude_state)
-    away = _from_singular_rad(angles, order)
+    order, angles = _read_angles(numbers, attitude_state)
+    away = _distance_from_singular_rad(angles, order)
     near = int(np.argmin(away)) if len(away) else 0
     where = "a middle angle of +-90 deg" if len(set(order)) == 3 else "a middle angle of 0 or 180 deg"
     if (away < SINGULAR_RAD).any():
@@ -73,13 +73,13 @@ def attitude_from_state(
     return Rotation.from_euler(order.upper(), angles), rates
 
 
-def _angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:
+def _read_angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:
     """Return the order of Euler angles, in small letters, and the angles (…, 3) [rad]."""
     _, order, unit = attitude_state.split("_")
     return order, numbers * (units.DEG if unit == "deg" else 1.0)
 
 
-def _from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
+def _distance_from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
     """Return how far (…) [rad] the middle of Euler angles (…, 3) [rad] is from where the other two turn about one axis."""
     across = np.cos(angles[..., 1]) if len(set(order)) == 3 else np.sin(angles[..., 1])
     away: np.ndarray = np.abs(np.arcsin(np.clip(across, -1.0, 1.0)))
@@ -94,8 +94,8 @@ def check_attitude(state: tuple[float, ...], attitude_state: str) -> None:
         if abs(norm - 1.0) > UNIT_NORM_WITHIN:
             raise ValueError(f"initial_state: its quaternion x, y, z, w has the norm {norm:.6g}, not 1: divide by it")
         return
-    order, angles = _angles(np.array(numbers), attitude_state)
-    if _from_singular_rad(angles, order) < SINGULAR_RAD:
+    order, angles = _read_angles(np.array(numbers), attitude_state)
+    if _distance_from_singular_rad(angles, order) < SINGULAR_RAD:
         raise ValueError(
             f"initial_state: its Euler angles {order} begin where they are singular; use another order, or {QUATERNION}"
         )

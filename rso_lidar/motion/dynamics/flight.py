@@ -8,7 +8,14 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar.errors import PropagationError, ScenarioError
-from rso_lidar.motion.dynamics.function import Dynamics, Function, checked, found, in_words, stamp
+from rso_lidar.motion.dynamics.function import (
+    Dynamics,
+    Function,
+    find_function,
+    name_function,
+    stamp_file,
+    wrap_dynamics,
+)
 from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.part import Number, Part, Positive
 
@@ -49,11 +56,11 @@ class StateSpaceModel(Part):
     @property
     def label(self) -> str:
         """Return what to call the dynamics in errors."""
-        return in_words(self.dynamics)
+        return name_function(self.dynamics)
 
     def function(self) -> Function:
         """Return the function of the dynamics, wrapped so that what goes wrong in it is one line."""
-        return checked(found(self.dynamics), self.label, len(self.initial_state))
+        return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
 
     def solution(
         self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0, panel_s: float = _PANEL_S
@@ -139,11 +146,11 @@ class Flight:
         return piece
 
 
-def open_loop(model: StateSpaceModel) -> Flight:
+def fly_open_loop(model: StateSpaceModel) -> Flight:
     """Return the flight of a model that nobody commands, worked out once for its dynamics as they are now."""
-    return _flown(model, stamp(model.dynamics))
+    return _cache_flight(model, stamp_file(model.dynamics))
 
 
 @functools.lru_cache(maxsize=64)
-def _flown(model: StateSpaceModel, _stamp: tuple[int, int]) -> Flight:
+def _cache_flight(model: StateSpaceModel, _stamp: tuple[int, int]) -> Flight:
     return Flight(model)

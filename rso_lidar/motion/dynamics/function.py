@@ -31,14 +31,14 @@ def _named_or_callable(value: Any) -> Any:
     return value
 
 
-def in_words(value: Any) -> str:
+def name_function(value: Any) -> str:
     """Return where a function can be found again."""
     if isinstance(value, str):
         return value
     return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-def file_of(dynamics: Any) -> str | None:
+def find_dynamics_file(dynamics: Any) -> str | None:
     """Return the Python file that a function is named by; None where it is not."""
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None
@@ -47,14 +47,14 @@ def file_of(dynamics: Any) -> str | None:
 Dynamics = Annotated[
     Any,
     BeforeValidator(_named_or_callable),
-    PlainSerializer(in_words, return_type=str),
+    PlainSerializer(name_function, return_type=str),
     WithJsonSchema({"type": "string", "description": "file.py:name or package.module:name"}),
 ]
 
 
-def stamp(dynamics: Any) -> tuple[int, int]:
+def stamp_file(dynamics: Any) -> tuple[int, int]:
     """Return what changes where the file of dynamics does."""
-    place = file_of(dynamics)
+    place = find_dynamics_file(dynamics)
     path = find(place) if place is not None else None
     if path is None:
         return (0, 0)
@@ -62,7 +62,7 @@ def stamp(dynamics: Any) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-def checked(function: Function, label: str, n: int) -> Function:
+def wrap_dynamics(function: Function, label: str, n: int) -> Function:
     """Return a function of dynamics whose errors, and answers that are no (n,) finite numbers, are one line."""
 
     def asked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -74,7 +74,7 @@ def checked(function: Function, label: str, n: int) -> Function:
             raise
         except (Exception, SystemExit, GeneratorExit) as error:
             raise ScenarioError(
-                f"{label}: failed at t = {t:g} s with {type(error).__name__}{_said(error)}; mend the dynamics"
+                f"{label}: failed at t = {t:g} s with {type(error).__name__}{_format_error(error)}; mend the dynamics"
             ) from error
         if rates.shape != (n,):
             raise ScenarioError(f"{label}: gave a shape of {rates.shape} at t = {t:g} s; the state has {n} entries")
@@ -85,19 +85,19 @@ def checked(function: Function, label: str, n: int) -> Function:
     return asked
 
 
-def _said(error: BaseException) -> str:
+def _format_error(error: BaseException) -> str:
     """Return what an error says, after a colon, if it says anything."""
     text = " ".join(str(error).split())
     return f": {text}" if text else ""
 
 
-def found(dynamics: Any) -> Function:
+def find_function(dynamics: Any) -> Function:
     """Return the function that a part names, or the one that it is."""
     if not isinstance(dynamics, str):
         function: Function = dynamics
         return function
     place, _, name = dynamics.rpartition(":")
-    module = _module(place)
+    module = _import_module(place)
     here: Any = getattr(module, name, None)
     if not callable(here):
         known = [word for word in vars(module) if not word.startswith("_") and callable(vars(module)[word])]
@@ -108,18 +108,18 @@ def found(dynamics: Any) -> Function:
     return named
 
 
-def _module(place: str) -> Any:
+def _import_module(place: str) -> Any:
     if not place.endswith(".py"):
         try:
             return importlib.import_module(place)
         except (Exception, SystemExit) as error:
             raise ScenarioError(
-                f"{place}: cannot be imported ({type(error).__name__}{_said(error)}); check it"
+                f"{place}: cannot be imported ({type(error).__name__}{_format_error(error)}); check it"
             ) from None
     path = find(place)
     if path is None:
         raise ScenarioError(f"{place}: no such file; check the path of the dynamics")
-    return _file_module(path.resolve(), *stamp(f"{place}:"))
+    return _file_module(path.resolve(), *stamp_file(f"{place}:"))
 
 
 class _SourceLoader(importlib.machinery.SourceFileLoader):
@@ -146,6 +146,6 @@ def _file_module(path: Path, _modified_ns: int, _size: int) -> Any:
         line = getattr(error, "lineno", None)
         where = f"line {line}: " if line else ""
         raise ScenarioError(
-            f"{path.name}: {where}cannot be imported ({type(error).__name__}{_said(error)}); mend it"
+            f"{path.name}: {where}cannot be imported ({type(error).__name__}{_format_error(error)}); mend it"
         ) from None
     return module

@@ -111,7 +111,7 @@ def _there_and_back(way: np.ndarray, length: float) -> np.ndarray:
     return folded
 
 
-def pan_tilt(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_pan_tilt(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return pan in (-pi, pi] and tilt [rad] that turn the boresight to `direction` (…, 3), any length, mount axes.
 
     >>> [angle.round(6) for angle in pan_tilt(np.array([0.0, 2.0, 0.0]))]
@@ -167,7 +167,7 @@ class DemandCurve:
         if block not in self._blocks:
             first, end = block * self.BLOCK, min((block + 1) * self.BLOCK, self._last)
             low, high = max(first - 1, 0), min(end + 1, self._last)
-            pan, tilt = pan_tilt(self._directions(np.arange(low, high + 1) * self.KNOT_S))
+            pan, tilt = find_pan_tilt(self._directions(np.arange(low, high + 1) * self.KNOT_S))
             pan = np.unwrap(pan)
             full = 2.0 * math.pi
             pan = pan + full * round((self._pan_at_block[block] - float(pan[first - low])) / full)

@@ -16,7 +16,14 @@ from pydantic import Field, model_validator
 
 from rso_lidar import units
 from rso_lidar.kernels import kernel, packed
-from rso_lidar.motion.dynamics.function import Dynamics, Function, checked, found, in_words, stamp
+from rso_lidar.motion.dynamics.function import (
+    Dynamics,
+    Function,
+    find_function,
+    name_function,
+    stamp_file,
+    wrap_dynamics,
+)
 from rso_lidar.part import NotNegative, Number, Part, Positive
 
 Limits = tuple[Number, Number]
@@ -146,7 +153,7 @@ class StateSpaceDrive(_Travel):
     @property
     def label(self) -> str:
         """Return what to call the dynamics in errors."""
-        return in_words(self.dynamics)
+        return name_function(self.dynamics)
 
     def advance(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
@@ -165,7 +172,7 @@ class StateSpaceDrive(_Travel):
         -------
         (angle, rate) of pan and of tilt after the last row, and the further entries of the state.
         """
-        f = _function(self, stamp(self.dynamics))
+        f = _function(self, stamp_file(self.dynamics))
         (pan, pan_rate), (tilt, tilt_rate) = axes
         x, ends = np.array([pan, tilt, pan_rate, tilt_rate, *further]), self.travel_rad
         for tick, u in enumerate(held):
@@ -183,7 +190,7 @@ class StateSpaceDrive(_Travel):
 
 @functools.lru_cache(maxsize=16)
 def _function(drive: StateSpaceDrive, _stamp: tuple[int, int]) -> Function:
-    return checked(found(drive.dynamics), drive.label, 4 + len(drive.further_state))
+    return wrap_dynamics(find_function(drive.dynamics), drive.label, 4 + len(drive.further_state))
 
 
 @kernel

@@ -131,25 +131,25 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
     """
     if until_s < state.time_s:
         raise ValueError(f"ptu: time runs forward, from {state.time_s:g} s to {until_s:g} s: start afresh to go back")
-    command = _finite(command or Command())
+    command = _check_command(command or Command())
     latency = round(ptu.errors.command_latency_s * TICKS_PER_S)
-    commands = _still_matter(state, command, latency)
-    tick, rest_s = _tick(until_s)
+    commands = _select_commands(state, command, latency)
+    tick, rest_s = _split_time(until_s)
     travel = ptu.response.travel_rad
     scenario = demand(np.array([until_s]))[0]
-    asked = _pair(_override(scenario, command))
+    asked = _pair(_apply_command(scenario, command))
 
     if isinstance(ptu.response, Ideal):
-        angle, rate = _ideal(ptu.response, demand, commands, until_s, latency)
+        angle, rate = _follow_demand(ptu.response, demand, commands, until_s, latency)
         return PtuState(until_s, angle, rate, asked, tick, ((angle[0], 0.0), (angle[1], 0.0)), commands)
 
     grid, further = state.grid, state.further
     for first in range(state.tick, tick, CHUNK):
-        held = _held(demand, commands, first, min(first + CHUNK, tick), latency, travel)
+        held = _sample_demand(demand, commands, first, min(first + CHUNK, tick), latency, travel)
         grid, further = ptu.response.advance(first / TICKS_PER_S, TICK_S, grid, further, held)
     here = grid
     if rest_s:
-        held = _held(demand, commands, tick, tick + 1, latency, travel)
+        held = _sample_demand(demand, commands, tick, tick + 1, latency, travel)
         here, _ = ptu.response.advance(tick / TICKS_PER_S, rest_s, grid, further, held)
     (pan, pan_rate), (tilt, tilt_rate) = here
     return PtuState(until_s, (pan, tilt), (pan_rate, tilt_rate), asked, tick, grid, commands, further)
@@ -180,7 +180,7 @@ def _pair(angles: np.ndarray) -> Pair:
     return float(angles[0]), float(angles[1])
 
 
-def _finite(command: Command) -> Command:
+def _check_command(command: Command) -> Command:
     for name in ("pan_rad", "tilt_rad"):
         angle = getattr(command, name)
         number = isinstance(angle, int | float | np.floating | np.integer) and not isinstance(angle, bool)
@@ -191,30 +191,30 @@ def _finite(command: Command) -> Command:
     return command
 
 
-def _tick(time_s: float) -> tuple[int, float]:
+def _split_time(time_s: float) -> tuple[int, float]:
     """Return the last tick at or before an instant, and what is left [s]; within a nanosecond of a tick is on it."""
     tick = math.floor(time_s * TICKS_PER_S + 1e-6)
     rest_s = time_s - tick / TICKS_PER_S
     return tick, rest_s if rest_s > 1e-9 else 0.0
 
 
-def _override(angles: np.ndarray, command: Command) -> np.ndarray:
+def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
     pan = angles[0] if command.pan_rad is None else command.pan_rad
     tilt = angles[1] if command.tilt_rad is None else command.tilt_rad
     return np.array([pan, tilt], dtype=float)
 
 
-def _still_matter(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
+def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
     """Return the commands from the state's tick on, the new one last."""
     past = sum(1 for tick, _ in state.commands if tick <= state.tick)
     commands = state.commands[max(0, past - 1) :]
     if command == (commands[-1][1] if commands else Command()):
         return commands
-    tick, rest_s = _tick(state.time_s)
+    tick, rest_s = _split_time(state.time_s)
     return (*commands, (tick + (rest_s > 0.0) + latency, command))
 
 
-def _held(
+def _sample_demand(
     demand: Demand,
     commands: tuple[tuple[int, Command], ...],
     first: int,
@@ -238,7 +238,7 @@ def _held(
 # ------------------------------------------------------------------------------------------------------- responses
 
 
-def _ideal(
+def _follow_demand(
     response: Ideal, demand: Demand, commands: tuple[tuple[int, Command], ...], time_s: float, latency: int
 ) -> tuple[Pair, Pair]:
     """Return pan and tilt [rad] on the demand, and its rates [rad/s] by central difference over a tick."""
@@ -246,10 +246,10 @@ def _ideal(
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
     asked = demand(around)
     rates = (asked[2] - asked[1]) / (around[2] - around[1] or TICK_S)
-    obeyed = [command for tick, command in commands if tick <= _tick(time_s)[0]]
+    obeyed = [command for tick, command in commands if tick <= _split_time(time_s)[0]]
     command = obeyed[-1] if obeyed else Command()
     low, high = np.transpose(response.travel_rad)
-    angles = _override(asked[0], command)
+    angles = _apply_command(asked[0], command)
     commanded = np.array([command.pan_rad is not None, command.tilt_rad is not None])
     rates = np.where(commanded | (angles < low) | (angles > high), 0.0, rates)
     return _pair(np.clip(angles, low, high)), _pair(rates)

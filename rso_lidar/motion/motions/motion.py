@@ -90,7 +90,7 @@ DescribedMotion = Annotated[
 AnyMotion = Annotated[DescribedMotion | Motion, Seam(DescribedMotion, Motion)]
 
 
-def orbits(motion: Any) -> bool:
+def has_orbit(motion: Any) -> bool:
     """Return whether a body that moves so has an orbit, and so rtn axes."""
     return bool(getattr(motion, "orbits", True))
 

@@ -127,7 +127,7 @@ def read_table(path: str | Path) -> TableRows:
     path = Path(path)
     try:
         status = path.stat()
-        return _read(path, status.st_mtime_ns, status.st_size)
+        return _read_file(path, status.st_mtime_ns, status.st_size)
     except FileNotFoundError:
         raise ScenarioError(f"{path}: no such file: check the path of this table") from None
     except OSError as error:
@@ -135,7 +135,7 @@ def read_table(path: str | Path) -> TableRows:
 
 
 @functools.lru_cache(maxsize=16)
-def _read(path: Path, _modified_ns: int, _size: int) -> TableRows:
+def _read_file(path: Path, _modified_ns: int, _size: int) -> TableRows:
     text = read_text(path, MOST_BYTES, ScenarioError, "CSV file")
     if "\0" in text:
         raise ScenarioError(f"{path}: is not UTF-8 text: name a CSV file")

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from rso_lidar.part import Number, Positive, Vector
 from rso_lidar.rpo.limits import Duration, Pieces
 from rso_lidar.rpo.plans.operation import ProximityOperation
-from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast, line
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 
 
 class StationKeeping(ProximityOperation):
@@ -29,10 +29,10 @@ class StationKeeping(ProximityOperation):
         ),
     )
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         duration_s = self.duration_s or 2.0 * np.pi / mean_motion_rad_s
-        return Plan(self.name, mean_motion_rad_s, duration_s, (line(0.0, np.array(self.position_m)),))
+        return Plan(self.name, mean_motion_rad_s, duration_s, (make_line(0.0, np.array(self.position_m)),))
 
 
 class _AlongAnAxis(ProximityOperation):
@@ -82,7 +82,7 @@ class _AlongAnAxis(ProximityOperation):
         place[self.axis] = along_m
         return place
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         n, way_m = mean_motion_rad_s, self.to_m - self.from_m
         if self.duration_s is not None:
@@ -93,21 +93,26 @@ class _AlongAnAxis(ProximityOperation):
             duration_s = (self.hops or 1) * np.pi / n
         if self.hops is None:
             velocity = self._at(way_m / duration_s)
-            legs: tuple[Leg, ...] = (line(0.0, self._at(self.from_m), velocity),)
-            impulses: tuple[Impulse, ...] = (Impulse(0.0, velocity), Impulse(duration_s, -velocity))
+            legs: tuple[Leg, ...] = (make_line(0.0, self._at(self.from_m), velocity),)
+            impulses: tuple[PlannedImpulse, ...] = (
+                PlannedImpulse(0.0, velocity),
+                PlannedImpulse(duration_s, -velocity),
+            )
         else:
-            legs, impulses = self._hopped(n, duration_s / self.hops, way_m / self.hops, self.hops)
-        return Plan(self.name, n, duration_s, (*legs, line(duration_s, self._at(self.to_m))), impulses)
+            legs, impulses = self._plan_hops(n, duration_s / self.hops, way_m / self.hops, self.hops)
+        return Plan(self.name, n, duration_s, (*legs, make_line(duration_s, self._at(self.to_m))), impulses)
 
-    def _hopped(self, n: float, each_s: float, step_m: float, hops: int) -> tuple[tuple[Leg, ...], tuple[Impulse, ...]]:
+    def _plan_hops(
+        self, n: float, each_s: float, step_m: float, hops: int
+    ) -> tuple[tuple[Leg, ...], tuple[PlannedImpulse, ...]]:
         arrival, legs, impulses = np.zeros(3), [], []
         for k in range(hops):
             start = self._at(self.from_m + k * step_m)
-            departure = departure_m_s(start, self._at(self.from_m + (k + 1) * step_m), each_s, n)
-            legs.append(coast(k * each_s, start, departure, n))
-            impulses.append(Impulse(k * each_s, departure - arrival))
+            departure = solve_departure_m_s(start, self._at(self.from_m + (k + 1) * step_m), each_s, n)
+            legs.append(make_coast(k * each_s, start, departure, n))
+            impulses.append(PlannedImpulse(k * each_s, departure - arrival))
             arrival = legs[-1].path(np.array([each_s]))[1][0]
-        return tuple(legs), (*impulses, Impulse(hops * each_s, -arrival))
+        return tuple(legs), (*impulses, PlannedImpulse(hops * each_s, -arrival))
 
 
 class VBarApproach(_AlongAnAxis):
@@ -173,10 +178,10 @@ class CoElliptic(ProximityOperation):
             )
         return self
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         drift_m_s = -1.5 * mean_motion_rad_s * self.radial_m
         duration_s = self.duration_s or ((self.to_m or 0.0) - self.from_m) / drift_m_s
         start = np.array([self.radial_m, self.from_m, 0.0])
-        leg = coast(0.0, start, np.array([0.0, drift_m_s, 0.0]), mean_motion_rad_s)
+        leg = make_coast(0.0, start, np.array([0.0, drift_m_s, 0.0]), mean_motion_rad_s)
         return Plan(self.name, mean_motion_rad_s, duration_s, (leg,))

@@ -13,11 +13,11 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Direction, NotNegative, Number, Positive
 from rso_lidar.rpo.limits import Duration, Pieces
 from rso_lidar.rpo.plans.operation import ProximityOperation
-from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 
 
-def _ellipse(
+def _make_ellipse(
     n: float, radial_m: float, cross_m: float, phase_rad: float, ahead_rad: float, height_m: float, centre_m: float
 ) -> Leg:
     """Make a leg of free flight on a 2:1 ellipse.
@@ -39,7 +39,7 @@ def _ellipse(
         -1.5 * n * height_m - 2.0 * n * radial_m * c,
         n * cross_m * math.cos(phase_rad + ahead_rad),
     )
-    return coast(0.0, np.array(position), np.array(velocity), n)
+    return make_coast(0.0, np.array(position), np.array(velocity), n)
 
 
 class Circumnavigation(ProximityOperation):
@@ -74,10 +74,12 @@ class Circumnavigation(ProximityOperation):
         ),
     )
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         angles = self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG
-        leg = _ellipse(mean_motion_rad_s, self.radial_m, self.cross_track_m, *angles, 0.0, self.center_along_track_m)
+        leg = _make_ellipse(
+            mean_motion_rad_s, self.radial_m, self.cross_track_m, *angles, 0.0, self.center_along_track_m
+        )
         return Plan(self.name, mean_motion_rad_s, self.duration_s or math.tau / mean_motion_rad_s, (leg,))
 
 
@@ -157,10 +159,10 @@ class SafetyEllipse(ProximityOperation):
             centre, width = float(angles[np.argmin(seen(angles))]), width / 500.0
         return float(seen(np.array([centre]))[0])
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         n, angles = mean_motion_rad_s, (self.phase_deg * units.DEG, self.phase_difference_deg * units.DEG)
-        leg = _ellipse(n, self.radial_m, self.cross_track_m, *angles, self.height_m, self.center_along_track_m)
+        leg = _make_ellipse(n, self.radial_m, self.cross_track_m, *angles, self.height_m, self.center_along_track_m)
         return Plan(self.name, n, self.duration_s or math.tau / n, (leg,))
 
 
@@ -223,14 +225,14 @@ class Teardrop(ProximityOperation):
                 high = middle
         return 2.0 * middle / mean_motion_rad_s
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         n, each_s = mean_motion_rad_s, self.loop_s(mean_motion_rad_s)
         cusp = np.array([self.cusp_m, self.along_track_m, 0.0])
-        departure = departure_m_s(cusp, cusp, each_s, n)
-        legs = tuple(coast(k * each_s, cusp, departure, n) for k in range(self.loops))
+        departure = solve_departure_m_s(cusp, cusp, each_s, n)
+        legs = tuple(make_coast(k * each_s, cusp, departure, n) for k in range(self.loops))
         turned = np.array([2.0 * departure[0], 0.0, 0.0])
-        impulses = tuple(Impulse(k * each_s, turned) for k in range(1, self.loops))
+        impulses = tuple(PlannedImpulse(k * each_s, turned) for k in range(1, self.loops))
         return Plan(self.name, n, self.loops * each_s, legs, impulses)
 
 
@@ -277,7 +279,7 @@ class ForcedCircumnavigation(ProximityOperation):
         """Duration of one turn [s]."""
         return self.period_s or 360.0 / (self.rate_deg_s or math.nan)
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         pole = np.array(self.axis) / np.linalg.norm(self.axis)
         toward = np.array([1.0, 0.0, 0.0]) if abs(pole[0]) < 1.0 - 1e-12 else np.array([0.0, 1.0, 0.0])

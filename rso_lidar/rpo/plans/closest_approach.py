@@ -12,7 +12,7 @@ _FINER = 21  # samples of one round of refinement
 _ROUNDS = 12
 
 
-def closest(
+def find_closest_approach(
     path: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     begin_s: float,
     from_s: float,

@@ -15,7 +15,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.part import NotNegative
-from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, years
+from rso_lidar.rpo.limits import FASTEST_M_S, LONGEST_S, format_years
 from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.rpo.relative import hill
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
@@ -44,7 +44,7 @@ class ProximityOperation(RelativeMotion):
         return str(type(self).model_fields["type"].default)
 
     @abstractmethod
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s], without checks."""
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
@@ -60,7 +60,7 @@ class ProximityOperation(RelativeMotion):
         ScenarioError
             if the plan cannot be carried out, exceeds a limit, or enters the keep-out sphere
         """
-        return _flown(self, hill.mean_motion_rad_s(chief, start_utc))
+        return _make_checked_plan(self, hill.find_mean_motion_rad_s(chief, start_utc))
 
     def relative(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and velocity [m/s] (time, 3) in the chief's rotating rtn axes.
@@ -74,7 +74,7 @@ class ProximityOperation(RelativeMotion):
         distance = np.sqrt(np.sum(position * position, axis=1))
         if len(distance) and distance.min() < self.keep_out_m:
             k = int(np.argmin(distance))
-            raise _too_near(self.keep_out_m, float(distance[k]), float(epochs.time_s[k]), position[k])
+            raise _keep_out_error(self.keep_out_m, float(distance[k]), float(epochs.time_s[k]), position[k])
         return position, velocity
 
     def breaks_s(self, epochs: Epochs, chief: Trajectory) -> np.ndarray:
@@ -90,41 +90,41 @@ class ProximityOperation(RelativeMotion):
         chief : trajectory of the chief
         """
         position, _ = self.relative(epochs, chief)
-        sentences = hill.validity(
+        sentences = hill.describe_validity(
             position,
-            *hill.state_at_start(chief, epochs.start_utc),
+            *hill.find_start_state(chief, epochs.start_utc),
             better="use lambert, or nonlinear from the plan's state",
         )
         named = [f"{self.name}: {sentence.removeprefix('hill: ')}" for sentence in sentences]
-        return named + self.flattened(epochs, chief)
+        return named + self.describe_flattening(epochs, chief)
 
-    def flattened(self, epochs: Epochs, chief: Trajectory) -> list[str]:
+    def describe_flattening(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return a sentence if J2 moves the body in its free flight at these epochs; thrust along a path compensates it."""
         free_s = self.plan(epochs.start_utc, chief).free_s(epochs.time_s)
-        return hill.flattening(
+        return hill.describe_flattening(
             self.name,
             Epochs(epochs.start_utc, np.array([free_s])),
-            *hill.state_at_start(chief, epochs.start_utc),
+            *hill.find_start_state(chief, epochs.start_utc),
             better="use relative_elements, or nonlinear with forces, from the plan's state",
         )
 
 
 @functools.lru_cache(maxsize=128)
-def _flown(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
-    places_within(operation, mean_motion_rad_s)
-    return kept_out(plan_within(operation.flown(mean_motion_rad_s), operation), operation.keep_out_m)
+def _make_checked_plan(operation: ProximityOperation, mean_motion_rad_s: float) -> Plan:
+    check_lengths(operation, mean_motion_rad_s)
+    return check_keep_out(check_plan(operation.make_plan(mean_motion_rad_s), operation), operation.keep_out_m)
 
 
-def kept_out(plan: Plan, keep_out_m: float) -> Plan:
+def check_keep_out(plan: Plan, keep_out_m: float) -> Plan:
     """Check that a plan does not enter a sphere about the body's origin [m], and return it; else raise `ScenarioError`."""
     if keep_out_m > 0.0:
         nearest_m, at_s = plan.nearest()
         if nearest_m < keep_out_m:
-            raise _too_near(keep_out_m, nearest_m, at_s, plan.relative(np.array([at_s]))[0][0])
+            raise _keep_out_error(keep_out_m, nearest_m, at_s, plan.relative(np.array([at_s]))[0][0])
     return plan
 
 
-def _too_near(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.ndarray) -> ScenarioError:
+def _keep_out_error(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.ndarray) -> ScenarioError:
     where = ", ".join(f"{part:.4g}" for part in position_m)
     return ScenarioError(
         f"keep_out_m: at {at_s:.1f} s the path is {nearest_m:.4g} m from the body ({where} m in rtn), inside the sphere of "
@@ -132,7 +132,7 @@ def _too_near(keep_out_m: float, nearest_m: float, at_s: float, position_m: np.n
     )
 
 
-def places_within(operation: Any, mean_motion_rad_s: float) -> None:
+def check_lengths(operation: Any, mean_motion_rad_s: float) -> None:
     """Check that lengths of an operation are within the radius of the body's orbit; beyond, its rtn axes have no meaning."""
     radius_m = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
     for name in type(operation).model_fields:
@@ -148,7 +148,7 @@ def places_within(operation: Any, mean_motion_rad_s: float) -> None:
             )
 
 
-def plan_within(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
+def check_plan(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     """Check that a plan is not too long, too fast or too far, and return it.
 
     Parameters
@@ -166,8 +166,8 @@ def plan_within(plan: Plan, operation: Any, *, far: bool = False) -> Plan:
     key = next((name for name in _PACE if name in given and getattr(operation, name) is not None), plan.name)
     if not plan.duration_s <= LONGEST_S:
         raise ScenarioError(
-            f"{key}: the plan takes {years(plan.duration_s)} years, and plans are for up to {years(LONGEST_S)}: "
-            "fly it in less"
+            f"{key}: the plan takes {format_years(plan.duration_s)} years, and plans are for up to "
+            f"{format_years(LONGEST_S)}: fly it in less"
         )
     speeds_m_s, places_m = [impulse.size_m_s for impulse in plan.impulses], [0.0]
     for leg, begin_s, end_s in plan.stretches():

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.rpo.limits import horizon_within
-from rso_lidar.rpo.plans.closest_approach import closest
+from rso_lidar.rpo.limits import check_horizon
+from rso_lidar.rpo.plans.closest_approach import find_closest_approach
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -30,7 +30,7 @@ _PANELS = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Impulse:
+class PlannedImpulse:
     """A change of velocity (3) [m/s], rtn axes, at `time_s`."""
 
     time_s: float
@@ -59,7 +59,7 @@ class Leg:
     acceleration_m_s2: Callable[[np.ndarray], np.ndarray] | None = None
 
 
-def coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
+def make_coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean_motion_rad_s: float) -> Leg:
     """Make a leg of free flight.
 
     Parameters
@@ -72,7 +72,7 @@ def coast(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray, mean
     return Leg(begin_s, lambda time_s: clohessy_wiltshire(*start, time_s, mean_motion_rad_s))
 
 
-def line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None = None) -> Leg:
+def make_line(begin_s: float, position_m: np.ndarray, velocity_m_s: np.ndarray | None = None) -> Leg:
     """Make a leg held to a straight line at a constant velocity, or to a point.
 
     Parameters
@@ -126,7 +126,7 @@ class Plan:
     mean_motion_rad_s: float
     duration_s: float
     legs: tuple[Leg, ...]
-    impulses: tuple[Impulse, ...] = ()
+    impulses: tuple[PlannedImpulse, ...] = ()
     adrift: Path | None = None
     _begins: np.ndarray = field(init=False, repr=False)
 
@@ -194,7 +194,7 @@ class Plan:
         moves in a step.
         """
         return min(
-            closest(leg.path, begin_s, *span)
+            find_closest_approach(leg.path, begin_s, *span)
             for leg, begin_s, end_s in self.stretches()
             for span in self._spans(end_s - begin_s, _FINE_REVOLUTIONS)
         )
@@ -228,24 +228,26 @@ class Plan:
         ----------
         horizon_s : how long after the failure the drift is followed [s]; two revolutions of the body if left out
         """
-        horizon = SAFE_REVOLUTIONS * self.revolution_s if horizon_s is None else horizon_within(horizon_s)
+        horizon = SAFE_REVOLUTIONS * self.revolution_s if horizon_s is None else check_horizon(horizon_s)
         found: list[tuple[float, float, float]] = []  # distance, failure, nearest
         first = self.impulses[0] if self.impulses else None
         if first is not None and first.time_s <= 0.0:  # the first impulse fails
             position, velocity = self.relative(np.zeros(1))
-            before = coast(0.0, position[0], velocity[0] - first.delta_v_m_s, self.mean_motion_rad_s).path
-            found.append(self._drifted(self.adrift or before, 0.0, 0.0, horizon))
+            before = make_coast(0.0, position[0], velocity[0] - first.delta_v_m_s, self.mean_motion_rad_s).path
+            found.append(self._find_nearest_adrift(self.adrift or before, 0.0, 0.0, horizon))
         for leg, begin_s, end_s in self.stretches():
             if leg.acceleration_m_s2 is None:  # the impulse that ends it fails, and it continues
-                found.append(self._drifted(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon))
+                found.append(self._find_nearest_adrift(leg.path, begin_s, end_s - begin_s, end_s - begin_s + horizon))
                 continue
             spans = self._spans(horizon, _FINE_DRIFT)
             found += [self._worst_stop(leg, begin_s, end_s - begin_s, span) for span in spans]
         return PassiveSafety(*min(found), horizon)
 
-    def _drifted(self, path: Path, begin_s: float, failure_s: float, until_s: float) -> tuple[float, float, float]:
+    def _find_nearest_adrift(
+        self, path: Path, begin_s: float, failure_s: float, until_s: float
+    ) -> tuple[float, float, float]:
         spans = self._spans(until_s, _FINE_REVOLUTIONS)
-        distance, nearest_s = min(closest(path, begin_s, *span) for span in spans)
+        distance, nearest_s = min(find_closest_approach(path, begin_s, *span) for span in spans)
         return distance, begin_s + failure_s, nearest_s
 
     def _worst_stop(
@@ -271,8 +273,8 @@ class Plan:
             nearest = np.sqrt(np.min(np.sum(away * away, axis=-1), axis=1))
             worst = np.unique(np.argsort(nearest, kind="stable")[:5])
             for k in worst:
-                freely = coast(begin_s + stops[k], position[k], velocity[k], n)
-                distance, nearest_s = closest(freely.path, freely.begin_s, *span)
+                freely = make_coast(begin_s + stops[k], position[k], velocity[k], n)
+                distance, nearest_s = find_closest_approach(freely.path, freely.begin_s, *span)
                 best = min(best, (distance, begin_s + stops[k], nearest_s))
             width = (high - low) / (_FAILURES - 1)
             centre = best[1] - begin_s
@@ -334,8 +336,9 @@ class Plan:
         lines += [
             f"  delta-v {self.delta_v_m_s:.5f} m/s (impulses {self.impulsive_delta_v_m_s:.5f}, "
             f"continuous {self.continuous_delta_v_m_s:.5f})",
-            f"  nearest as planned {_length(nearest_m)}, at {at_s:.1f} s",
-            f"  passive safety {_length(safety.distance_m)}, at {safety.nearest_s:.1f} s, within {safety.horizon_s:.0f} s "
+            f"  nearest as planned {_format_length(nearest_m)}, at {at_s:.1f} s",
+            f"  passive safety {_format_length(safety.distance_m)}, at {safety.nearest_s:.1f} s, "
+            + f"within {safety.horizon_s:.0f} s "
             + (
                 "of free drift after the plan" if free else f"of free drift if thrust stops at {safety.failure_s:.1f} s"
             ),
@@ -343,5 +346,5 @@ class Plan:
         return "\n".join(lines)
 
 
-def _length(length_m: float) -> str:
+def _format_length(length_m: float) -> str:
     return f"{length_m:.2f} m" if length_m < 10.0 * units.KM else f"{length_m / units.KM:.3f} km"

@@ -22,11 +22,11 @@ from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.limits import MOST_PIECES, TransferTime, Velocity, Wait
-from rso_lidar.rpo.plans.operation import ProximityOperation, kept_out, plan_within
-from rso_lidar.rpo.plans.plan import Impulse, Leg, Plan, coast, line
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.operation import ProximityOperation, check_keep_out, check_plan
+from rso_lidar.rpo.plans.plan import Leg, Plan, PlannedImpulse, make_coast, make_line
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import hill
-from rso_lidar.rpo.relative.nonlinear import beside, rtn_difference
+from rso_lidar.rpo.relative.nonlinear import add_relative_state, find_relative_state
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 
 
@@ -46,9 +46,9 @@ class Hop(ProximityOperation):
         description="Whether a second impulse stops the craft, which then holds its position. If false, it flies on.",
     )
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
-        return _transferred(
+        return _plan_transfer(
             self.name,
             np.array(self.from_m),
             np.zeros(3),
@@ -74,13 +74,15 @@ class Rendezvous(ProximityOperation):
     to_m: Vector = Field(default=(0.0, 0.0, 0.0), description="Position of arrival, which is then held [m].")
     duration_s: TransferTime = Field(description="Time between the two impulses, above 0 [s].")
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         before, aim = np.array(self.velocity_m_s), np.array(self.to_m)
-        return _transferred(self.name, np.array(self.position_m), before, aim, self.duration_s, mean_motion_rad_s, True)
+        return _plan_transfer(
+            self.name, np.array(self.position_m), before, aim, self.duration_s, mean_motion_rad_s, True
+        )
 
 
-def _transferred(
+def _plan_transfer(
     name: str, start: np.ndarray, before_m_s: np.ndarray, aim: np.ndarray, duration_s: float, n: float, stop: bool
 ) -> Plan:
     """Make the plan of one two-impulse transfer, held at its end if it stops.
@@ -94,13 +96,13 @@ def _transferred(
     n : mean motion of the body [rad/s]
     stop : whether a second impulse stops it
     """
-    departure = departure_m_s(start, aim, duration_s, n)
-    leg = coast(0.0, start, departure, n)
-    first = Impulse(0.0, departure - before_m_s)
+    departure = solve_departure_m_s(start, aim, duration_s, n)
+    leg = make_coast(0.0, start, departure, n)
+    first = PlannedImpulse(0.0, departure - before_m_s)
     if not stop:
         return Plan(name, n, duration_s, (leg,), (first,))
     arrival = leg.path(np.array([duration_s]))[1][0]
-    return Plan(name, n, duration_s, (leg, line(duration_s, aim)), (first, Impulse(duration_s, -arrival)))
+    return Plan(name, n, duration_s, (leg, make_line(duration_s, aim)), (first, PlannedImpulse(duration_s, -arrival)))
 
 
 class Waypoints(ProximityOperation):
@@ -163,29 +165,29 @@ class Waypoints(ProximityOperation):
                 )
         return self
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body of this mean motion [rad/s]."""
         n, places = mean_motion_rad_s, np.array(self.positions_m)
         legs: list[Leg] = []
-        impulses: list[Impulse] = []
+        impulses: list[PlannedImpulse] = []
         now_s, arrival = 0.0, np.zeros(3)
         for k, (start, aim) in enumerate(pairwise(places)):
             if k and self.stop:
-                impulses.append(Impulse(now_s, -arrival))
-                legs += [line(now_s, start)] if self.hold_s else []
+                impulses.append(PlannedImpulse(now_s, -arrival))
+                legs += [make_line(now_s, start)] if self.hold_s else []
                 now_s, arrival = now_s + self.hold_s, np.zeros(3)
             if self.times_s is not None:
                 each_s = self.times_s[k + 1] - now_s
             else:
                 each_s = float(np.linalg.norm(aim - start)) / (self.speed_m_s or math.nan)
             with add_place(f"positions_m[{k + 1}]"):
-                departure = departure_m_s(start, aim, each_s, n)
-            legs.append(coast(now_s, start, departure, n))
-            impulses.append(Impulse(now_s, departure - arrival))
+                departure = solve_departure_m_s(start, aim, each_s, n)
+            legs.append(make_coast(now_s, start, departure, n))
+            impulses.append(PlannedImpulse(now_s, departure - arrival))
             arrival = legs[-1].path(np.array([each_s]))[1][0]
             now_s = self.times_s[k + 1] if self.times_s is not None else now_s + each_s
-        legs.append(line(now_s, places[-1]))
-        return Plan(self.name, n, now_s, tuple(legs), (*impulses, Impulse(now_s, -arrival)))
+        legs.append(make_line(now_s, places[-1]))
+        return Plan(self.name, n, now_s, tuple(legs), (*impulses, PlannedImpulse(now_s, -arrival)))
 
 
 class Lambert(ProximityOperation):
@@ -234,11 +236,11 @@ class Lambert(ProximityOperation):
         ),
     )
 
-    def flown(self, mean_motion_rad_s: float) -> Plan:
+    def make_plan(self, mean_motion_rad_s: float) -> Plan:
         """Return the plan about a body on a circular orbit of this mean motion [rad/s]."""
         radius = float(np.cbrt(units.EARTH_GM_M3_S2 / mean_motion_rad_s**2))
         speed = radius * mean_motion_rad_s
-        return _two_body_plan(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
+        return _plan_lambert(self, (radius, 0.0, 0.0), (0.0, speed, 0.0))
 
     def plan(self, start_utc: datetime.datetime, chief: Trajectory) -> Plan:
         """Return the plan: legs, impulses, costs and safety.
@@ -253,17 +255,17 @@ class Lambert(ProximityOperation):
         ScenarioError
             if there is no such transfer, or it meets the Earth, exceeds a limit, or enters the keep-out sphere
         """
-        position, velocity = hill.state_at_start(chief, start_utc)
-        hill.mean_motion_rad_s(chief, start_utc)  # raises an error if the orbit is open
-        return _two_body_plan(self, tuple(position.tolist()), tuple(velocity.tolist()))
+        position, velocity = hill.find_start_state(chief, start_utc)
+        hill.find_mean_motion_rad_s(chief, start_utc)  # raises an error if the orbit is open
+        return _plan_lambert(self, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed."""
-        return self.flattened(epochs, chief)
+        return self.describe_flattening(epochs, chief)
 
 
 @functools.lru_cache(maxsize=128)
-def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
+def _plan_lambert(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]) -> Plan:
     """Make the plan about a chief.
 
     Parameters
@@ -274,8 +276,8 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     r0, v0 = np.array(chief_m), np.array(chief_m_s)
     r1, v1 = kepler.propagate_two_body(r0, v0, np.array([part.duration_s]))
     chief, there = BodyState(r0, v0), BodyState(r1[0], v1[0])
-    start = beside(chief, np.array(part.from_m), np.array(part.velocity_m_s))
-    end = beside(there, np.array(part.to_m), np.zeros(3))
+    start = add_relative_state(chief, np.array(part.from_m), np.array(part.velocity_m_s))
+    end = add_relative_state(there, np.array(part.to_m), np.zeros(3))
     start_m, before_m_s, end_m, after_m_s = start.position_m, start.velocity_m_s, end.position_m, end.velocity_m_s
     branches: tuple[Branch, ...] = ("low", "high") if part.branch is None else (part.branch,)
     way, pole = part.way, np.cross(r0, v0)
@@ -287,7 +289,7 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
     if part.revolutions is not None:
         counts: Sequence[int] = (part.revolutions,)
     else:  # those of the chief, and one more or less
-        own = part.duration_s * _mean_motion(chief) / math.tau
+        own = part.duration_s * _find_mean_motion(chief) / math.tau
         counts = range(max(0, math.floor(own) - 1), math.ceil(own) + 2)
     orbits = []
     for turns, branch in product(counts, branches):
@@ -298,29 +300,31 @@ def _two_body_plan(part: Lambert, chief_m: tuple[float, ...], chief_m_s: tuple[f
         except ScenarioError:
             if part.revolutions is not None or (turns == counts[0] and turns == 0):
                 raise
-    orbit = min(orbits, key=lambda one: (_least_m(start_m, one, part.duration_s) < units.EARTH_RADIUS_M, cost(one)))
+    orbit = min(
+        orbits, key=lambda one: (_find_lowest_m(start_m, one, part.duration_s) < units.EARTH_RADIUS_M, cost(one))
+    )
 
     def path(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _apart(chief, BodyState(start_m, orbit.departure_m_s), time_s)
+        return _difference_orbits(chief, BodyState(start_m, orbit.departure_m_s), time_s)
 
     def adrift(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _apart(chief, start, time_s)
+        return _difference_orbits(chief, start, time_s)
 
-    departure = _into_rtn(chief, orbit.departure_m_s - before_m_s)
-    arrival = _into_rtn(there, after_m_s - orbit.arrival_m_s)
-    impulses = (Impulse(0.0, departure), Impulse(part.duration_s, arrival))
-    legs = (Leg(0.0, path), line(part.duration_s, np.array(part.to_m)))
-    plan = Plan(part.name, _mean_motion(chief), part.duration_s, legs, impulses, adrift)
-    least_m = _least_m(start_m, orbit, part.duration_s)
+    departure = _rotate_into_rtn(chief, orbit.departure_m_s - before_m_s)
+    arrival = _rotate_into_rtn(there, after_m_s - orbit.arrival_m_s)
+    impulses = (PlannedImpulse(0.0, departure), PlannedImpulse(part.duration_s, arrival))
+    legs = (Leg(0.0, path), make_line(part.duration_s, np.array(part.to_m)))
+    plan = Plan(part.name, _find_mean_motion(chief), part.duration_s, legs, impulses, adrift)
+    least_m = _find_lowest_m(start_m, orbit, part.duration_s)
     if least_m < units.EARTH_RADIUS_M:
         raise ScenarioError(
             f"duration_s: the transfer comes within {least_m / units.KM:.0f} km of the Earth's centre, and hits it: "
             "change the duration, the revolutions or the way"
         )
-    return kept_out(plan_within(plan, part, far=True), part.keep_out_m)
+    return check_keep_out(check_plan(plan, part, far=True), part.keep_out_m)
 
 
-def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
+def _find_lowest_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
     """Return the least distance from the Earth's centre [m] during a transfer.
 
     Parameters
@@ -329,12 +333,12 @@ def _least_m(start_m: np.ndarray, orbit: Transfer, duration_s: float) -> float:
     orbit : the transfer
     duration_s : its duration [s]
     """
-    once_s = min(duration_s, math.tau / max(_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
+    once_s = min(duration_s, math.tau / max(_find_mean_motion(BodyState(start_m, orbit.departure_m_s)), 1e-300))
     low_m = kepler.propagate_two_body(start_m, orbit.departure_m_s, np.linspace(0.0, once_s, 721))[0]
     return float(np.sqrt(np.sum(low_m * low_m, axis=1)).min())
 
 
-def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _difference_orbits(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the difference of two orbits in the chief's rotating rtn axes.
 
     Parameters
@@ -345,14 +349,14 @@ def _apart(chief: BodyState, body: BodyState, time_s: np.ndarray) -> tuple[np.nd
     there, here = (
         BodyState(*kepler.propagate_two_body(state.position_m, state.velocity_m_s, time_s)) for state in (chief, body)
     )
-    return rtn_difference(there, here)
+    return find_relative_state(there, here)
 
 
-def _into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
+def _rotate_into_rtn(state: BodyState, vector: np.ndarray) -> np.ndarray:
     return rotate_vectors(rtn_matrix(state.position_m, state.velocity_m_s)[0].T, vector)
 
 
-def _mean_motion(state: BodyState) -> float:
+def _find_mean_motion(state: BodyState) -> float:
     """Return the mean motion of an orbit [rad/s], 0 if it is open."""
     r, v = state.position_m, state.velocity_m_s
     alpha = float(2.0 / np.linalg.norm(r) - np.sum(v * v) / units.EARTH_GM_M3_S2)

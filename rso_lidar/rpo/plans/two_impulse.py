@@ -13,7 +13,9 @@ _SINGULAR = 1e-9  # ratio of the singular values below which a direction cannot 
 _MISSED = 1e-9  # miss distance allowed, as a fraction of the way
 
 
-def departure_m_s(from_m: np.ndarray, to_m: np.ndarray, duration_s: float, mean_motion_rad_s: float) -> np.ndarray:
+def solve_departure_m_s(
+    from_m: np.ndarray, to_m: np.ndarray, duration_s: float, mean_motion_rad_s: float
+) -> np.ndarray:
     """Return the departure velocity of a transfer between two positions.
 
     After whole half revolutions across the track, and after whole revolutions in the plane, not every position can be

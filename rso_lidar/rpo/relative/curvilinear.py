@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def curved(
+def to_curvilinear(
     position_m: np.ndarray, velocity_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Convert rtn positions and velocities to height and arcs.
@@ -43,10 +43,10 @@ def curved(
     return np.stack([height, radius_m * ahead, radius_m * across], axis=-1), np.stack(rates, axis=-1)
 
 
-def straight(
+def to_rectilinear(
     arcs_m: np.ndarray, rates_m_s: np.ndarray, radius_m: np.ndarray, radial_m_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Convert height and arcs to rtn positions and velocities; the inverse of `curved`.
+    """Convert height and arcs to rtn positions and velocities; the inverse of `to_curvilinear`.
 
     Parameters
     ----------

@@ -68,16 +68,16 @@ class Hill(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        flown = self._curved(epochs, chief)
-        return curvilinear.straight(*flown, *_radius(chief, epochs)) if self.curvilinear else flown
+        flown = self._propagate_equations(epochs, chief)
+        return curvilinear.to_rectilinear(*flown, *_find_radius(chief, epochs)) if self.curvilinear else flown
 
-    def _curved(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    def _propagate_equations(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and velocities in the coordinates of the equations: along x, y, z, or height and arcs."""
-        n = mean_motion_rad_s(chief, epochs.start_utc)
+        n = find_mean_motion_rad_s(chief, epochs.start_utc)
         start = np.array(self.position_m), np.array(self.velocity_m_s)
         if self.curvilinear:
-            radius_m, radial_m_s = _radius(chief, Epochs(epochs.start_utc, np.zeros(1)))
-            start = curvilinear.curved(*start, radius_m[0], radial_m_s[0])
+            radius_m, radial_m_s = _find_radius(chief, Epochs(epochs.start_utc, np.zeros(1)))
+            start = curvilinear.to_curvilinear(*start, radius_m[0], radial_m_s[0])
         return clohessy_wiltshire(*start, epochs.time_s, n, self.acceleration_m_s2)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
@@ -88,16 +88,18 @@ class Hill(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        position, _ = self._curved(epochs, chief)
-        start = state_at_start(chief, epochs.start_utc)
+        position, _ = self._propagate_equations(epochs, chief)
+        start = find_start_state(chief, epochs.start_utc)
         if self.curvilinear:
-            sentences = validity(position[:, ::2], *start, better="use relative_elements or nonlinear", factor=CURVED)
+            sentences = describe_validity(
+                position[:, ::2], *start, better="use relative_elements or nonlinear", factor=CURVED
+            )
         else:
-            sentences = validity(position, *start)
-        return sentences + flattening("hill", epochs, *start)
+            sentences = describe_validity(position, *start)
+        return sentences + describe_flattening("hill", epochs, *start)
 
 
-def validity(
+def describe_validity(
     position_m: np.ndarray,
     chief_m: np.ndarray,
     chief_m_s: np.ndarray,
@@ -115,7 +117,7 @@ def validity(
     factor : the neglected second order is `factor` pi rho^2 / r per revolution
     """
     farthest_m = float(np.linalg.norm(np.atleast_2d(position_m), axis=-1).max(initial=0.0))
-    e = eccentricity(chief_m, chief_m_s)
+    e = find_eccentricity(chief_m, chief_m_s)
     sentences = []
     if farthest_m > FAR_M:
         off_m = factor * math.pi * farthest_m**2 / float(np.linalg.norm(chief_m))
@@ -165,13 +167,13 @@ def clohessy_wiltshire(
     position, velocity = np.empty((*shape, 3)), np.empty((*shape, 3))
     if len(shape) == 1 and time.ndim == 1 and max(vector.ndim for vector in start) == 1 and n.ndim == 0:
         for k in range(0, len(time), _BLOCK):
-            _fly(start, time[k : k + _BLOCK], n, position[k : k + _BLOCK], velocity[k : k + _BLOCK])
+            _propagate(start, time[k : k + _BLOCK], n, position[k : k + _BLOCK], velocity[k : k + _BLOCK])
     else:
-        _fly(start, time, n, position, velocity)
+        _propagate(start, time, n, position, velocity)
     return position, velocity
 
 
-def _fly(
+def _propagate(
     start: list[np.ndarray], time_s: np.ndarray, n: np.ndarray, position: np.ndarray, velocity: np.ndarray
 ) -> None:
     """Write the closed form into two arrays.
@@ -208,13 +210,13 @@ def _fly(
     w += s * q
 
 
-def state_at_start(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
+def find_start_state(chief: Trajectory, start_utc: datetime.datetime) -> tuple[np.ndarray, np.ndarray]:
     """Return the position (3,) [m] and velocity (3,) [m/s] of a chief in GCRS axes at `start_utc`."""
     state = chief.states(Epochs(start_utc, np.zeros(1)))
     return np.asarray(state.position_m)[0], np.asarray(state.velocity_m_s)[0]
 
 
-def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
+def find_mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     """Return the mean motion of a chief's osculating orbit, by the vis-viva equation and Kepler's third law.
 
     Parameters
@@ -231,7 +233,7 @@ def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     ScenarioError
         if the orbit is open
     """
-    position, velocity = state_at_start(chief, start_utc)
+    position, velocity = find_start_state(chief, start_utc)
     alpha = float(2.0 / np.linalg.norm(position) - np.sum(velocity * velocity) / GM)
     if alpha <= 0.0:
         raise ScenarioError(
@@ -240,13 +242,13 @@ def mean_motion_rad_s(chief: Trajectory, start_utc: datetime.datetime) -> float:
     return math.sqrt(GM * alpha**3)
 
 
-def eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+def find_eccentricity(position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return the osculating eccentricity of a state (3,), (3,) in GCRS axes."""
     momentum = np.cross(position_m, velocity_m_s)
     return float(np.linalg.norm(np.cross(velocity_m_s, momentum) / GM - position_m / np.linalg.norm(position_m)))
 
 
-def flattening(
+def describe_flattening(
     name: str,
     epochs: Epochs,
     chief_m: np.ndarray,
@@ -280,7 +282,7 @@ def flattening(
     ]
 
 
-def _radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
+def _find_radius(chief: Trajectory, epochs: Epochs) -> tuple[np.ndarray, np.ndarray]:
     """Return the distance of a chief from the Earth's centre [m] and its rate [m/s] (time,)."""
     state = chief.states(epochs)
     radius = np.sqrt(dot(state.position_m, state.position_m))

@@ -15,7 +15,7 @@ from rso_lidar.orbit.trajectory import Trajectory, state_rates
 from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.pose import cross, rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.hill import flattening, state_at_start
+from rso_lidar.rpo.relative.hill import describe_flattening, find_start_state
 from rso_lidar.rpo.relative.relative_motion import RelativeState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
 
@@ -42,19 +42,19 @@ class Nonlinear(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        start = BodyState(*state_at_start(chief, epochs.start_utc))
+        start = BodyState(*find_start_state(chief, epochs.start_utc))
         first = Epochs(epochs.start_utc, np.zeros(1))
         rates = self._rates(start, BodyState(start.position_m[None], start.velocity_m_s[None]), first)
         at_start = None if rates is None else (rates[0][0], rates[1][0])
-        body = beside(start, np.array(self.position_m), np.array(self.velocity_m_s), at_start)
+        body = add_relative_state(start, np.array(self.position_m), np.array(self.velocity_m_s), at_start)
         flown = self._flown(start, epochs)
-        return rtn_difference(flown, self._flown(body, epochs), self._rates(start, flown, epochs))
+        return find_relative_state(flown, self._flown(body, epochs), self._rates(start, flown, epochs))
 
     def _rates(self, start: BodyState, flown: BodyState, epochs: Epochs) -> tuple[np.ndarray, np.ndarray] | None:
         """Return the derivatives (time, 3) of the chief's states under the forces; None where its orbital plane is fixed."""
         if self.forces is None:
             return None
-        return flown.velocity_m_s, state_rates(_Flown(self, start), epochs, flown)[1]
+        return flown.velocity_m_s, state_rates(_PropagatedChief(self, start), epochs, flown)[1]
 
     def _flown(self, start: BodyState, epochs: Epochs) -> BodyState:
         if self.forces is None:
@@ -72,11 +72,13 @@ class Nonlinear(RelativeState):
         """
         if self.forces is not None:
             return []
-        return flattening("nonlinear", epochs, *state_at_start(chief, epochs.start_utc), better="give it forces")
+        return describe_flattening(
+            "nonlinear", epochs, *find_start_state(chief, epochs.start_utc), better="give it forces"
+        )
 
 
 @dataclass(frozen=True)
-class _Flown:
+class _PropagatedChief:
     """The trajectory of a state at the start under the forces of a relative motion."""
 
     motion: Nonlinear
@@ -87,7 +89,7 @@ class _Flown:
         return self.motion._flown(self.start, epochs)
 
 
-def rtn_difference(
+def find_relative_state(
     chief: BodyState, body: BodyState, rates: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the state of a body in a chief's rotating rtn axes.
@@ -109,13 +111,13 @@ def rtn_difference(
     return position, rotate_vectors(back, body.velocity_m_s - chief.velocity_m_s) - cross(omega, position)
 
 
-def beside(
+def add_relative_state(
     chief: BodyState,
     position_m: np.ndarray,
     velocity_m_s: np.ndarray,
     rates: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BodyState:
-    """Return the inertial state of a body from its state in a chief's rotating rtn axes; the inverse of `rtn_difference`.
+    """Return the inertial state of a body at a state in a chief's rotating rtn axes; the inverse of `find_relative_state`.
 
     Parameters
     ----------

@@ -37,8 +37,8 @@ from rso_lidar.orbit.two_body.kepler import propagate_two_body
 from rso_lidar.part import Flag, Number
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.hill import flattening, mean_motion_rad_s, state_at_start
-from rso_lidar.rpo.relative.nonlinear import rtn_difference
+from rso_lidar.rpo.relative.hill import describe_flattening, find_mean_motion_rad_s, find_start_state
+from rso_lidar.rpo.relative.nonlinear import find_relative_state
 from rso_lidar.rpo.relative.relative_motion import RelativeMotion
 
 _TURNED_RAD = 0.05
@@ -99,20 +99,20 @@ class RelativeElements(RelativeMotion):
         """
         rows = self._rows(epochs, chief)
         if self.j2:
-            of, body = (_MeanFlight(row) for row in rows)
+            of, body = (_MeanElementOrbit(row) for row in rows)
             there = of.states(epochs)
             rates = there.velocity_m_s, state_rates(of, epochs, there)[1]
-            return rtn_difference(there, body.states(epochs), rates)
+            return find_relative_state(there, body.states(epochs), rates)
         there, here = (
             BodyState(*propagate_two_body(*state_from_quasi_nonsingular(row), epochs.time_s)) for row in rows
         )
-        return rtn_difference(there, here)
+        return find_relative_state(there, here)
 
     def _rows(self, epochs: Epochs, chief: Trajectory) -> tuple[np.ndarray, np.ndarray]:
         """Return the elements of the chief and of the body at `start_utc`, rows (6,)."""
-        mean_motion_rad_s(chief, epochs.start_utc)  # raises an error if the orbit is open
-        position, velocity = state_at_start(chief, epochs.start_utc)
-        return _start(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
+        find_mean_motion_rad_s(chief, epochs.start_utc)  # raises an error if the orbit is open
+        position, velocity = find_start_state(chief, epochs.start_utc)
+        return _find_start_elements(self, epochs.start_utc, tuple(position.tolist()), tuple(velocity.tolist()))
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
@@ -131,10 +131,10 @@ class RelativeElements(RelativeMotion):
                 f"by {turned_rad / units.DEG:.3g} deg and the elements no longer mean amplitudes: use nonlinear"
             )
         if not self.j2:
-            return sentences + flattening(
+            return sentences + describe_flattening(
                 "relative_elements",
                 epochs,
-                *state_at_start(chief, epochs.start_utc),
+                *find_start_state(chief, epochs.start_utc),
                 better="set j2 = true, or use nonlinear with forces",
             )
         duration_s = float(np.abs(epochs.time_s).max(initial=0.0))
@@ -149,7 +149,7 @@ class RelativeElements(RelativeMotion):
 
 
 @dataclass(frozen=True, eq=False)
-class _MeanFlight:
+class _MeanElementOrbit:
     """The trajectory of mean elements, a row (6) that holds at the start, in axes of the equator of that date."""
 
     row: np.ndarray
@@ -160,7 +160,7 @@ class _MeanFlight:
 
 
 @functools.lru_cache(maxsize=64)
-def _start(
+def _find_start_elements(
     part: RelativeElements, start_utc: datetime.datetime, chief_m: tuple[float, ...], chief_m_s: tuple[float, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the elements of the chief and of the body, rows (6,); the result is cached.
@@ -171,7 +171,7 @@ def _start(
     start_utc : instant of the state
     chief_m, chief_m_s : (3,) state of the chief in GCRS axes [m], [m/s]
     """
-    state = in_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
+    state = rotate_to_equator(BodyState(np.array(chief_m), np.array(chief_m_s)), Epochs(start_utc, np.zeros(1)))
     of = (mean_from_osculating if part.j2 else quasi_nonsingular_from_state)(state.position_m, state.velocity_m_s)
     half_m = math.pi * float(of[0])
     for name, value in zip(_NAMES, part.elements_m.tolist(), strict=True):
@@ -180,7 +180,7 @@ def _start(
                 f"{name}: {value / units.KM:.4g} km is more than half the chief's orbit, {half_m / units.KM:.0f} km either "
                 "way, beyond which angles begin again: make it smaller"
             )
-    body = beside_elements(of, part.elements_m)
+    body = add_relative_elements(of, part.elements_m)
     if not (body[0] > 0.0 and body[0] * (1.0 - math.hypot(body[2], body[3])) > units.EARTH_RADIUS_M):
         raise ScenarioError(
             "delta_a_m, delta_ex_m, delta_ey_m: they put the body's own perigee inside the Earth: make them smaller"
@@ -190,14 +190,14 @@ def _start(
     return of, body
 
 
-def in_equator(state: BodyState, epochs: Epochs) -> BodyState:
+def rotate_to_equator(state: BodyState, epochs: Epochs) -> BodyState:
     """Rotate states from GCRS axes to those of the equator of date; a single state takes one epoch."""
     turn = equator_axes(epochs)
     turn = turn[0] if state.position_m.ndim == 1 else turn
     return BodyState(rotate_vectors(turn, state.position_m), rotate_vectors(turn, state.velocity_m_s))
 
 
-def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
+def difference_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
     """Return the relative elements between two rows of elements.
 
     Parameters
@@ -209,10 +209,10 @@ def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
     (…, 6) delta a, lambda, ex, ey, ix, iy [m]
     """
     c, d = np.asarray(chief, dtype=float), np.asarray(body, dtype=float)
-    a, node = c[..., 0], _turn(d[..., 5] - c[..., 5])
+    a, node = c[..., 0], _wrap_angle(d[..., 5] - c[..., 5])
     parts = (
         d[..., 0] - a,
-        a * _turn(d[..., 1] - c[..., 1] + node * np.cos(c[..., 4])),
+        a * _wrap_angle(d[..., 1] - c[..., 1] + node * np.cos(c[..., 4])),
         a * (d[..., 2] - c[..., 2]),
         a * (d[..., 3] - c[..., 3]),
         a * (d[..., 4] - c[..., 4]),
@@ -221,8 +221,8 @@ def relative_elements(chief: np.ndarray, body: np.ndarray) -> np.ndarray:
     return np.stack(parts, axis=-1)
 
 
-def beside_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
-    """Return a body's row of elements from the chief's and relative ones; the inverse of `relative_elements`.
+def add_relative_elements(chief: np.ndarray, elements_m: np.ndarray) -> np.ndarray:
+    """Return a body's row of elements from the chief's and relative ones; the inverse of `difference_elements`.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def relative_elements_from_states(chief: BodyState, body: BodyState) -> np.ndarr
     (…, 6) delta a, lambda, ex, ey, ix, iy [m]
     """
     rows = [quasi_nonsingular_from_state(state.position_m, state.velocity_m_s) for state in (chief, body)]
-    return relative_elements(*rows)
+    return difference_elements(*rows)
 
 
 def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> BodyState:
@@ -286,12 +286,12 @@ def state_from_relative_elements(chief: BodyState, elements_m: np.ndarray) -> Bo
     """
     return BodyState(
         *state_from_quasi_nonsingular(
-            beside_elements(quasi_nonsingular_from_state(chief.position_m, chief.velocity_m_s), elements_m)
+            add_relative_elements(quasi_nonsingular_from_state(chief.position_m, chief.velocity_m_s), elements_m)
         )
     )
 
 
-def _turn(angle: np.ndarray) -> np.ndarray:
+def _wrap_angle(angle: np.ndarray) -> np.ndarray:
     """Wrap an angle into [-pi, pi]."""
     turn: np.ndarray = angle - math.tau * np.round(angle / math.tau)
     return turn

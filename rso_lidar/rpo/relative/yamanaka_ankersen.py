@@ -18,7 +18,7 @@ from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body.anomaly import start_eccentric_anomaly
 from rso_lidar.part import Vector
-from rso_lidar.rpo.relative.hill import FAR_M, GM, eccentricity, flattening, state_at_start
+from rso_lidar.rpo.relative.hill import FAR_M, GM, describe_flattening, find_eccentricity, find_start_state
 from rso_lidar.rpo.relative.relative_motion import RelativeState
 
 _BLOCK = 4096  # epochs computed at a time: fits a processor's cache
@@ -46,8 +46,8 @@ class YamanakaAnkersen(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        start = state_at_start(chief, epochs.start_utc)
-        return yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start)
+        start = find_start_state(chief, epochs.start_utc)
+        return propagate_yamanaka_ankersen(self.position_m, self.velocity_m_s, epochs.time_s, *start)
 
     def validity(self, epochs: Epochs, chief: Trajectory) -> list[str]:
         """Return one sentence for each limit of the model that these epochs exceed, with a better choice.
@@ -57,20 +57,20 @@ class YamanakaAnkersen(RelativeState):
         epochs : instants
         chief : trajectory of the chief
         """
-        start = state_at_start(chief, epochs.start_utc)
+        start = find_start_state(chief, epochs.start_utc)
         position, _ = self.relative(epochs, chief)
         farthest_m = float(np.linalg.norm(position, axis=1).max(initial=0.0))
         sentences = []
         if farthest_m > FAR_M:
             sentences.append(
                 f"yamanaka_ankersen: the separation reaches {farthest_m / units.KM:.1f} km; beyond {FAR_M / units.KM:g} km "
-                f"the neglected second order, here up to some {_second_order_m(farthest_m, *start):.3g} m for each "
+                f"the neglected second order, here up to some {_estimate_second_order_m(farthest_m, *start):.3g} m for each "
                 "revolution, matters: use nonlinear or relative_elements"
             )
-        return sentences + flattening("yamanaka_ankersen", epochs, *start)
+        return sentences + describe_flattening("yamanaka_ankersen", epochs, *start)
 
 
-def yamanaka_ankersen(
+def propagate_yamanaka_ankersen(
     position_m: np.ndarray | Vector,
     velocity_m_s: np.ndarray | Vector,
     time_s: np.ndarray,
@@ -90,7 +90,7 @@ def yamanaka_ankersen(
     position_m, velocity_m_s : (time, 3) in rtn axes [m], [m/s]
     """
     time = np.atleast_1d(np.asarray(time_s, dtype=float))
-    orbit = _Orbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float))
+    orbit = _ChiefOrbit(np.asarray(chief_m, dtype=float), np.asarray(chief_m_s, dtype=float))
     start = (*np.asarray(position_m, dtype=float), *np.asarray(velocity_m_s, dtype=float))
     constants = orbit.constants(*start)
     position, velocity = np.empty((len(time), 3)), np.empty((len(time), 3))
@@ -99,7 +99,7 @@ def yamanaka_ankersen(
     return position, velocity
 
 
-class _Orbit:
+class _ChiefOrbit:
     """The chief's two-body ellipse.
 
     `e` is its eccentricity and `k2` the paper's k^2 = sqrt(GM / p^3); the anomalies are those at the start.
@@ -162,7 +162,7 @@ class _Orbit:
         """
         k1, k2, k3, k4, k5, k6 = constants
         e = self.e
-        sin_e, cos_e = _eccentric_anomaly(self.mean_rad + self.mean_motion_rad_s * time_s, e)
+        sin_e, cos_e = _solve_kepler(self.mean_rad + self.mean_motion_rad_s * time_s, e)
         shrunk = 1.0 / (1.0 - e * cos_e)  # a / r
         sin, cos = self.axes_ratio * sin_e * shrunk, (cos_e - e) * shrunk
         rho, e_sin, j = 1.0 + e * cos, e * sin, self.k2 * time_s
@@ -189,7 +189,7 @@ class _Orbit:
         put(2, 1.0, k5 * cos + k6 * sin, k6 * cos - k5 * sin)
 
 
-def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
+def _solve_kepler(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.ndarray]:
     """Return sine and cosine of the eccentric anomaly (Markley 1995, eqs. 15-26, then a step of Newton's method)."""
     m = mean_rad - math.tau * np.round(mean_rad / math.tau)
     anomaly = start_eccentric_anomaly(m, e)
@@ -203,7 +203,7 @@ def _eccentric_anomaly(mean_rad: np.ndarray, e: float) -> tuple[np.ndarray, np.n
     return s - rest * c, c + rest * s
 
 
-def _second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
+def _estimate_second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: np.ndarray) -> float:
     """Return a bound [m] of the neglected second order in one revolution, found by propagating both bodies.
 
     Parameters
@@ -211,7 +211,7 @@ def _second_order_m(separation_m: float, position_m: np.ndarray, velocity_m_s: n
     separation_m : greatest separation [m]
     position_m, velocity_m_s : (3,) state of the chief [m], [m/s]
     """
-    e = float(eccentricity(position_m, velocity_m_s))
+    e = float(find_eccentricity(position_m, velocity_m_s))
     h = np.cross(position_m, velocity_m_s)
     perigee_m = float(h @ h) / GM / (1.0 + e)
     return 6.0 * math.pi * separation_m**2 / perigee_m * math.sqrt((1.0 + e) / (1.0 - e)) / (1.0 - e) ** 2

@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from rso_lidar.errors import ScenarioError, add_place, did_you_mean
 from rso_lidar.files import convert_path
-from rso_lidar.motion import Body, Ptu, TrackPoint, working_order
+from rso_lidar.motion import Body, Ptu, TrackPoint, sort_bodies
 from rso_lidar.orbit import Epochs
 from rso_lidar.part import Part, Text, Whole, python_objects
 from rso_lidar.scenario.mission.instrument import check_instrument
@@ -123,7 +123,7 @@ class Mission(Part):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         bodies: list[Body] = [*self.target, self.follower]
-        working_order(bodies, local=self.is_local)
+        sort_bodies(bodies, local=self.is_local)
         if self.constraints is not None:
             sun = not self.is_local or self.world.sun_direction is not None
             self.constraints.check(self.target, local=self.is_local, sun=sun)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from rso_lidar.motion.dynamics.function import file_of
+from rso_lidar.motion.dynamics.function import find_dynamics_file
 from rso_lidar.part import Part
 
 
@@ -20,7 +20,7 @@ def find_named_files(part: Any, file: Callable[[str], Any]) -> Any:
         value = getattr(part, name)
         if isinstance(value, str) and (name == "file" or name.endswith("_file")):
             changes[name] = str(file(value))
-        elif name == "dynamics" and (place := file_of(value)) is not None:
+        elif name == "dynamics" and (place := find_dynamics_file(value)) is not None:
             changes[name] = f"{file(place)}:{value.rpartition(':')[2]}"
         elif isinstance(value, Part):
             found = find_named_files(value, file)

@@ -12,7 +12,7 @@ from typing import Any
 from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
-from rso_lidar.motion.dynamics.function import in_words
+from rso_lidar.motion.dynamics.function import name_function
 from rso_lidar.orbit import format_utc
 from rso_lidar.part import Part, dump_part
 from rso_lidar.records import Source, TargetEntry
@@ -116,9 +116,9 @@ def _warn_of_unnamed_dynamics(mission: Mission) -> None:
     parts += [("ptu.response", mission.ptu.response)] if mission.ptu else []
     for place, part in parts:
         dynamics = getattr(part, "dynamics", None)
-        if dynamics is not None and "<" in in_words(dynamics):
+        if dynamics is not None and "<" in name_function(dynamics):
             warn(
-                f"{place}.dynamics: {in_words(dynamics)} has no name by which a recording could find it again; "
+                f"{place}.dynamics: {name_function(dynamics)} has no name by which a recording could find it again; "
                 "define it in a module or file, and name it there"
             )
 

@@ -86,7 +86,7 @@ def preview_mission(mission: Mission) -> Preview:
                 mission.bodies, epochs, local=mission.is_local, sun_direction=mission.world.sun_direction
             )
             angles, rates, lag_rad = _point_lidar(mission, course)
-    poses = motion.with_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
+    poses = motion.add_lidar(course.poses, mission.ptu, angles, rates, mission.lidar.mount)
     receivers = [mission.instrument.at(float(time_s)).receiver for time_s in epochs.time_s]
     half_field = np.array([receiver.field_edge for receiver in receivers])
     targets = [
@@ -106,11 +106,11 @@ def _point_lidar(mission: Mission, course: Truth) -> tuple[np.ndarray, np.ndarra
     ptu = mission.pan_tilt
     if ptu is None:
         return np.zeros((len(course.time_s), 2)), np.zeros((len(course.time_s), 2)), None
-    asked = motion.asked(ptu, mission.bodies, course)
+    asked = motion.compute_demand(ptu, mission.bodies, course)
     if course.time_s[-1] > ptu.response.preview_limit_s:
         return asked, np.zeros_like(asked), None
     world: dict[str, Any] = {"local": mission.is_local, "sun_direction": mission.world.sun_direction}
-    angles, rates = motion.driven(ptu, mission.bodies, course, mission.time.start_utc, **world)
+    angles, rates = motion.simulate_drive(ptu, mission.bodies, course, mission.time.start_utc, **world)
     missed = np.remainder(angles - asked + np.pi, 2.0 * np.pi) - np.pi
     missed[:, 0] *= np.cos(asked[:, 1])
     return angles, rates, np.hypot(missed[:, 0], missed[:, 1])

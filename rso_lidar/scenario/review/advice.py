@@ -84,7 +84,7 @@ def _advise_on_plans(mission: Mission) -> list[str]:
     lines = []
     end_s = mission.span[1]
     for body in mission.bodies:
-        plan = motion.plan_of(body, mission.bodies, mission.time.start_utc)
+        plan = motion.find_plan(body, mission.bodies, mission.time.start_utc)
         keep_out_m = getattr(body.motion, "keep_out_m", 0.0)
         if plan is not None and keep_out_m > 0.0 and (safe_m := plan.passive_safety_m()) < keep_out_m:
             lines.append(

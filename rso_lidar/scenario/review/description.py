@@ -90,7 +90,7 @@ def _describe_plans(mission: Mission) -> list[str]:
     """Describe the cost and the passive safety of the mission's proximity operations."""
     lines = []
     for body in mission.bodies:
-        plan = motion.plan_of(body, mission.bodies, mission.time.start_utc)
+        plan = motion.find_plan(body, mission.bodies, mission.time.start_utc)
         if plan is not None:
             lines += [f"{'plan' if k == 0 else '':<12}{line}" for k, line in enumerate(plan.describe().splitlines())]
     return lines

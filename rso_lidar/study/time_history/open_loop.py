@@ -42,13 +42,13 @@ def fly_open_loop(
         angles: tuple[PtuAngles, ...] = ()
         pan_tilt_rad = rate_rad_s = np.zeros((numbers.size, 2))
         if ptu is not None and drive:
-            asked = motion.demand(ptu, scenario.bodies, *scenario.span, **world)
+            asked = motion.make_demand(ptu, scenario.bodies, *scenario.span, **world)
             angles = tuple(_pointing(scenario, numbers, truth.time_s, asked))
             pan_tilt_rad = np.stack([angle.actual_rad for angle in angles])
             rate_rad_s = np.stack([angle.rate_rad_s for angle in angles])
         elif ptu is not None:
-            pan_tilt_rad = motion.asked(ptu, scenario.bodies, truth)
-    poses = motion.with_lidar(truth.poses, ptu, pan_tilt_rad, rate_rad_s, mount)
+            pan_tilt_rad = motion.compute_demand(ptu, scenario.bodies, truth)
+    poses = motion.add_lidar(truth.poses, ptu, pan_tilt_rad, rate_rad_s, mount)
     return Truth(truth.time_s, poses, truth.states, truth.sun_direction, None, truth.sunlit), angles
 
 
@@ -85,7 +85,7 @@ def find_plan(scenario: Scenario, target: str | None) -> rpo.Plan | None:
     if motion.chief_of(follower.motion) != target:
         return None
     with scenario.locate_errors("follower.motion"):
-        return motion.plan_of(follower, scenario.bodies, scenario.time.start_utc)
+        return motion.find_plan(follower, scenario.bodies, scenario.time.start_utc)
 
 
 _BESIDE_S = 1e-3  # step before an impulse at which an ephemeris ends
@@ -125,7 +125,7 @@ def find_velocity_jumps_s(scenario: Scenario, name: str) -> set[float]:
         chain.append(by_name[relative_to])
     breaks: set[float] = set()
     for body in chain:
-        plan = motion.plan_of(body, scenario.bodies, scenario.time.start_utc)
+        plan = motion.find_plan(body, scenario.bodies, scenario.time.start_utc)
         breaks |= {float(one.time_s) for one in plan.impulses} if plan else set()
         breaks |= set(getattr(body.motion, "impulses_s", ()))
     return breaks

@@ -192,7 +192,7 @@ def _tabulate_pointing(scenario: Scenario, time_s: np.ndarray, angles: tuple[Ptu
     )
     world: dict[str, Any] = {"local": scenario.is_local, "sun_direction": scenario.world.sun_direction}
     with scenario.locate_errors():
-        asked = motion.demand(scenario.ptu, scenario.bodies, *scenario.span, **world)
+        asked = motion.make_demand(scenario.ptu, scenario.bodies, *scenario.span, **world)
     before, after = np.maximum(time_s - _RATE_S, 0.0), np.minimum(time_s + _RATE_S, max(scenario.span[1], _RATE_S))
     demand_rate = (asked(after) - asked(before)) / (after - before)[:, None]
     table = {}

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from rso_lidar import motion
-from rso_lidar.rpo.plans.plan import Impulse, Plan
+from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse
 from rso_lidar.scenario import Scenario
 
 _LEAST_M_S = 1e-9  # velocity change between two frames below which the flight counts as free
 
 
-def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impulse, int]]:
+def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[PlannedImpulse, int]]:
     """List the follower's burns after the first of some ascending times (time) [s], each with the index of the next time.
 
     Burns are in the rtn axes of the approached body. These differ from the follower's own by separation over radius only.
     Continuous thrust along a path becomes one impulse half way between two times, from the acceleration there. A follower
     without a plan has no known burns, because tables, state-space models and controllers do not state theirs.
     """
-    plan = motion.plan_of(scenario.follower, scenario.bodies, scenario.time.start_utc)
+    plan = motion.find_plan(scenario.follower, scenario.bodies, scenario.time.start_utc)
     if plan is None or time_s.size < 2:
         return []
     burns = [one for one in plan.impulses if time_s[0] < one.time_s <= time_s[-1]]
@@ -27,10 +27,10 @@ def list_known_burns(scenario: Scenario, time_s: np.ndarray) -> list[tuple[Impul
     return list(zip(burns, places.tolist(), strict=True))
 
 
-def _sample_control(plan: Plan, time_s: np.ndarray) -> list[Impulse]:
+def _sample_control(plan: Plan, time_s: np.ndarray) -> list[PlannedImpulse]:
     """Return the velocity change of thrust along a path from each time to the next, as impulses."""
     step_s = np.diff(time_s)
     middle_s = time_s[:-1] + 0.5 * step_s
     given = plan.control_m_s2(middle_s) * step_s[:, None]
     size = np.sqrt((given**2).sum(axis=1))
-    return [Impulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]
+    return [PlannedImpulse(float(middle_s[k]), given[k]) for k in np.flatnonzero(size > _LEAST_M_S)]

@@ -25,7 +25,17 @@ from rso_lidar.scenario import Scenario
 from rso_lidar.study.recorded_runs.flown_scenario import load_scenario, load_surfaces
 from rso_lidar.study.track_quality.burns import list_known_burns
 from rso_lidar.study.track_quality.range_noise import estimate_range_noise_m
-from rso_lidar.track import Alignment, Fix, Model, PoseFollower, Track, centroid, kalman, sampled, seen_middle
+from rso_lidar.track import (
+    Alignment,
+    Fix,
+    PoseFollower,
+    SampledMesh,
+    Track,
+    filter_positions,
+    locate_centroid,
+    measure_visible_centroid,
+    sample_mesh,
+)
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
@@ -109,7 +119,7 @@ def tracking(
     model, size_m = _sample_model(scenario, source, number)
     noise_m = estimate_range_noise_m(scenario.instrument, frames) if range_noise_m is None else range_noise_m
     follow = PoseFollower(model) if poses else None
-    wander = seen_middle(model) if shape else (0.0, 0.0, 0.0)
+    wander = measure_visible_centroid(model) if shape else (0.0, 0.0, 0.0)
     rows = [
         _evaluate_frame(scenario, frame, name, size_m, noise_m, wander, follow)
         for frame in (frames if each is None else each)
@@ -119,7 +129,7 @@ def tracking(
     table = _tabulate(rows, model)
     tracks = {}
     for kind, mean_motion in _choose_filters(frames[0], local=scenario.is_local).items():
-        made = tracks[kind] = kalman(
+        made = tracks[kind] = filter_positions(
             time_s,
             np.array([row.place_m(kind) for row in rows]),
             np.array([row.spread_m2(kind) for row in rows]),
@@ -142,7 +152,7 @@ def _find_target(names: list[str], target: str | None) -> int:
     return 0 if target is None else names.index(target)
 
 
-def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[Model, float]:
+def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[SampledMesh, float]:
     """Sample the target's model with all hinges at zero, and return its greatest extent [m] too.
 
     Parameters
@@ -151,7 +161,7 @@ def _sample_model(scenario: Scenario, source: Source, number: int) -> tuple[Mode
     number : index of the target.
     """
     load_surfaces(scenario, source, number, "track")  # raises where the mesh is not the recorded one
-    model = sampled(scenario.corners_of(number))
+    model = sample_mesh(scenario.corners_of(number))
     return model, 2.0 * model.radius_m
 
 
@@ -218,7 +228,7 @@ def _evaluate_frame(
 ) -> _EvaluatedFrame:
     truth, settings = frame.truth, frame.observation.settings
     pixel_rad = scenario.lidar.receiver.pixel_pitch_m / settings["focal_length_m"]
-    fix = centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
+    fix = locate_centroid(frame.points_m, pixel_rad=pixel_rad, range_noise_m=noise_m, gate_m=size_m)
     seat = _measured_mount(scenario, frame)
     own = truth.pose(ROOT, "follower").rotation
     turns = {"cv": own}
@@ -250,7 +260,7 @@ def _measured_mount(scenario: Scenario, frame: Frame) -> RigidTransform:
     alone = PoseTree({}, {}).with_node("follower", ROOT, Link.still())
     measured = frame.observation.pan_tilt_rad
     angles = np.zeros(2) if measured is None else measured
-    return motion.with_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
+    return motion.add_lidar(alone, scenario.ptu, angles, np.zeros(2), scenario.lidar.mount).pose("follower", "lidar")
 
 
 def _pointing_error_rad(scenario: Scenario) -> float:
@@ -261,7 +271,7 @@ def _pointing_error_rad(scenario: Scenario) -> float:
     return float(np.hypot(errors.jitter_deg, errors.encoder_noise_deg)) * units.DEG
 
 
-def _tabulate(rows: Sequence[_EvaluatedFrame], model: Model) -> dict[str, np.ndarray]:
+def _tabulate(rows: Sequence[_EvaluatedFrame], model: SampledMesh) -> dict[str, np.ndarray]:
     """Tabulate measurements and estimated poses (time) with their errors."""
     middle = np.array([np.full(3, np.nan) if row.fix is None else row.fix.position_m for row in rows])
     true = np.array([row.true_pose.translation for row in rows])
@@ -285,7 +295,7 @@ def _tabulate(rows: Sequence[_EvaluatedFrame], model: Model) -> dict[str, np.nda
     return table | {column: columns[:, 7 + k] for k, column in enumerate(names)}
 
 
-def _compare_alignment(found: Alignment, true: RigidTransform, model: Model) -> np.ndarray:
+def _compare_alignment(found: Alignment, true: RigidTransform, model: SampledMesh) -> np.ndarray:
     """Return position and quaternion of lidar_from_body, the rms [m], and errors of position [m], turn and long axis [rad].
 
     Parameters

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.attitudes.constant import FixedAttitude, LvlhCcsds, Rtn
-from rso_lidar.motion.attitudes.look_at import LookAt, look_at
+from rso_lidar.motion.attitudes.look_at import LookAt, aim_axes
 from rso_lidar.motion.attitudes.spin import Spin, Tumble
 from rso_lidar.units import DEG
 
@@ -127,7 +127,7 @@ def test_parts_are_filled_by_what_toml_gives():
 
 
 def test_look_at_turns_x_to_the_target_and_z_nearest_up():
-    rotation, rates = look_at(np.array([0.0, 5.0, 0.0]), np.zeros(3), np.array([1.0, 1.0, 0.0]))
+    rotation, rates = aim_axes(np.array([0.0, 5.0, 0.0]), np.zeros(3), np.array([1.0, 1.0, 0.0]))
     assert rotation.single
     np.testing.assert_allclose(rotation.apply([X, Y, Z]), [Y, Z, X], atol=1e-15)
     assert not rates.any()
@@ -136,19 +136,19 @@ def test_look_at_turns_x_to_the_target_and_z_nearest_up():
 def test_look_at_rates_are_those_of_the_triad():
     rng = np.random.default_rng(3)
     los, los_rate, up, up_rate = rng.normal(size=(4, 20, 3))
-    _, rates = look_at(los, los_rate, up, up_rate)
+    _, rates = aim_axes(los, los_rate, up, up_rate)
     h = 1e-5  # the central difference errs by h^2 |third derivative| / 6, some 1e-9 here, and by eps / h = 1e-11
-    before, _ = look_at(los - h * los_rate, los_rate, up - h * up_rate, up_rate)
-    after, _ = look_at(los + h * los_rate, los_rate, up + h * up_rate, up_rate)
+    before, _ = aim_axes(los - h * los_rate, los_rate, up - h * up_rate, up_rate)
+    after, _ = aim_axes(los + h * los_rate, los_rate, up + h * up_rate, up_rate)
     np.testing.assert_allclose(rates, (before.inv() * after).as_rotvec() / (2 * h), rtol=1e-6, atol=1e-7)
 
 
 def test_look_at_one_epoch_has_the_bits_it_has_among_many():
     rng = np.random.default_rng(4)
     los, los_rate, up = rng.normal(size=(3, 50, 3))
-    rotation, rates = look_at(los, los_rate, up)
+    rotation, rates = aim_axes(los, los_rate, up)
     for k in (0, 17, 49):
-        one, one_rate = look_at(los[k], los_rate[k], up[k])
+        one, one_rate = aim_axes(los[k], los_rate[k], up[k])
         assert np.array_equal(one.as_quat(), rotation[k].as_quat())
         assert np.array_equal(one_rate, rates[k])
 
@@ -157,11 +157,11 @@ def test_look_at_one_epoch_has_the_bits_it_has_among_many():
 def test_look_at_along_up_asks_for_another(sign):
     los = sign * np.array([[1e3, 0, 0], [0.0, 0.0, 1e3]])
     with pytest.raises(ScenarioError, match="give an `up`"):
-        look_at(los, np.zeros(3), Z)
+        aim_axes(los, np.zeros(3), Z)
     tilted = Rotation.from_rotvec([2e-6, 0, 0]).apply(los[1])  # just beyond 1e-6 rad: allowed
-    look_at(tilted, np.zeros(3), Z)
+    aim_axes(tilted, np.zeros(3), Z)
 
 
 def test_look_at_nothing_is_an_error():
     with pytest.raises(ScenarioError, match="where the body is"):
-        look_at(np.zeros(3), X, Z)
+        aim_axes(np.zeros(3), X, Z)

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle, sun_in_body
+from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun, HingeAxes, PlannedAngle, find_sun_in_body
 
 HINGE = {"name": "array", "parts": ("solar_array",), "position_m": (0.0, 1.0, 0.0), "axis": (0.0, 2.0, 0.0)}
 
@@ -46,7 +46,7 @@ def test_its_rate_is_that_of_its_angle():
     sun = np.array([0.4, 0.5, -0.3]) / np.sqrt(0.5)
     step = 1e-4
     turns = Rotation.from_rotvec(np.outer([-step, 0.0, step], body_rate))
-    seen, rate = sun_in_body(turns, body_rate, sun)
+    seen, rate = find_sun_in_body(turns, body_rate, sun)
     _, angle, rates = angles(joint, np.zeros(3), seen, rate)
     np.testing.assert_allclose((angle[2] - angle[0]) / (2 * step), rates[1], rtol=1e-6)
 

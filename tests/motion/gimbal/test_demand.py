@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, TrackPoint, pan_tilt
+from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, TrackPoint, find_pan_tilt
 from rso_lidar.motion.gimbal.ptu import Ptu
 from rso_lidar.units import DEG
 
@@ -20,7 +20,7 @@ from rso_lidar.units import DEG
     ],
 )
 def test_pan_is_left_and_tilt_is_up(direction, pan_deg, tilt_deg):
-    pan, tilt = pan_tilt(3.0 * np.array(direction))
+    pan, tilt = find_pan_tilt(3.0 * np.array(direction))
     assert pan / DEG == pytest.approx(pan_deg)
     assert tilt / DEG == pytest.approx(tilt_deg)
 
@@ -105,7 +105,7 @@ def flyby(time):
 def test_the_curve_follows_a_flyby_as_well_as_it_promises():
     curve = DemandCurve(flyby, 120.0)
     time = np.arange(0.0, 120.0, 0.0037)
-    expected = np.stack(pan_tilt(flyby(time)), axis=-1)
+    expected = np.stack(find_pan_tilt(flyby(time)), axis=-1)
     # The promise is 0.017 h^3 max|f'''|; the third derivative of atan(u / 10 s) is at most 2 / (10 s)^3. Slopes at the
     # ends are one-sided, twice as far off, but there the pass is slow.
     assert np.abs(curve(time) - expected).max() < 0.017 * 0.05**3 * 2e-3
@@ -170,13 +170,13 @@ def test_the_curve_never_asks_beyond_the_end_and_holds_little():
     assert min(low for low, _, _ in asked) == 0.0
     assert max(high for _, high, _ in asked) == pytest.approx(99.95)
     assert max(count for _, _, count in asked) <= DemandCurve.BLOCK + 3
-    expected = np.stack(pan_tilt(flyby(np.array([99.97]))), axis=-1)
+    expected = np.stack(find_pan_tilt(flyby(np.array([99.97]))), axis=-1)
     np.testing.assert_allclose(curve(np.array([99.97])), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("end_s", [0.0, 0.03, 0.05, 0.1])
 def test_the_curve_of_a_short_run(end_s):
     angles = DemandCurve(lambda time: flyby(time + 60.0), end_s)(np.array([0.0, end_s]))
-    expected = np.stack(pan_tilt(flyby(60.0 + np.array([0.0, end_s]))), axis=-1)
+    expected = np.stack(find_pan_tilt(flyby(60.0 + np.array([0.0, end_s]))), axis=-1)
     # below one knot the first angle stays: off by rate times time
     np.testing.assert_allclose(angles, expected, atol=0.1 * end_s if end_s < 0.05 else 1e-6)

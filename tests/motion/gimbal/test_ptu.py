@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, pan_tilt
+from rso_lidar.motion.gimbal.demand import DemandCurve, FixedPoint, ScanPoint, find_pan_tilt
 from rso_lidar.motion.gimbal.drive import FirstOrder, Ideal, SecondOrder
 from rso_lidar.motion.gimbal.ptu import PointingErrors, Ptu, ptu_link, sense, start, step
 from rso_lidar.motion.mount import Mount
@@ -44,7 +44,7 @@ def test_pan_and_tilt_of_the_boresight_are_those_put_in():
     rng = np.random.default_rng(5)
     pan, tilt = rng.uniform(-np.pi, np.pi, 100), rng.uniform(-1.5, 1.5, 100)
     link = ptu_link(Mount(), pan, tilt)
-    np.testing.assert_allclose(pan_tilt(link.pose.apply([1, 0, 0])), (pan, tilt), atol=1e-12)
+    np.testing.assert_allclose(find_pan_tilt(link.pose.apply([1, 0, 0])), (pan, tilt), atol=1e-12)
 
 
 def test_link_rates_are_those_of_its_angles():

@@ -13,7 +13,7 @@ from rso_lidar.motion.dynamics.flight import Flight
 from rso_lidar.motion.gimbal.drive import SecondOrder, StateSpaceDrive
 from rso_lidar.motion.gimbal.ptu import Ptu, start, step
 from rso_lidar.motion.motions.state_space import StateSpace
-from rso_lidar.rpo.relative.hill import clohessy_wiltshire, mean_motion_rad_s
+from rso_lidar.rpo.relative.hill import clohessy_wiltshire, find_mean_motion_rad_s
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 GM = units.EARTH_GM_M3_S2
@@ -94,7 +94,7 @@ def test_hills_equations_about_a_chief_are_the_closed_form():
         np.array([30.0, -200.0, 15.0]),
         np.array([0.01, -0.05, 0.02]),
         TIMES,
-        mean_motion_rad_s(CHIEF, START),
+        find_mean_motion_rad_s(CHIEF, START),
         (1e-5, 0.0, -2e-5),
     )
     np.testing.assert_allclose(flown, expected, atol=1e-5)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rso_lidar.rpo.plans.closest_approach import closest
-from rso_lidar.rpo.plans.plan import Impulse, Plan, coast, line
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.closest_approach import find_closest_approach
+from rso_lidar.rpo.plans.plan import Plan, PlannedImpulse, make_coast, make_line
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 
 N = 1.1e-3
@@ -16,11 +16,11 @@ REVOLUTION = math.tau / N
 
 def hop(start=(0.0, -1000.0, 0.0), end=(0.0, -200.0, 0.0), duration_s=1800.0):
     start, end = np.array(start), np.array(end)
-    departure = departure_m_s(start, end, duration_s, N)
-    leg = coast(0.0, start, departure, N)
+    departure = solve_departure_m_s(start, end, duration_s, N)
+    leg = make_coast(0.0, start, departure, N)
     arrival = leg.path(np.array([duration_s]))[1][0]
-    impulses = (Impulse(0.0, departure), Impulse(duration_s, -arrival))
-    return Plan("hop", N, duration_s, (leg, line(duration_s, end)), impulses)
+    impulses = (PlannedImpulse(0.0, departure), PlannedImpulse(duration_s, -arrival))
+    return Plan("hop", N, duration_s, (leg, make_line(duration_s, end)), impulses)
 
 
 def test_legs_join_and_impulses_are_the_jumps():
@@ -46,7 +46,7 @@ def test_control_is_what_an_integrator_needs_to_stay_on_the_line():
     from scipy.integrate import solve_ivp
 
     start, speed = np.array([80.0, -300.0, 40.0]), np.array([-0.05, 0.2, -0.03])
-    plan = Plan("line", N, 900.0, (line(0.0, start, speed),))
+    plan = Plan("line", N, 900.0, (make_line(0.0, start, speed),))
 
     def slope(time_s, state):
         (x, _, z), (u, v, w) = state[:3], state[3:]
@@ -59,7 +59,7 @@ def test_control_is_what_an_integrator_needs_to_stay_on_the_line():
 
 
 def test_thrust_adds_up():
-    held = Plan("hold", N, 500.0, (line(0.0, np.array([10.0, 5.0, -20.0])),))
+    held = Plan("hold", N, 500.0, (make_line(0.0, np.array([10.0, 5.0, -20.0])),))
     # 3 n^2 |x| radially and n^2 |z| across, steadily
     expected = 500.0 * N * N * math.hypot(30.0, 20.0)
     assert held.continuous_delta_v_m_s == pytest.approx(expected, rel=1e-13)
@@ -84,7 +84,7 @@ def test_closest_finds_a_sharp_pass_between_samples():
         position = np.stack([5.0 * (time_s - 33.3), 0.0 * time_s + 0.25, 0.0 * time_s], axis=-1)
         return position, np.zeros_like(position)
 
-    distance, at_s = closest(path, 100.0, 0.0, 100.0, 20.0)
+    distance, at_s = find_closest_approach(path, 100.0, 0.0, 100.0, 20.0)
     assert distance == pytest.approx(0.25, abs=1e-9)
     assert at_s == pytest.approx(133.3, abs=1e-4)
 
@@ -104,7 +104,7 @@ def test_of_equal_distances_the_first_counts(turns, expected_s, seed):
         )
         return position, np.zeros_like(position)
 
-    distance, at_s = closest(path, 100.0, 0.0, 200.0, 1.0)
+    distance, at_s = find_closest_approach(path, 100.0, 0.0, 200.0, 1.0)
     assert distance == pytest.approx(200.0 if turns == 0.0 else 150.0, rel=1e-11)
     assert at_s == pytest.approx(expected_s, abs=1e-3)
 
@@ -112,7 +112,7 @@ def test_of_equal_distances_the_first_counts(turns, expected_s, seed):
 def test_passive_safety_is_the_least_of_all_failures():
     speed = 0.3
     start = np.array([0.0, -400.0, 0.0])
-    plan = Plan("line", N, 1000.0, (line(0.0, start, np.array([0.0, speed, 0.0])),))
+    plan = Plan("line", N, 1000.0, (make_line(0.0, start, np.array([0.0, speed, 0.0])),))
     safety = plan.passive_safety()
     assert safety.horizon_s == pytest.approx(2 * REVOLUTION)
     stops = np.linspace(0.0, 1000.0, 401)
@@ -142,10 +142,10 @@ def test_an_impulse_that_does_not_come_lets_the_leg_go_on():
 def test_the_first_impulse_may_not_come():
     # at rest 100 m below without thrust: it drifts ahead by 12 pi x a revolution, and oscillates 7 x deep
     start = np.array([-100.0, -1500.0, 0.0])
-    departure = departure_m_s(start, np.array([-100.0, -4000.0, 0.0]), 2000.0, N)
-    plan = Plan("away", N, 2000.0, (coast(0.0, start, departure, N),), (Impulse(0.0, departure),))
-    drift = coast(0.0, start, np.zeros(3), N)
-    expected = closest(drift.path, 0.0, 0.0, 2 * REVOLUTION, 5.0)
+    departure = solve_departure_m_s(start, np.array([-100.0, -4000.0, 0.0]), 2000.0, N)
+    plan = Plan("away", N, 2000.0, (make_coast(0.0, start, departure, N),), (PlannedImpulse(0.0, departure),))
+    drift = make_coast(0.0, start, np.zeros(3), N)
+    expected = find_closest_approach(drift.path, 0.0, 0.0, 2 * REVOLUTION, 5.0)
     safety = plan.passive_safety()
     assert safety.failure_s == 0.0
     assert safety.distance_m == pytest.approx(expected[0], abs=1e-6)
@@ -162,5 +162,5 @@ def test_it_says_itself():
     assert f"delta-v {plan.delta_v_m_s:.5f} m/s" in text
     assert "nearest as planned 200.00 m, at 1800.0 s" in text
     assert "passive safety" in text
-    drift = Plan("drift", N, 100.0, (coast(0.0, np.array([0.0, 50.0, 0.0]), np.zeros(3), N),))
+    drift = Plan("drift", N, 100.0, (make_coast(0.0, np.array([0.0, 50.0, 0.0]), np.zeros(3), N),))
     assert "free drift after the plan" in drift.describe()

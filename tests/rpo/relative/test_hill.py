@@ -11,9 +11,9 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import State
-from rso_lidar.rpo.plans.two_impulse import departure_m_s
+from rso_lidar.rpo.plans.two_impulse import solve_departure_m_s
 from rso_lidar.rpo.relative import curvilinear
-from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, mean_motion_rad_s
+from rso_lidar.rpo.relative.hill import Hill, clohessy_wiltshire, find_mean_motion_rad_s
 from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
@@ -146,16 +146,16 @@ def test_an_epoch_has_the_same_bits_alone(curved):
 
 def test_mean_motion_of_the_osculating_orbit():
     # at the perigee of e = 0.2, a is q / 0.8
-    assert mean_motion_rad_s(chief(8e6, 0.2), START) == pytest.approx(math.sqrt(GM / 1e7**3), rel=1e-14)
+    assert find_mean_motion_rad_s(chief(8e6, 0.2), START) == pytest.approx(math.sqrt(GM / 1e7**3), rel=1e-14)
     with pytest.raises(ScenarioError, match="is open"):
-        mean_motion_rad_s(chief(8e6, 1.1), START)
+        find_mean_motion_rad_s(chief(8e6, 1.1), START)
     with pytest.raises(ScenarioError, match="nonlinear"):
         hill(*MOTION).relative(Epochs(START, TIMES), chief(8e6, 1.0 + 1e-9))
 
 
 def test_hop_arrives():
     aim = np.array([0.0, -300.0, 20.0])
-    velocity = departure_m_s((0.0, -3000.0, 0.0), aim, 2700.0, N)
+    velocity = solve_departure_m_s((0.0, -3000.0, 0.0), aim, 2700.0, N)
     position, _ = clohessy_wiltshire((0.0, -3000.0, 0.0), velocity, 2700.0, N)
     np.testing.assert_allclose(position, aim, rtol=0, atol=1e-9)
 
@@ -165,14 +165,14 @@ def test_hop_along_the_v_bar_has_a_closed_form():
     duration = 2700.0
     s, c, nt = math.sin(N * duration), math.cos(N * duration), N * duration
     along = 2700.0 * N / (4 * s - 3 * nt + 4 * (1 - c) ** 2 / s)
-    velocity = departure_m_s((0.0, -3000.0, 0.0), (0.0, -300.0, 0.0), duration, N)
+    velocity = solve_departure_m_s((0.0, -3000.0, 0.0), (0.0, -300.0, 0.0), duration, N)
     np.testing.assert_allclose(velocity, [-2 * (1 - c) / s * along, along, 0.0], rtol=1e-10, atol=1e-15)
 
 
 @pytest.mark.parametrize("duration", [0.0, PERIOD, 0.5 * PERIOD])
 def test_hop_without_an_answer(duration):
     with pytest.raises(ScenarioError, match="transfer: "):
-        departure_m_s((0.0, -3000.0, 0.0), (0.0, -300.0, 10.0), duration, N)
+        solve_departure_m_s((0.0, -3000.0, 0.0), (0.0, -300.0, 10.0), duration, N)
 
 
 def test_rtn_axes_of_a_known_state():
@@ -205,7 +205,7 @@ def test_arcs_and_back():
     rng = np.random.default_rng(4)
     position, velocity = rng.uniform(-3e6, 3e6, (500, 3)), rng.uniform(-2e3, 2e3, (500, 3))
     radius, radial = rng.uniform(6.5e6, 4e7, 500), rng.uniform(-1e3, 1e3, 500)
-    back = curvilinear.straight(*curvilinear.curved(position, velocity, radius, radial), radius, radial)
+    back = curvilinear.to_rectilinear(*curvilinear.to_curvilinear(position, velocity, radius, radial), radius, radial)
     # some roundings of 4e7 m and of 2e3 m/s
     np.testing.assert_allclose(back[0], position, rtol=0, atol=5e-8)
     np.testing.assert_allclose(back[1], velocity, rtol=0, atol=5e-12 * 2e3)
@@ -214,7 +214,7 @@ def test_arcs_and_back():
 def test_arcs_of_a_known_place():
     # a quarter of a turn ahead, a third as far again from the Earth
     radius = 9e6
-    arcs, rates = curvilinear.curved(np.array([-radius, 12e6, 0.0]), np.array([-50.0, 7.0, 3.0]), radius, 0.0)
+    arcs, rates = curvilinear.to_curvilinear(np.array([-radius, 12e6, 0.0]), np.array([-50.0, 7.0, 3.0]), radius, 0.0)
     np.testing.assert_allclose(arcs, [3e6, radius * math.pi / 2, 0.0], rtol=1e-15)
     np.testing.assert_allclose(rates, [7.0, 50.0 * 0.75, 3.0 * 0.75], rtol=1e-15)
 
@@ -222,15 +222,15 @@ def test_arcs_of_a_known_place():
 def test_rates_of_arcs_are_their_slopes():
     h = 1e-2
     (x, u), radius, radial = (np.array([2e5, -3e6, 4e5]), np.array([30.0, -50.0, 20.0])), 7e6, 40.0
-    ahead, behind = (curvilinear.curved(x + t * u, u, radius + t * radial, radial)[0] for t in (h, -h))
-    _, rates = curvilinear.curved(x, u, radius, radial)
+    ahead, behind = (curvilinear.to_curvilinear(x + t * u, u, radius + t * radial, radial)[0] for t in (h, -h))
+    _, rates = curvilinear.to_curvilinear(x, u, radius, radial)
     np.testing.assert_allclose((ahead - behind) / (2 * h), rates, rtol=0, atol=1e-6)  # 1e-9 m of rounding over 2 h
 
 
 def test_what_is_near_keeps_its_digits_through_the_arcs():
     position, velocity = np.array([1e-3, -2e-3, 3e-3]), np.array([1e-6, 2e-6, -1e-6])
-    arcs, rates = curvilinear.curved(position, velocity, RADIUS, 5.0)
-    back = curvilinear.straight(arcs, rates, RADIUS, 5.0)
+    arcs, rates = curvilinear.to_curvilinear(position, velocity, RADIUS, 5.0)
+    back = curvilinear.to_rectilinear(arcs, rates, RADIUS, 5.0)
     np.testing.assert_allclose(back[0], position, rtol=1e-12)
     np.testing.assert_allclose(arcs, position, rtol=1e-9)
     np.testing.assert_allclose(rates, velocity, rtol=0, atol=1e-14)

@@ -11,7 +11,7 @@ from rso_lidar.orbit.propagation.forces import Forces
 from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear, beside, rtn_difference
+from rso_lidar.rpo.relative.nonlinear import Nonlinear, add_relative_state, find_relative_state
 from rso_lidar.rpo.relative.rtn import rtn_axes
 
 GM = units.EARTH_GM_M3_S2
@@ -37,7 +37,7 @@ def test_beside_and_back():
     times = rng.uniform(0.0, 1e5, 300)
     here = BodyState(*propagate_two_body(*orbit(0.6, 1.0), times))
     position, velocity = rng.uniform(-1e5, 1e5, (300, 3)), rng.uniform(-100.0, 100.0, (300, 3))
-    back = rtn_difference(here, beside(here, position, velocity))
+    back = find_relative_state(here, add_relative_state(here, position, velocity))
     np.testing.assert_allclose(back[0], position, rtol=0, atol=2e-8)  # some roundings of 3e7 m
     np.testing.assert_allclose(back[1], velocity, rtol=0, atol=1e-11)
 
@@ -46,7 +46,7 @@ def test_axes_and_transport_are_those_of_the_house():
     r, v = orbit(0.3, 2.0)
     rotation, rate = rtn_axes(r, v)
     rho, rho_rate = np.array([2e3, -5e3, 1e3]), np.array([3.0, -1.0, 2.0])
-    body = beside(BodyState(r, v), rho, rho_rate)
+    body = add_relative_state(BodyState(r, v), rho, rho_rate)
     np.testing.assert_allclose(body.position_m, r + rotation.apply(rho), rtol=1e-15)
     np.testing.assert_allclose(body.velocity_m_s, v + rotation.apply(rho_rate + np.cross(rate, rho)), rtol=1e-14)
 
@@ -61,11 +61,11 @@ def test_a_body_of_the_same_orbit_a_minute_behind():
     """It passes where the chief was, at the chief's speed: known without any equation of relative motion."""
     delay, (r, v) = 60.0, orbit(0.4, 1.0)
     behind = BodyState(*(a[0] for a in propagate_two_body(r, v, np.array([-delay]))))
-    rho, rate = (tuple(a.tolist()) for a in rtn_difference(BodyState(r, v), behind))
+    rho, rate = (tuple(a.tolist()) for a in find_relative_state(BodyState(r, v), behind))
     times = np.linspace(0.0, 40000.0, 51)
     position, velocity = part(rho, rate).relative(Epochs(START, times), chief(0.4, 1.0))
     there = BodyState(*propagate_two_body(r, v, times)), BodyState(*propagate_two_body(r, v, times - delay))
-    want = rtn_difference(*there)
+    want = find_relative_state(*there)
     # 1e-8 m of the starting difference turns into along-track drift over the revolutions
     np.testing.assert_allclose(position, want[0], rtol=0, atol=1e-5)
     np.testing.assert_allclose(velocity, want[1], rtol=0, atol=1e-8)

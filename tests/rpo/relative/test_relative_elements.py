@@ -15,11 +15,11 @@ from rso_lidar.orbit.two_body.kepler import State
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
-from rso_lidar.rpo.relative.nonlinear import Nonlinear, rtn_difference
+from rso_lidar.rpo.relative.nonlinear import Nonlinear, find_relative_state
 from rso_lidar.rpo.relative.relative_elements import (
     RelativeElements,
-    beside_elements,
-    relative_elements,
+    add_relative_elements,
+    difference_elements,
     relative_elements_from_states,
     state_from_relative_elements,
 )
@@ -46,7 +46,7 @@ def state(e=0.001, inclination=1.7, latitude=0.8, perigee=RADIUS):
 
 
 def in_rtn(of, elements_m):
-    return rtn_difference(of, state_from_relative_elements(of, elements_m))
+    return find_relative_state(of, state_from_relative_elements(of, elements_m))
 
 
 def chief(of):
@@ -72,8 +72,8 @@ def test_definition_by_hand():
     d = np.array([7e6 + 70, 0.5 + 1e-4, 0.0101, 0.0199, 1.00002, 6.2003 - math.tau])
     # D'Amico (2010) eq. 2.2 times a
     wanted = [70.0, 7e6 * (1e-4 + 3e-4 * math.cos(1.0)), 700.0, -700.0, 140.0, 7e6 * 3e-4 * math.sin(1.0)]
-    np.testing.assert_allclose(relative_elements(c, d), wanted, rtol=0, atol=1e-7)
-    back = beside_elements(c, np.array(wanted))
+    np.testing.assert_allclose(difference_elements(c, d), wanted, rtol=0, atol=1e-7)
+    back = add_relative_elements(c, np.array(wanted))
     np.testing.assert_allclose(back[:5], d[:5], rtol=1e-14)
     assert math.remainder(back[5] - d[5], math.tau) == pytest.approx(0.0, abs=1e-13)
 
@@ -125,7 +125,7 @@ def test_j2_moves_the_elements_as_damico_says():
     a, i, day = RADIUS, 1.7, 86400.0
     c = np.array([a, 0.5, 0.0, 0.0, i, 1.0])
     start = np.array([0.0, -1000.0, 200.0, 100.0, 150.0, -200.0])
-    got = relative_elements(propagate_j2_secular(c, day), propagate_j2_secular(beside_elements(c, start), day))
+    got = difference_elements(propagate_j2_secular(c, day), propagate_j2_secular(add_relative_elements(c, start), day))
     gamma = 0.5 * units.EARTH_J2 * (units.EARTH_ZONAL_RADIUS_M / a) ** 2
     swept = math.sqrt(GM / a**3) * day
     turn = 1.5 * gamma * (5 * math.cos(i) ** 2 - 1) * swept

@@ -13,8 +13,8 @@ from rso_lidar.orbit.two_body.kepler import State, propagate_two_body
 from rso_lidar.orbit.two_body.osculating_elements import OsculatingElements, state_from_elements
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
-from rso_lidar.rpo.relative.nonlinear import beside, rtn_difference
-from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, yamanaka_ankersen
+from rso_lidar.rpo.relative.nonlinear import add_relative_state, find_relative_state
+from rso_lidar.rpo.relative.yamanaka_ankersen import YamanakaAnkersen, propagate_yamanaka_ankersen
 
 GM = units.EARTH_GM_M3_S2
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
@@ -42,7 +42,7 @@ def part(rho=RHO, rate=RATE):
 @pytest.mark.parametrize("anomaly", [0.0, 1.0, 3.1, -2.0])
 def test_on_a_circle_it_is_clohessy_wiltshire(anomaly):
     times = np.linspace(-period(0.0), 3 * period(0.0), 81)
-    got = yamanaka_ankersen(RHO, RATE, times, *orbit(0.0, anomaly))
+    got = propagate_yamanaka_ankersen(RHO, RATE, times, *orbit(0.0, anomaly))
     want = clohessy_wiltshire(RHO, RATE, times, math.tau / period(0.0))
     # rounding of 18.8 rad and of the state's own eccentricity, 1e-16, in 3e4 m
     np.testing.assert_allclose(got[0], want[0], rtol=0, atol=1e-14 * 3e4)
@@ -52,7 +52,7 @@ def test_on_a_circle_it_is_clohessy_wiltshire(anomaly):
 @pytest.mark.parametrize("e", [0.0, 1e-12, 0.05, 0.3, 0.7, 0.95])
 @pytest.mark.parametrize("anomaly", [0.0, 0.4, 2.0, math.pi, -1.3])
 def test_it_begins_where_it_is_told_to(e, anomaly):
-    position, velocity = yamanaka_ankersen(RHO, RATE, np.zeros(1), *orbit(e, anomaly))
+    position, velocity = propagate_yamanaka_ankersen(RHO, RATE, np.zeros(1), *orbit(e, anomaly))
     rounding = 1e-13 / (1 - e) ** 2
     np.testing.assert_allclose(position[0], RHO, rtol=0, atol=1e3 * rounding)
     np.testing.assert_allclose(velocity[0], RATE, rtol=0, atol=rounding)
@@ -67,11 +67,11 @@ def test_it_is_two_bodies_to_first_order(e, anomaly):
     small = 0.05
 
     def difference(scale):
-        body = beside(BodyState(r, v), scale * RHO, scale * RATE)
-        return rtn_difference(here, BodyState(*propagate_two_body(body.position_m, body.velocity_m_s, times)))
+        body = add_relative_state(BodyState(r, v), scale * RHO, scale * RATE)
+        return find_relative_state(here, BodyState(*propagate_two_body(body.position_m, body.velocity_m_s, times)))
 
     linear = [0.5 * (a - b) / small for a, b in zip(difference(small), difference(-small), strict=True)]
-    got = yamanaka_ankersen(RHO, RATE, times, r, v)
+    got = propagate_yamanaka_ankersen(RHO, RATE, times, r, v)
     # the third order, (rho / q)^2 of it, and rounding: 1e-8 m of large orbits, scaled up by twenty and by the drift
     share = 4 * (small * np.abs(got[0]).max() / PERIGEE) ** 2 + 1e-8
     np.testing.assert_allclose(got[0], linear[0], rtol=0, atol=1e-5 + share * np.abs(got[0]).max())
@@ -80,7 +80,9 @@ def test_it_is_two_bodies_to_first_order(e, anomaly):
 
 def test_velocity_is_the_slope_in_the_turning_axes():
     times, h = np.linspace(0.0, 2 * period(0.7), 41), 0.05
-    before, at, after = (yamanaka_ankersen(RHO, RATE, times + shift, *orbit(0.7, 2.5)) for shift in (-h, 0.0, h))
+    before, at, after = (
+        propagate_yamanaka_ankersen(RHO, RATE, times + shift, *orbit(0.7, 2.5)) for shift in (-h, 0.0, h)
+    )
     # h^2 / 6 of the third derivative, n at perigee cubed, and rounding of 5e4 m over 2 h
     size = np.abs(at[0]).max()
     np.testing.assert_allclose(

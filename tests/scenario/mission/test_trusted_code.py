@@ -43,7 +43,7 @@ def recording(named):
     (code,) = folder.glob("strange_dynamics_*.py")
     sys.modules.pop(code.stem, None)
     code.write_text(CODE + "# changed, so that no cache holds it\n")
-    flight._flown.cache_clear()
+    flight._cache_flight.cache_clear()
     return path
 
 

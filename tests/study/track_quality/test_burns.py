@@ -8,7 +8,7 @@ import pytest
 import rso_lidar as rl
 from rso_lidar.rpo.plans.plan import Plan
 from rso_lidar.study.track_quality.burns import list_known_burns
-from rso_lidar.track import kalman
+from rso_lidar.track import filter_positions
 
 START = datetime.datetime(2024, 9, 17, 12, tzinfo=datetime.UTC)
 LOW = rl.Kepler(
@@ -52,10 +52,12 @@ def test_with_its_burns_the_filter_believes_what_it_sees(motion):
     spread = np.broadcast_to(np.eye(3) * NOISE_M**2, (time_s.size, 3, 3))
     burns = list_known_burns(flown, time_s)
     given = {"mean_motion_rad_s": plan.mean_motion_rad_s, "acceleration_m_s2_rthz": 1e-5}
-    told = kalman(time_s, seen, spread, kicks=[(burn.time_s, -burn.delta_v_m_s) for burn, _ in burns], **given)
+    told = filter_positions(
+        time_s, seen, spread, kicks=[(burn.time_s, -burn.delta_v_m_s) for burn, _ in burns], **given
+    )
     # A mean of 449 NIS of three degrees of freedom spreads by sqrt(6 / 449), times 4.
     assert told.nis_mean == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / 449))
-    assert kalman(time_s, seen, spread, **given).nis_mean > 20.0
+    assert filter_positions(time_s, seen, spread, **given).nis_mean > 20.0
     assert np.abs(told.position_m - -apart)[50:].max() < 4.0 * NOISE_M
 
 

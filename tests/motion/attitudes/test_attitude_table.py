@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.motion.attitudes.aem import AttitudeTable, write_aem, write_attitude_csv
+from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv
 from rso_lidar.motion.attitudes.constant import LvlhCcsds
 from rso_lidar.motion.attitudes.spin import Tumble
 from rso_lidar.motion.bodies.body import Body

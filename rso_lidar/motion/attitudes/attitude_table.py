@@ -110,17 +110,17 @@ class AttitudeTable(Part):
             quaternion[rows] = rotation.as_quat()
         return Orientation(Rotation.from_quat(quaternion), rate, in_origin=arcs[0].in_origin)
 
-    def _arcs(self) -> tuple[TurnArc, ...]:
+    def _arcs(self) -> tuple[AttitudeSegment, ...]:
         path = find_table(self.file)
         try:
             status = path.stat()
         except OSError as error:
             raise ScenarioError(f"{path}: cannot be read: {error.strerror}: name a file of text") from None
-        return _read(path, status.st_mtime_ns, status.st_size, self.object, self.axes)
+        return _read_file(path, status.st_mtime_ns, status.st_size, self.object, self.axes)
 
 
 @dataclass(frozen=True, eq=False)
-class TurnArc:
+class AttitudeSegment:
     """One segment: axes_from_body at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
 
     where: str
@@ -158,18 +158,20 @@ class TurnArc:
 
 
 @functools.lru_cache(maxsize=16)
-def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None) -> tuple[TurnArc, ...]:
+def _read_file(
+    path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: str | None
+) -> tuple[AttitudeSegment, ...]:
     text = read_table_text(path)
     if not is_message(text):
         if wanted is not None:
             raise ScenarioError(f"{path}: a CSV table holds one object and no name: leave out object '{wanted}'")
-        return (_from_csv(text, str(path), axes or "inertial"),)
+        return (_read_csv(text, str(path), axes or "inertial"),)
     if axes is not None:
         raise ScenarioError(f"{path}: an AEM says itself what its axes are: leave out axes '{axes}'")
     message = read_message(text, "AEM", str(path))
-    arcs: list[TurnArc] = []
+    arcs: list[AttitudeSegment] = []
     for segment in select_segments(message, wanted):
-        arcs.append(_arc(message, segment, arcs[0].start_utc if arcs else None))
+        arcs.append(_read_segment(message, segment, arcs[0].start_utc if arcs else None))
     if len({arc.in_origin for arc in arcs}) > 1:
         raise ScenarioError(f"{path}: has segments in inertial axes and in rtn: write them in one")
     arcs.sort(key=lambda arc: arc.begin_s)
@@ -179,24 +181,24 @@ def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None, axes: s
     return tuple(arcs)
 
 
-def _from_csv(text: str, where: str, axes: str) -> TurnArc:
+def _read_csv(text: str, where: str, axes: str) -> AttitudeSegment:
     table = read_csv_table(text, where, _TURN, _TURN)
     quaternion = table.stack(_TURN[0])
     assert quaternion is not None
-    rotation = _rotation(where, quaternion, table.lines)
+    rotation = _make_rotation(where, quaternion, table.lines)
     if axes == "lvlh_ccsds":
         rotation = rtn_from_lvlh_ccsds() * rotation
     time_s = table.time_s
-    return TurnArc(where, table.start_utc, time_s[0], time_s[-1], time_s, rotation, axes != "inertial")
+    return AttitudeSegment(where, table.start_utc, time_s[0], time_s[-1], time_s, rotation, axes != "inertial")
 
 
-def _rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
+def _make_rotation(where: str, quaternion: np.ndarray, lines: list[int]) -> Rotation:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat(check_unit_quaternions(where, quaternion, lines))
 
 
-def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> TurnArc:
+def _read_segment(message: Message, segment: Segment, start_utc: datetime.datetime | None) -> AttitudeSegment:
     from scipy.spatial.transform import Rotation
 
     at = f"{message.where}: line {segment.line}"
@@ -206,7 +208,7 @@ def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None
             f"{message.where}: line {kind.line}: ATTITUDE_TYPE {kind.value} is not known here: have it written as QUATERNION"
         )
     system = message.time_system(segment)
-    scalar_first = _scalar_first(message, segment)
+    scalar_first = _is_scalar_first(message, segment)
     if len(segment.rows) < 2:
         raise ScenarioError(f"{at}: the segment has {len(segment.rows)} rows: it needs at least two")
     stamps, values, lines = [], [], []
@@ -221,18 +223,18 @@ def _arc(message: Message, segment: Segment, start_utc: datetime.datetime | None
         lines.append(line)
     check_increasing(message.where, stamps, lines)
     numbers = np.array(values)
-    rotation = _rotation(message.where, np.roll(numbers, -1, axis=1) if scalar_first else numbers, lines)
-    axes, reverse = _axes(message, segment)
+    rotation = _make_rotation(message.where, np.roll(numbers, -1, axis=1) if scalar_first else numbers, lines)
+    axes, reverse = _read_axes(message, segment)
     if reverse:
         rotation = rotation.inv()
     if axes == "eme2000":
         rotation = Rotation.from_matrix(gcrs_from_eme2000()) * rotation
     start, time_s = elapsed_from_ps(stamps, start_utc)
     span = usable_span_s(message, segment, system, stamps[0], time_s)
-    return TurnArc(at, start, *span, time_s, rotation, axes == "rtn")
+    return AttitudeSegment(at, start, *span, time_s, rotation, axes == "rtn")
 
 
-def _scalar_first(message: Message, segment: Segment) -> bool:
+def _is_scalar_first(message: Message, segment: Segment) -> bool:
     """Return whether the scalar stands first; from version 2.0 on it is last unless said."""
     entry = segment.meta.get("QUATERNION_TYPE")
     if entry is None:
@@ -246,7 +248,7 @@ def _scalar_first(message: Message, segment: Segment) -> bool:
     return entry.value.upper() == "FIRST"
 
 
-def _axes(message: Message, segment: Segment) -> tuple[str, bool]:
+def _read_axes(message: Message, segment: Segment) -> tuple[str, bool]:
     """Return "gcrs", "eme2000" or "rtn", and whether the quaternion goes from the body to those axes."""
     ends = {key: message.require(segment, f"REF_FRAME_{key}") for key in "AB"}
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
@@ -290,7 +292,7 @@ def write_aem(
     overwrite: bool = False,
 ) -> Path:
     """Write attitudes as one segment of an AEM (keyword = value; GCRF to SC_BODY_1, scalar last, UTC); return its path."""
-    rows, texts = _quaternions(epochs, inertial_from_body), format_epochs(epochs)
+    rows, texts = _canonical_quaternions(epochs, inertial_from_body), format_epochs(epochs)
     old = version == "1.0"
     meta = {
         "OBJECT_NAME": name,
@@ -312,7 +314,7 @@ def write_aem(
 
 def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:
     """Write attitudes as CSV (utc, qx, qy, qz, qw) as `AttitudeTable` reads it; return its path."""
-    rows, texts = _quaternions(epochs, axes_from_body), format_epochs(epochs)
+    rows, texts = _canonical_quaternions(epochs, axes_from_body), format_epochs(epochs)
     lines = [",".join(("utc", *_TURN[0]))]
     lines += [
         ",".join((f"{text}Z", *(f"{value:.15f}" for value in row))) for text, row in zip(texts, rows, strict=True)
@@ -320,7 +322,7 @@ def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotatio
     return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
 
 
-def _quaternions(epochs: Epochs, rotation: Rotation) -> list[list[float]]:
+def _canonical_quaternions(epochs: Epochs, rotation: Rotation) -> list[list[float]]:
     quaternion = quaternion_xyzw(rotation)
     rows = np.broadcast_to(quaternion, (len(epochs), 4)) if quaternion.ndim == 1 else quaternion
     if len(rows) != len(epochs) or len(rows) < 2 or not np.all(np.diff(epochs.time_s) >= 1e-9):
