@@ -18,7 +18,8 @@ which only SGP4 may propagate. `OsculatingElements` are those of one state; `mea
 orbit between two positions. `propagate_two_body` and `propagate_sgp4` need no scenario.
 """
 
-from rso_lidar.orbit.ccsds.ephemeris import Ephemeris, write_ephemeris_csv, write_oem
+from rso_lidar.orbit.ccsds.ephemeris import Ephemeris
+from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs, format_utc
 from rso_lidar.orbit.propagation.forces import Drag, Forces, RadiationPressure
 from rso_lidar.orbit.propagation.j2 import J2, mean_from_osculating, osculating_from_mean

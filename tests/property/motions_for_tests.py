@@ -4,7 +4,7 @@ import datetime
 
 import numpy as np
 
-from rso_lidar.orbit.ccsds.ephemeris import write_ephemeris_csv, write_oem
+from rso_lidar.orbit.ccsds.writer import write_ephemeris_csv, write_oem
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.two_body.kepler import Kepler
 

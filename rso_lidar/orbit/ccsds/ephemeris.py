@@ -11,7 +11,6 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -20,12 +19,10 @@ import numpy as np
 from pydantic import Field
 
 from rso_lidar import units
-from rso_lidar.errors import PropagationError, RecordingError, ScenarioError
-from rso_lidar.files import write_text
+from rso_lidar.errors import PropagationError, ScenarioError
 from rso_lidar.orbit.ccsds.csv_table import elapsed_from_ps, elapsed_s, read_csv_table
 from rso_lidar.orbit.ccsds.frames import gcrs_from_frame, parse_frame
 from rso_lidar.orbit.ccsds.interpolation import GREATEST_DEGREE, interpolate_hermite, interpolate_lagrange
-from rso_lidar.orbit.ccsds.kvn import format_kvn, make_header
 from rso_lidar.orbit.ccsds.message import (
     Message,
     Segment,
@@ -35,7 +32,7 @@ from rso_lidar.orbit.ccsds.message import (
     usable_span_s,
 )
 from rso_lidar.orbit.ccsds.reader import find_table, is_message, read_message, read_table_text
-from rso_lidar.orbit.epochs import Epochs, format_epochs, format_utc, parse_epoch_ps
+from rso_lidar.orbit.epochs import Epochs, format_utc, parse_epoch_ps
 from rso_lidar.part import Part, Text, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
@@ -43,8 +40,8 @@ from rso_lidar.records import BodyState
 DEGREE = 7
 EDGE_S = 1e-8  # an epoch this close outside an edge counts as on it, because dates are rounded
 ROUGH_M = 1.0
-_PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
-_SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
+PLACES = (("x_m", "y_m", "z_m"), ("x_km", "y_km", "z_km"))
+SPEEDS = (("vx_m_s", "vy_m_s", "vz_m_s"), ("vx_km_s", "vy_km_s", "vz_km_s"))
 
 
 class Ephemeris(Part):
@@ -229,9 +226,6 @@ class EphemerisArc:
         return interpolate_hermite(inside, self.time_s, self.position_m, self.velocity_m_s, order)
 
 
-# --------------------------------------------------------------------------------------------------------- reading
-
-
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tuple[EphemerisArc, ...]:
     text = read_table_text(path)
@@ -249,10 +243,10 @@ def _read(path: Path, _modified_ns: int, _size: int, wanted: str | None) -> tupl
 
 
 def _read_csv(text: str, where: str) -> EphemerisArc:
-    table = read_csv_table(text, where, (*_PLACES, *_SPEEDS), _PLACES)
-    metres, kilometres = table.stack(_PLACES[0]), table.stack(_PLACES[1])
+    table = read_csv_table(text, where, (*PLACES, *SPEEDS), PLACES)
+    metres, kilometres = table.stack(PLACES[0]), table.stack(PLACES[1])
     position = metres if metres is not None else np.asarray(kilometres) * units.KM
-    speeds = [table.stack(names) for names in _SPEEDS]
+    speeds = [table.stack(names) for names in SPEEDS]
     if speeds[0] is not None and speeds[1] is not None:
         raise ScenarioError(f"{where}: has velocities in m/s and in km/s: keep one set of columns")
     velocity = speeds[0] if speeds[1] is None else speeds[1] * units.KM
@@ -309,119 +303,3 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
     if word == "linear":
         word, order = "lagrange", 1
     return EphemerisArc(at, start, begin_s, end_s, time_s, numbers[:, :3], numbers[:, 3:], frame, word, order)
-
-
-# --------------------------------------------------------------------------------------------------------- writing
-
-
-def write_oem(
-    path: str | Path,
-    name: str,
-    object_id: str,
-    epochs: Epochs,
-    states: BodyState,
-    *,
-    originator: str = "RSO_LIDAR",
-    version: Literal["2.0", "3.0"] = "2.0",
-    breaks_s: Sequence[float] = (),
-    created_utc: datetime.datetime | None = None,
-    overwrite: bool = False,
-) -> Path:
-    """Write GCRS states as an OEM (keyword = value; GCRF, UTC) to 1e-6 m and 1e-9 m/s.
-
-    Parameters
-    ----------
-    path : path of the file
-    name, object_id : OBJECT_NAME and OBJECT_ID of the message
-    epochs : two or more instants
-    states : their states in GCRS axes
-
-    Other Parameters
-    ----------------
-    originator : ORIGINATOR of the message
-    version : version of the format
-    breaks_s : instants [s] at which the velocity jumps; a new segment begins at each, since interpolation must not
-        cross them
-    created_utc : CREATION_DATE, now if left out
-    overwrite : whether an existing file is replaced
-
-    Returns
-    -------
-    Path
-        the path
-
-    Raises
-    ------
-    RecordingError
-        if the states or epochs make no ephemeris, or the file cannot be written
-    """
-    rows, texts = _check_rows(epochs, states), format_epochs(epochs)
-    edges = np.searchsorted(epochs.time_s, np.sort(np.asarray(breaks_s, dtype=float)))
-    segments = []
-    for part in np.split(np.arange(len(rows)), np.unique(edges)):
-        if not len(part):
-            continue
-        if len(part) < 2:
-            at = epochs.time_s[part[0]]
-            raise RecordingError(
-                f"epochs: only one, at {at:g} s, lies between two breaks: give two or more on each side of a break"
-            )
-        meta = {
-            "OBJECT_NAME": name,
-            "OBJECT_ID": object_id,
-            "CENTER_NAME": "EARTH",
-            "REF_FRAME": "GCRF",
-            "TIME_SYSTEM": "UTC",
-            "START_TIME": texts[part[0]],
-            "STOP_TIME": texts[part[-1]],
-            "INTERPOLATION": "HERMITE",
-            "INTERPOLATION_DEGREE": str(min(DEGREE, 2 * len(part) - 1)),
-        }
-        segments.append((meta, [_format_line(texts[k], rows[k].tolist()) for k in part]))
-    header = make_header(originator, created_utc)
-    return write_text(path, format_kvn("OEM", version, header, segments), overwrite=overwrite)
-
-
-def _format_line(text: str, row: list[float]) -> str:
-    """Format a line of an OEM: km to 1e-9, km/s to 1e-12."""
-    cells = [*(f"{value / units.KM:.9f}" for value in row[:3]), *(f"{value / units.KM:.12f}" for value in row[3:])]
-    return " ".join([text, *cells])
-
-
-def write_ephemeris_csv(path: str | Path, epochs: Epochs, states: BodyState, *, overwrite: bool = False) -> Path:
-    """Write GCRS states as CSV (utc, x_m ..., vx_m_s ...) to 1e-6 m and 1e-9 m/s.
-
-    Parameters
-    ----------
-    path : path of the file
-    epochs : two or more instants
-    states : their states in GCRS axes
-    overwrite : whether an existing file is replaced
-
-    Returns
-    -------
-    Path
-        the path
-
-    Raises
-    ------
-    RecordingError
-        if the states or epochs make no ephemeris, or the file cannot be written
-    """
-    rows, texts = _check_rows(epochs, states), format_epochs(epochs)
-    lines = [",".join(("utc", *_PLACES[0], *_SPEEDS[0]))]
-    for text, row in zip(texts, rows.tolist(), strict=True):
-        cells = [*(f"{value:.6f}" for value in row[:3]), *(f"{value:.9f}" for value in row[3:])]
-        lines.append(",".join((f"{text}Z", *cells)))
-    return write_text(path, "\n".join(lines) + "\n", overwrite=overwrite)
-
-
-def _check_rows(epochs: Epochs, states: BodyState) -> np.ndarray:
-    rows: np.ndarray = np.concatenate([np.atleast_2d(states.position_m), np.atleast_2d(states.velocity_m_s)], axis=1)
-    if rows.shape != (len(epochs), 6) or not np.all(np.isfinite(rows)):
-        raise RecordingError(
-            f"states: an ephemeris needs finite states at all its {len(epochs)} epochs: leave out the others"
-        )
-    if len(epochs) < 2 or not np.all(np.diff(epochs.time_s) >= 1e-9):
-        raise RecordingError("epochs: an ephemeris needs two or more that grow by 1 ns or more: sort them")
-    return rows

@@ -17,7 +17,8 @@ from rso_lidar.errors import ScenarioError, add_place
 from rso_lidar.orbit.epochs import Epochs
 from rso_lidar.orbit.trajectory import Trajectory
 from rso_lidar.orbit.two_body import kepler
-from rso_lidar.orbit.two_body.lambert import Branch, Transfer, Way, solve_lambert
+from rso_lidar.orbit.two_body.izzo import Branch
+from rso_lidar.orbit.two_body.lambert import Transfer, Way, solve_lambert
 from rso_lidar.part import Flag, Positive, Vector, Whole
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState

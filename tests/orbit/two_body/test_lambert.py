@@ -78,7 +78,7 @@ def test_low_has_the_smaller_axis():
 
 def test_number_of_orbits_is_what_a_scan_of_all_finds():
     # orbits with whole revolutions exist where the time is above the least one: count sign changes of a fine scan
-    from rso_lidar.orbit.two_body.lambert import _time
+    from rso_lidar.orbit.two_body.izzo import compute_scaled_time
 
     end, duration_s = on_circle(2.0), 4.1 * PERIOD
     chord = np.linalg.norm(end - START)
@@ -88,7 +88,7 @@ def test_number_of_orbits_is_what_a_scan_of_all_finds():
     for revolutions in range(1, 8):
         times = np.array(
             [
-                _time(x, chord / half, math.sqrt(1.0 - chord / half), revolutions)
+                compute_scaled_time(x, chord / half, math.sqrt(1.0 - chord / half), revolutions)
                 for x in np.linspace(-0.9999, 0.9999, 4001)
             ]
         )
