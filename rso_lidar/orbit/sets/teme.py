@@ -128,7 +128,7 @@ def describe_failure(elements: ElementSet, epochs: Epochs, bad: np.ndarray, erro
     why = describe_error(code) + (f", SGP4 error {code}" if code in REASONS else "")
     return (
         f"{elements.kind} {elements.label}: SGP4 has no state at {int(bad.sum())} of {len(bad)} epochs, first at "
-        f"time_s = {epochs.time_s[first]:g}: {why}: use epochs nearer to that of the elements "
+        f"time_s = {epochs.time_s[first]:g}: {why}: use epochs nearer to the elements' epoch "
         f"{elements.epoch_utc:%Y-%m-%dT%H:%MZ}, or take another set"
     )
 
