@@ -4,7 +4,7 @@ from rso_lidar.shapes.build import build, builders
 from rso_lidar.shapes.cubesat import cubesat
 from rso_lidar.shapes.fragment import fragment
 from rso_lidar.shapes.materials import MATERIALS
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid
 
-__all__ = ["MATERIALS", "Model", "Piece", "Solid", "build", "builders", "cubesat", "fragment"]
+__all__ = ["MATERIALS", "CraftModel", "CraftPart", "Solid", "build", "builders", "cubesat", "fragment"]

@@ -6,7 +6,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import ball, box
 
 PLATE_SIDE_M = 4.0
@@ -15,16 +15,16 @@ SPHERE_RADIUS_M = 1.0
 SPHERE_SPLITS = 5
 
 
-def plate() -> Model:
+def plate() -> CraftModel:
     """Return a square plate, 4 m by 4 m, that faces +x; its faces lie at x = +1 mm and -1 mm."""
     solid = box((PLATE_THICKNESS_M, PLATE_SIDE_M, PLATE_SIDE_M))
-    return Model(
+    return CraftModel(
         name="plate",
         what="Flat square plate, 4 m by 4 m and 2 mm thick, normal along +x: front face at x = 0.001 m",
         source="A definition",
         confidence="Exact by definition; mass is that of aluminium (2700 kg/m3)",
         axes="+x normal of the front face; y and z along the sides; origin at the middle",
-        pieces={"plate": Piece(solid, "lambertian_30", 2700.0 * solid.volume_m3())},
+        pieces={"plate": CraftPart(solid, "lambertian_30", 2700.0 * solid.volume_m3())},
         taxonomy=Taxonomy(
             object_class="calibration",
             subclass="flat_plate",
@@ -35,19 +35,19 @@ def plate() -> Model:
     )
 
 
-def sphere() -> Model:
+def sphere() -> CraftModel:
     """Return a calibration sphere: all vertices at 1 m from the origin, facets a little inside."""
     solid = ball(SPHERE_RADIUS_M, splits=SPHERE_SPLITS)
     nearest_m = float(np.linalg.norm(solid.vertices[solid.facets].mean(axis=1), axis=1).min())
     sag_mm = (SPHERE_RADIUS_M - nearest_m) / units.MM
-    return Model(
+    return CraftModel(
         name="sphere",
         what=f"Calibration sphere, vertices at a radius of exactly 1 m; facets lie up to {sag_mm:.2f} mm inside",
         source="A definition",
         confidence="Exact by definition but for the facets; mass is that of a 2 mm aluminium shell (2700 kg/m3)",
         axes="any; origin at the centre",
         pieces={
-            "sphere": Piece(solid, "lambertian_30", 2700.0 * 0.002 * 4.0 * np.pi * SPHERE_RADIUS_M**2, hollow=True)
+            "sphere": CraftPart(solid, "lambertian_30", 2700.0 * 0.002 * 4.0 * np.pi * SPHERE_RADIUS_M**2, hollow=True)
         },
         taxonomy=Taxonomy(
             object_class="calibration",

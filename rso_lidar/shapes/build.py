@@ -14,7 +14,7 @@ from rso_lidar.shapes.envisat import envisat
 from rso_lidar.shapes.fragment import debris_foil, debris_panel, debris_plate, debris_shard
 from rso_lidar.shapes.juno import juno
 from rso_lidar.shapes.lro import lro
-from rso_lidar.shapes.model import Model
+from rso_lidar.shapes.model import CraftModel
 from rso_lidar.shapes.rocket_body import rocket_body
 from rso_lidar.shapes.rosetta import rosetta
 from rso_lidar.shapes.stardust import stardust
@@ -22,7 +22,7 @@ from rso_lidar.shapes.suomi_npp import suomi_npp
 from rso_lidar.shapes.tdrs import tdrs
 from rso_lidar.shapes.zenit_stage import zenit_stage
 
-_BUILDERS: tuple[Callable[[], Model], ...] = (
+_BUILDERS: tuple[Callable[[], CraftModel], ...] = (
     tdrs,
     juno,
     dawn,
@@ -48,7 +48,7 @@ _BUILDERS: tuple[Callable[[], Model], ...] = (
 )
 
 
-def builders() -> dict[str, Callable[[], Model]]:
+def builders() -> dict[str, Callable[[], CraftModel]]:
     """Return every builder by the name of its model.
 
     >>> [name for name in builders() if name.startswith("cubesat")]
@@ -57,7 +57,7 @@ def builders() -> dict[str, Callable[[], Model]]:
     return {builder.__name__: builder for builder in _BUILDERS}
 
 
-def build(name: str) -> Model:
+def build(name: str) -> CraftModel:
     """Return the model of that name, freshly built.
 
     >>> build("plate").size_m.tolist()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece
-from rso_lidar.shapes.solids import Solid, box, cylinder, frustum, join, pipe, prism, revolved, ring, torus, tube, wall
+from rso_lidar.shapes.model import CraftModel, CraftPart
+from rso_lidar.shapes.solids import Solid, box, cylinder, frustum, join, pipe, prism, revolve, ring, torus, tube, wall
 from rso_lidar.units import DEG
 
 RADIUS_M = 0.5 * 3.912  # 12 ft 10 in across
@@ -23,29 +23,29 @@ _FOOT_M = _CORNER_M[0] + CORNER_RADIUS_M * COS, _CORNER_M[1] + CORNER_RADIUS_M *
 TUNNEL_M = 2.80  # height at which the cone gives way to the docking tunnel
 
 
-def capsule() -> Model:
+def capsule() -> CraftModel:
     """Return the capsule with its axis along +x: docking end forward, heat shield to the rear, hatch towards +z."""
     along_z = {
-        "heat_shield": Piece(_heat_shield(), "cfrp", 1100.0),
-        "cabin": Piece(_cabin(), "mli_silver", 3746.0, hollow=True),
-        "seams": Piece(_seams(), "black_anodise", 60.0),
-        "hatch": Piece(_hatch(), "aluminium", 160.0),
-        "windows": Piece(_windows(), "lens_glass", 60.0),
-        "window_frames": Piece(_window_frames(), "black_paint", 60.0),
-        "parachute_cover": Piece(_parachute_cover(), "white_paint", 350.0, hollow=True),
-        "docking_ring": Piece(_docking_ring(), "aluminium", 60.0),
-        "docking_probe": Piece(_docking_probe(), "aluminium", 40.0),
-        "thruster": Piece(_thrusters(), "black_paint", 40.0),
-        "umbilical": Piece(_umbilical(), "white_paint", 50.0),
-        "handrails": Piece(_handrails(), "aluminium", 10.0),
-        "compression_pads": Piece(_pads(), "aluminium", 60.0),
-        "antenna": Piece(_antennas(), "white_paint", 10.0),
+        "heat_shield": CraftPart(_heat_shield(), "cfrp", 1100.0),
+        "cabin": CraftPart(_cabin(), "mli_silver", 3746.0, hollow=True),
+        "seams": CraftPart(_seams(), "black_anodise", 60.0),
+        "hatch": CraftPart(_hatch(), "aluminium", 160.0),
+        "windows": CraftPart(_windows(), "lens_glass", 60.0),
+        "window_frames": CraftPart(_window_frames(), "black_paint", 60.0),
+        "parachute_cover": CraftPart(_parachute_cover(), "white_paint", 350.0, hollow=True),
+        "docking_ring": CraftPart(_docking_ring(), "aluminium", 60.0),
+        "docking_probe": CraftPart(_docking_probe(), "aluminium", 40.0),
+        "thruster": CraftPart(_thrusters(), "black_paint", 40.0),
+        "umbilical": CraftPart(_umbilical(), "white_paint", 50.0),
+        "handrails": CraftPart(_handrails(), "aluminium", 10.0),
+        "compression_pads": CraftPart(_pads(), "aluminium", 60.0),
+        "antenna": CraftPart(_antennas(), "white_paint", 10.0),
     }
     pieces = {
-        name: Piece(piece.solid.turned("y", 90).moved(x=-_CORNER_M[1]), piece.material, piece.mass_kg, piece.hollow)
+        name: CraftPart(piece.solid.turn("y", 90).move(x=-_CORNER_M[1]), piece.material, piece.mass_kg, piece.hollow)
         for name, piece in along_z.items()
     }
-    return Model(
+    return CraftModel(
         name="capsule",
         what="Crew capsule of the shape of the Apollo command module, without its service module, docking probe out",
         source=(
@@ -82,8 +82,8 @@ def _radius(height_m: float) -> float:
 def _on_cone(solid: Solid, height_m: float, azimuth_deg: float, proud_m: float = 0.0) -> Solid:
     """Return a solid, drawn with +z outward and +x up the slope, laid on the cone; azimuth 180 faces the hatch."""
     radius = _radius(height_m) + proud_m * COS
-    laid = solid.turned("z", 180).turned("y", 90.0 - CONE_DEG)
-    return laid.moved(x=radius, z=height_m + proud_m * SIN).turned("z", azimuth_deg)
+    laid = solid.turn("z", 180).turn("y", 90.0 - CONE_DEG)
+    return laid.move(x=radius, z=height_m + proud_m * SIN).turn("z", azimuth_deg)
 
 
 def _heat_shield() -> Solid:
@@ -96,7 +96,7 @@ def _heat_shield() -> Solid:
     corner = [
         (_CORNER_M[0] + CORNER_RADIUS_M * math.cos(a), _CORNER_M[1] + CORNER_RADIUS_M * math.sin(a)) for a in turn
     ]
-    return revolved([(0.0, 0.0), *sphere[1:], *corner, (0.0, _FOOT_M[1])], 80)
+    return revolve([(0.0, 0.0), *sphere[1:], *corner, (0.0, _FOOT_M[1])], 80)
 
 
 def _cabin() -> Solid:
@@ -104,13 +104,13 @@ def _cabin() -> Solid:
     bottom = _FOOT_M[1] + 0.010
     heights = [bottom + k * (TUNNEL_M - bottom) / 8 for k in range(9)]
     joint = [(0.0, bottom - 0.05), (_FOOT_M[0] - 0.03, bottom - 0.05), (_FOOT_M[0] - 0.03, bottom)]  # a groove
-    return revolved([*joint, *((_radius(z) - 0.004, z) for z in heights), (0.0, TUNNEL_M)], 80)
+    return revolve([*joint, *((_radius(z) - 0.004, z) for z in heights), (0.0, TUNNEL_M)], 80)
 
 
 def _parachute_cover() -> Solid:
     """Return the forward cover over parachutes and tunnel: the tip of the cone, a little proud, with a rounded top."""
     low = 2.28
-    return revolved(
+    return revolve(
         [
             (0.0, low),
             (_radius(low) + 0.012, low),
@@ -127,7 +127,7 @@ def _parachute_cover() -> Solid:
 
 def _seams() -> Solid:
     """Return the joints of the cone's panels: hoops, and lines down the slope."""
-    hoops = [torus(_radius(z) + 0.001, 0.010, 80, 5).moved(z=z) for z in (0.80, 1.35, 2.27)]
+    hoops = [torus(_radius(z) + 0.001, 0.010, 80, 5).move(z=z) for z in (0.80, 1.35, 2.27)]
     line = box((1.80, 0.022, 0.012))
     return join(*hoops, *(_on_cone(line, 1.50, a) for a in (15, 70, 115, 150, 210, 245, 290, 345)))
 
@@ -164,7 +164,7 @@ def _docking_ring() -> Solid:
     """Return the ring at the top of the tunnel with twelve latches."""
     band = ring(APEX_RADIUS_M - 0.07, APEX_RADIUS_M + 0.015, TUNNEL_M + 0.17, TUNNEL_M + 0.26, 48)
     latch = box((0.07, 0.05, 0.08), (APEX_RADIUS_M - 0.09, 0.0, TUNNEL_M + 0.24))
-    return join(band, *(latch.turned("z", 30.0 * k) for k in range(12)))
+    return join(band, *(latch.turn("z", 30.0 * k) for k in range(12)))
 
 
 def _docking_probe() -> Solid:
@@ -172,7 +172,7 @@ def _docking_probe() -> Solid:
     head = frustum(0.055, 0.03, HEIGHT_M - 0.07, HEIGHT_M, 20)
     shaft = cylinder(0.035, TUNNEL_M + 0.10, HEIGHT_M - 0.06, 16)
     legs = [
-        tube((0.34, 0.0, TUNNEL_M + 0.21), (0.03, 0.0, HEIGHT_M - 0.13), 0.014).turned("z", 120.0 * k) for k in range(3)
+        tube((0.34, 0.0, TUNNEL_M + 0.21), (0.03, 0.0, HEIGHT_M - 0.13), 0.014).turn("z", 120.0 * k) for k in range(3)
     ]
     return join(head, shaft, *legs)
 
@@ -183,7 +183,7 @@ def _thrusters() -> Solid:
     floor = cylinder(0.05, -0.05, -0.03, 20)
     nozzle = join(mouth, floor)
     places = [(0, 2.10), (180, 2.10), (0, 0.86), (90, 0.86), (270, 0.86), (45, 0.95)]
-    return join(*(_on_cone(nozzle.moved(y=y), z, a) for a, z in places for y in (-0.11, 0.11)))
+    return join(*(_on_cone(nozzle.move(y=y), z, a) for a, z in places for y in (-0.11, 0.11)))
 
 
 def _umbilical() -> Solid:
@@ -197,8 +197,8 @@ def _handrails() -> Solid:
     """Return the bars beside the hatch and a loop round the top."""
     bar = pipe([(-0.40, 0.0, 0.0), (-0.40, 0.0, 0.07), (0.40, 0.0, 0.07), (0.40, 0.0, 0.0)], 0.013, 8)
     rails = [_on_cone(bar, z, a) for a in (160, 200) for z in (1.50,)]
-    loop = [torus(0.70, 0.012, 48, 6).moved(z=2.60)]
-    posts = [tube((0.62, 0.0, 2.60), (0.70, 0.0, 2.60), 0.010, 6).turned("z", 60.0 * k) for k in range(6)]
+    loop = [torus(0.70, 0.012, 48, 6).move(z=2.60)]
+    posts = [tube((0.62, 0.0, 2.60), (0.70, 0.0, 2.60), 0.010, 6).turn("z", 60.0 * k) for k in range(6)]
     return join(*rails, *loop, *posts)
 
 
@@ -206,8 +206,8 @@ def _pads() -> Solid:
     """Return the six pads on the heat shield through which the service module carried the capsule."""
     radius = 1.50
     low = SHIELD_RADIUS_M - math.sqrt(SHIELD_RADIUS_M**2 - radius**2)
-    pad = cylinder(0.085, low - 0.02, low + 0.06, 24).moved(x=radius)
-    return join(*(pad.turned("z", 60.0 * k + 30.0) for k in range(6)))
+    pad = cylinder(0.085, low - 0.02, low + 0.06, 24).move(x=radius)
+    return join(*(pad.turn("z", 60.0 * k + 30.0) for k in range(6)))
 
 
 def _antennas() -> Solid:

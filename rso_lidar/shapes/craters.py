@@ -40,7 +40,7 @@ def crater_heights(distance: np.ndarray) -> np.ndarray:
     return heights
 
 
-def cratered(
+def add_craters(
     x_m: np.ndarray,
     y_m: np.ndarray,
     smallest_m: float,

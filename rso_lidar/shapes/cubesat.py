@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar.craft import Hinge, Taxonomy, classify_size
 from rso_lidar.errors import ScenarioError
-from rso_lidar.shapes.model import Model, Piece, wing_hinges
+from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import Solid, box, cylinder, dome, join, ring, tiles, tube, wall
 
 RAIL_M = 0.0085
@@ -43,27 +43,27 @@ _FORMS = {
 _SOURCE = "CubeSat Design Specification rev. 14.1 (Cal Poly, CP-CDS-R14.1, 2022)"
 
 
-def cubesat_1u() -> Model:
+def cubesat_1u() -> CraftModel:
     """Return a 1U CubeSat: +x the lens."""
     return cubesat(1)
 
 
-def cubesat_3u() -> Model:
+def cubesat_3u() -> CraftModel:
     """Return a 3U CubeSat: +x the telescope, +y left wing, solar cells to +z."""
     return cubesat(3)
 
 
-def cubesat_6u() -> Model:
+def cubesat_6u() -> CraftModel:
     """Return a 6U CubeSat: +x the telescope, +y left wing, solar cells to +z."""
     return cubesat(6)
 
 
-def cubesat_12u() -> Model:
+def cubesat_12u() -> CraftModel:
     """Return a 12U CubeSat: +x the telescope, +y left wing, solar cells to +z."""
     return cubesat(12)
 
 
-def cubesat(units: int) -> Model:
+def cubesat(units: int) -> CraftModel:
     """Return a CubeSat of 1, 3, 6 or 12 units: +x the telescope, +y the left wing where there is one, cells to +z.
 
     >>> [round(1000 * side) for side in cubesat(12).parts["rails"].vertices.max(axis=0)]
@@ -75,7 +75,7 @@ def cubesat(units: int) -> Model:
     pieces = _pieces(form)
     sides = " mm by ".join(f"{1000 * side:.1f}" for side in form.side_m[::-1])
     corners = np.concatenate([piece.solid.vertices for piece in pieces.values()])
-    return Model(
+    return CraftModel(
         name=f"cubesat_{units}u",
         what=_what(units),
         source=f"{_SOURCE}: {sides} over the rails, rails at least 8.5 mm wide, at most {form.limit_kg:.0f} kg",
@@ -109,36 +109,36 @@ def _what(units: int) -> str:
     }[units]
 
 
-def _pieces(form: _Form) -> dict[str, Piece]:
+def _pieces(form: _Form) -> dict[str, CraftPart]:
     """Return the parts of a CubeSat."""
     bus_kg, rails_kg, telescope_kg = form.masses_kg
     share = form.limit_kg / 6.0  # of what the 3U has
     pieces = {
-        "bus": Piece(_bus(form), "black_anodise", bus_kg),
-        "rails": Piece(_rails(form), "aluminium", rails_kg),
-        "body_cells": Piece(_body_cells(form), "solar_cell", 0.10 * share),
+        "bus": CraftPart(_bus(form), "black_anodise", bus_kg),
+        "rails": CraftPart(_rails(form), "aluminium", rails_kg),
+        "body_cells": CraftPart(_body_cells(form), "solar_cell", 0.10 * share),
     }
     if form.boards:
         cells, boards, hinges = _wing(form)
         turning = form.boards * _panel(form)[1] / 0.164  # area of the wings, in wings of the 3U
         pieces |= {
-            "solar_array_left": Piece(cells, "solar_cell", 0.06 * turning),
-            "solar_array_right": Piece(cells.mirrored("y"), "solar_cell", 0.06 * turning),
-            "solar_substrate_left": Piece(boards, "cfrp", 0.16 * turning),
-            "solar_substrate_right": Piece(boards.mirrored("y"), "cfrp", 0.16 * turning),
-            "hinges": Piece(join(hinges, hinges.mirrored("y")), "aluminium", 0.02 * turning),
+            "solar_array_left": CraftPart(cells, "solar_cell", 0.06 * turning),
+            "solar_array_right": CraftPart(cells.mirror("y"), "solar_cell", 0.06 * turning),
+            "solar_substrate_left": CraftPart(boards, "cfrp", 0.16 * turning),
+            "solar_substrate_right": CraftPart(boards.mirror("y"), "cfrp", 0.16 * turning),
+            "hinges": CraftPart(join(hinges, hinges.mirror("y")), "aluminium", 0.02 * turning),
         }
     pieces |= {
-        "telescope": Piece(_telescope(form), "black_paint", telescope_kg),
-        "lens": Piece(_lens(form), "lens_glass", telescope_kg / 8.0),
-        "antenna_uhf": Piece(_whips(form), "aluminium", 0.01),
-        "antenna_patch": Piece(_patches(form), "white_paint", 0.05),
+        "telescope": CraftPart(_telescope(form), "black_paint", telescope_kg),
+        "lens": CraftPart(_lens(form), "lens_glass", telescope_kg / 8.0),
+        "antenna_uhf": CraftPart(_whips(form), "aluminium", 0.01),
+        "antenna_patch": CraftPart(_patches(form), "white_paint", 0.05),
     }
     if form.boards:
-        pieces["star_tracker"] = Piece(_star_tracker(form), "black_paint", 0.10)
-    pieces["fasteners"] = Piece(_fasteners(form), "aluminium", 0.02)
+        pieces["star_tracker"] = CraftPart(_star_tracker(form), "black_paint", 0.10)
+    pieces["fasteners"] = CraftPart(_fasteners(form), "aluminium", 0.02)
     if form.limit_kg > 6.0:
-        pieces["thruster"] = Piece(_thrusters(form), "aluminium", 0.15 * share)
+        pieces["thruster"] = CraftPart(_thrusters(form), "aluminium", 0.15 * share)
     return pieces
 
 
@@ -162,7 +162,7 @@ def _body_cells(form: _Form) -> Solid:
     nx, ny, nz = form.cells
     top = tiles((x - 0.0365, y - 0.018, 0.0010), (nx, ny), 0.002, (0.0, 0.0, 0.5 * z))
     side = tiles((x - 0.0365, z - 0.018, 0.0010), (nx, nz), 0.002, (0.0, 0.0, 0.5 * y))
-    return join(top, side.turned("x", 90), top.turned("x", 180), side.turned("x", 270))
+    return join(top, side.turn("x", 90), top.turn("x", 180), side.turn("x", 270))
 
 
 def _panel(form: _Form) -> tuple[float, float, float]:
@@ -199,7 +199,7 @@ def _hinges(form: _Form) -> tuple[Hinge, ...]:
 
 def _front(form: _Form, solid: Solid) -> Solid:
     """Return a solid drawn about +z, front plate at 0, put at the place of the telescope."""
-    return solid.moved(z=0.5 * form.body_m[0]).facing((1, 0, 0)).moved(y=form.telescope[1])
+    return solid.move(z=0.5 * form.body_m[0]).facing((1, 0, 0)).move(y=form.telescope[1])
 
 
 def _telescope(form: _Form) -> Solid:
@@ -214,7 +214,7 @@ def _telescope(form: _Form) -> Solid:
 def _lens(form: _Form) -> Solid:
     """Return the front lens in its hood."""
     s = form.telescope[0]
-    return _front(form, dome(0.0382 * s, 0.0015, 6, 48).moved(z=-0.0008))
+    return _front(form, dome(0.0382 * s, 0.0015, 6, 48).move(z=-0.0008))
 
 
 def _whips(form: _Form) -> Solid:
@@ -224,7 +224,7 @@ def _whips(form: _Form) -> Solid:
     tape = box((0.0004, 0.0050, 0.170), (back, 0.0, 0.5 * z + 0.083))
     root = box((0.008, 0.010, 0.006), (back, 0.0, 0.5 * z - 0.001))
     whip = join(tape, root)
-    return join(*(whip.turned("x", turn) for turn in (45, 135, 225, 315)))
+    return join(*(whip.turn("x", turn) for turn in (45, 135, 225, 315)))
 
 
 def _patches(form: _Form) -> Solid:
@@ -232,14 +232,14 @@ def _patches(form: _Form) -> Solid:
     x, _, z = form.body_m
     place = 0.5 * x - 0.05825 if x > 0.2 else 0.0
     square = box((0.060, 0.060, 0.004), (place, 0.0, -0.5 * z - 0.0015))
-    round_patch = cylinder(0.016, 0.0, 0.006, 32).facing((-1, 0, 0)).moved(x=-0.5 * x - 0.002, y=0.015, z=0.012)
+    round_patch = cylinder(0.016, 0.0, 0.006, 32).facing((-1, 0, 0)).move(x=-0.5 * x - 0.002, y=0.015, z=0.012)
     return join(square, round_patch)
 
 
 def _star_tracker(form: _Form) -> Solid:
     """Return the baffle of the star tracker on the bottom side, towards the back."""
     x, _, z = form.body_m
-    return ring(0.0110, 0.0125, -0.0080, 0.0010, 32).moved(0.07325 - 0.5 * x, 0.0, -0.5 * z)
+    return ring(0.0110, 0.0125, -0.0080, 0.0010, 32).move(0.07325 - 0.5 * x, 0.0, -0.5 * z)
 
 
 def _fasteners(form: _Form) -> Solid:
@@ -249,22 +249,22 @@ def _fasteners(form: _Form) -> Solid:
     count = round((length - 0.0405) / 0.0300) + 1
     up = 0.5 * z - 0.0043
     places = [(0.0300 * k - 0.0150 * (count - 1), b) for k in range(count) for b in (-up, up)]
-    left = join(*(head.facing((0, 1, 0)).moved(x, 0.5 * y - 0.0002, b) for x, b in places))
+    left = join(*(head.facing((0, 1, 0)).move(x, 0.5 * y - 0.0002, b) for x, b in places))
     across, raised, back = 0.5 * (y - RAIL_M), 0.5 * (z - RAIL_M), -0.5 * length
     springs = [
         tube((back + 0.002, a, b), (back - 0.003, a, b), 0.0016) for a, b in ((across, -raised), (-across, raised))
     ]
-    return join(left, left.mirrored("y"), *springs)
+    return join(left, left.mirror("y"), *springs)
 
 
 def _thrusters(form: _Form) -> Solid:
     """Return the four nozzles of the cold-gas thruster at the back, round its plate."""
     x, y, z = form.body_m
     plate = cylinder(0.032, -0.001, 0.004, 40)
-    bell = wall([(0.0018, 0.0), (0.0070, 0.010)], 0.0008, 20).moved(z=0.003)
-    nozzles = [bell.moved(a, b) for a in (-0.016, 0.016) for b in (-0.016, 0.016)]
+    bell = wall([(0.0018, 0.0), (0.0070, 0.010)], 0.0008, 20).move(z=0.003)
+    nozzles = [bell.move(a, b) for a in (-0.016, 0.016) for b in (-0.016, 0.016)]
     return (
         join(plate, *nozzles)
         .facing((-1, 0, 0))
-        .moved(-0.5 * x - 0.002, -0.055 if y - z > 0.001 else 0.0, -0.045 * (z > 0.2))
+        .move(-0.5 * x - 0.002, -0.055 if y - z > 0.001 else 0.0, -0.045 * (z > 0.2))
     )

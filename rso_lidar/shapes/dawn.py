@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece, wing_hinges
+from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -13,7 +13,7 @@ from rso_lidar.shapes.solids import (
     frustum,
     join,
     pipe,
-    revolved,
+    revolve,
     ring,
     skin,
     tiles,
@@ -41,38 +41,38 @@ PANEL_LENGTH_M = (WING_M[0] - (PANELS - 1) * PANEL_GAP_M) / PANELS
 WING_ROOT_M = 0.5 * SPAN_M - WING_M[0]
 
 
-def dawn() -> Model:
+def dawn() -> CraftModel:
     """Return Dawn as it cruises: +x the high-gain antenna and the sunny side of the wings, +z the instrument deck."""
     cells, substrate, yoke = _wing()
     camera = _camera()
     pieces = {
-        "bus": Piece(_bus(), "black_paint", 358.0),
-        "thruster_mounts": Piece(_both_ends(_thruster_mount()), "black_paint", 20.0),
-        "adapter_ring": Piece(_adapter(), "aluminium", 25.0),
-        "radiator_left": Piece(_radiator(), "aluminium", 12.0),
-        "radiator_right": Piece(_radiator().mirrored("y"), "aluminium", 12.0),
-        "solar_array_left": Piece(cells, "solar_cell", 30.0),
-        "solar_array_right": Piece(cells.mirrored("y"), "solar_cell", 30.0),
-        "solar_substrate_left": Piece(substrate, "cfrp", 40.0),
-        "solar_substrate_right": Piece(substrate.mirrored("y"), "cfrp", 40.0),
-        "solar_yoke_left": Piece(yoke, "cfrp", 6.0),
-        "solar_yoke_right": Piece(yoke.mirrored("y"), "cfrp", 6.0),
-        "antenna_high_gain": Piece(_high_gain_antenna(), "white_paint", 25.0),
-        "antenna_struts": Piece(_antenna_struts(), "cfrp", 4.0),
-        "antenna_low_gain": Piece(_low_gain_antennas(), "white_paint", 3.0),
-        "thruster_ion": Piece(_ion_thrusters(), "aluminium", 27.0),
-        "thruster_gimbals": Piece(_gimbals(), "aluminium", 12.0),
-        "thruster": Piece(_attitude_thrusters(), "aluminium", 6.0),
-        "instrument_bench": Piece(_bench(), "mli_silver", 40.0),
-        "camera_left": Piece(camera, "mli_silver", 5.5),
-        "camera_right": Piece(camera.mirrored("y"), "mli_silver", 5.5),
-        "lens": Piece(_lenses(), "lens_glass", 0.4),
-        "spectrometer": Piece(_spectrometer(), "mli_silver", 20.0),
-        "gamma_detector": Piece(_gamma_detector(), "mli_gold", 10.5),
-        "star_trackers": Piece(_star_trackers(), "black_paint", 6.0),
-        "pressurant_lines": Piece(_lines(), "mli_silver", 3.2),
+        "bus": CraftPart(_bus(), "black_paint", 358.0),
+        "thruster_mounts": CraftPart(_both_ends(_thruster_mount()), "black_paint", 20.0),
+        "adapter_ring": CraftPart(_adapter(), "aluminium", 25.0),
+        "radiator_left": CraftPart(_radiator(), "aluminium", 12.0),
+        "radiator_right": CraftPart(_radiator().mirror("y"), "aluminium", 12.0),
+        "solar_array_left": CraftPart(cells, "solar_cell", 30.0),
+        "solar_array_right": CraftPart(cells.mirror("y"), "solar_cell", 30.0),
+        "solar_substrate_left": CraftPart(substrate, "cfrp", 40.0),
+        "solar_substrate_right": CraftPart(substrate.mirror("y"), "cfrp", 40.0),
+        "solar_yoke_left": CraftPart(yoke, "cfrp", 6.0),
+        "solar_yoke_right": CraftPart(yoke.mirror("y"), "cfrp", 6.0),
+        "antenna_high_gain": CraftPart(_high_gain_antenna(), "white_paint", 25.0),
+        "antenna_struts": CraftPart(_antenna_struts(), "cfrp", 4.0),
+        "antenna_low_gain": CraftPart(_low_gain_antennas(), "white_paint", 3.0),
+        "thruster_ion": CraftPart(_ion_thrusters(), "aluminium", 27.0),
+        "thruster_gimbals": CraftPart(_gimbals(), "aluminium", 12.0),
+        "thruster": CraftPart(_attitude_thrusters(), "aluminium", 6.0),
+        "instrument_bench": CraftPart(_bench(), "mli_silver", 40.0),
+        "camera_left": CraftPart(camera, "mli_silver", 5.5),
+        "camera_right": CraftPart(camera.mirror("y"), "mli_silver", 5.5),
+        "lens": CraftPart(_lenses(), "lens_glass", 0.4),
+        "spectrometer": CraftPart(_spectrometer(), "mli_silver", 20.0),
+        "gamma_detector": CraftPart(_gamma_detector(), "mli_gold", 10.5),
+        "star_trackers": CraftPart(_star_trackers(), "black_paint", 6.0),
+        "pressurant_lines": CraftPart(_lines(), "mli_silver", 3.2),
     }
-    return Model(
+    return CraftModel(
         name="dawn",
         what="Dawn, the orbiter of Vesta and Ceres of 2007: three ion thrusters, two wings of five solar panels",
         source=(
@@ -112,13 +112,13 @@ def dawn() -> Model:
 
 
 def _both_ends(solid: Solid) -> Solid:
-    return join(solid, solid.mirrored("x"))
+    return join(solid, solid.mirror("x"))
 
 
 def _corners(solid: Solid) -> Solid:
     """Return the solid at four corners, mirrored across x and y."""
-    pair = join(solid, solid.mirrored("y"))
-    return join(pair, pair.mirrored("x"))
+    pair = join(solid, solid.mirror("y"))
+    return join(pair, pair.mirror("x"))
 
 
 def _bus() -> Solid:
@@ -143,7 +143,7 @@ def _adapter() -> Solid:
     shell = wall([(RING_RADIUS_M - 0.03, FLOOR_M + 0.02), (RING_RADIUS_M - 0.03, FOOT_M + 0.02)], 0.012, 64)
     bands = [ring(RING_RADIUS_M - 0.035, RING_RADIUS_M, z, z + 0.03, 64) for z in (FOOT_M, FLOOR_M - 0.05)]
     brackets = [
-        join(box((0.06, 0.05, 0.20), (0.47, 0.0, -0.75)), box((0.10, 0.05, 0.04), (0.50, 0.0, -0.86))).turned("z", turn)
+        join(box((0.06, 0.05, 0.20), (0.47, 0.0, -0.75)), box((0.10, 0.05, 0.04), (0.50, 0.0, -0.86))).turn("z", turn)
         for turn in (45, 135, 225, 315)
     ]
     return join(shell, *bands, *brackets)
@@ -152,8 +152,8 @@ def _adapter() -> Solid:
 def _radiator() -> Solid:
     """Return the left face's two radiators with their louvers, above and below the drive of the wing."""
     plates = [box((0.90, 0.03, 0.37), (-0.02, SIDE_M - 0.018, z)) for z in (-0.375, 0.325)]
-    blades = tiles((0.86, 0.33, 0.012), (4, 9), 0.008).turned("x", -90)
-    return join(*plates, *(blades.moved(-0.02, SIDE_M - 0.006, z) for z in (-0.375, 0.325)))
+    blades = tiles((0.86, 0.33, 0.012), (4, 9), 0.008).turn("x", -90)
+    return join(*plates, *(blades.move(-0.02, SIDE_M - 0.006, z) for z in (-0.375, 0.325)))
 
 
 def _wing() -> tuple[Solid, Solid, Solid]:
@@ -166,13 +166,13 @@ def _wing() -> tuple[Solid, Solid, Solid]:
         tube((-0.014, y - 0.07, z), (-0.014, y + 0.07, z), 0.016) for y in gaps for z in (-0.90, -0.30, 0.30, 0.90)
     ]
     pins = [
-        cylinder(0.030, 0.0, 0.022, 10).facing((-1, 0, 0)).moved(-0.5 * thickness + 0.002, y + dy, z)
+        cylinder(0.030, 0.0, 0.022, 10).facing((-1, 0, 0)).move(-0.5 * thickness + 0.002, y + dy, z)
         for y in centers
         for dy in (-0.45, 0.45)
         for z in (-0.55, 0.55)
     ]
-    field = tiles((width - 0.08, length - 0.06, 0.003), (6, 8), 0.010).turned("y", 90)
-    cells = [field.moved(x=0.5 * thickness, y=y) for y in centers]
+    field = tiles((width - 0.08, length - 0.06, 0.003), (6, 8), 0.010).turn("y", 90)
+    cells = [field.move(x=0.5 * thickness, y=y) for y in centers]
     return join(*cells), join(*panels, *hinges, *pins), _yoke()
 
 
@@ -193,10 +193,8 @@ def _high_gain_antenna() -> Solid:
     edge = 0.5 * ANTENNA_M
     bowl = [(0.0, 0.0), (0.25 * edge, 0.018), (0.5 * edge, 0.070), (0.75 * edge, 0.155), (edge, 0.270)]
     tent = [(edge, 0.295), (0.66 * edge, 0.365), (0.33 * edge, 0.435), (0.06, 0.490), (0.0, 0.500)]
-    rim = torus(edge - 0.012, 0.016, 64, 6).moved(z=0.282)
-    return (
-        join(revolved([*bowl, *tent], 64), rim, cylinder(0.02, 0.49, 0.54, 10)).facing((1, 0, 0)).moved(0.715, z=0.40)
-    )
+    rim = torus(edge - 0.012, 0.016, 64, 6).move(z=0.282)
+    return join(revolve([*bowl, *tent], 64), rim, cylinder(0.02, 0.49, 0.54, 10)).facing((1, 0, 0)).move(0.715, z=0.40)
 
 
 def _antenna_struts() -> Solid:
@@ -204,7 +202,7 @@ def _antenna_struts() -> Solid:
     feet = [(0.60, y, z) for y, z in ((0.50, 0.52), (0.50, 0.10), (-0.50, 0.52), (-0.50, 0.10))]
     heads = [(0.80, 0.8 * y, 0.40 + 1.1 * (z - 0.40)) for _, y, z in feet]
     bars = [tube(foot, head, 0.014, 6) for foot, head in zip(feet, heads, strict=True)]
-    return join(*bars, ring(0.20, 0.23, -0.02, 0.03, 32).facing((1, 0, 0)).moved(0.71, z=0.40))
+    return join(*bars, ring(0.20, 0.23, -0.02, 0.03, 32).facing((1, 0, 0)).move(0.71, z=0.40))
 
 
 def _low_gain_antennas() -> Solid:
@@ -215,9 +213,9 @@ def _low_gain_antennas() -> Solid:
             for z, w in ((0.58, 0.11), (0.98, 0.035))
         ]
     )
-    top = join(mast, cylinder(0.018, 0.97, 1.06, 10), cylinder(0.035, 1.05, 1.10, 16)).moved(0.29, -0.37)
+    top = join(mast, cylinder(0.018, 0.97, 1.06, 10), cylinder(0.035, 1.05, 1.10, 16)).move(0.29, -0.37)
     horn = join(tube((0.0, 0.0, 0.0), (0.0, 0.0, 0.10), 0.018), cylinder(0.035, 0.09, 0.14, 16))
-    return join(top, horn.facing((1, 0, 0)).moved(0.61, 0.52, -0.20), horn.facing((-1, 0, 0)).moved(-0.61, -0.40, 0.42))
+    return join(top, horn.facing((1, 0, 0)).move(0.61, 0.52, -0.20), horn.facing((-1, 0, 0)).move(-0.61, -0.40, 0.42))
 
 
 def _ion_thruster() -> Solid:
@@ -226,26 +224,26 @@ def _ion_thruster() -> Solid:
     shell = [(beam + 0.045, 0.0), (beam + 0.052, 0.05), (beam + 0.045, 0.15), (0.115, 0.30), (0.0, 0.31), (0.0, 0.02)]
     grid = [(beam, 0.02), (beam, 0.0)]
     mask = ring(beam, beam + 0.040, -0.012, 0.004, 40)
-    neutraliser = cylinder(0.028, -0.02, 0.10, 12).moved(beam + 0.055)
-    return join(revolved([(0.0, 0.31), *reversed(shell[:-2]), *reversed(grid), (0.0, 0.028)], 40), mask, neutraliser)
+    neutraliser = cylinder(0.028, -0.02, 0.10, 12).move(beam + 0.055)
+    return join(revolve([(0.0, 0.31), *reversed(shell[:-2]), *reversed(grid), (0.0, 0.028)], 40), mask, neutraliser)
 
 
 def _outboard(solid: Solid) -> Solid:
     """Return a thruster's part turned outward and moved to its mount at the front."""
-    return solid.turned("y", -38.5).moved(0.94, 0.0, -0.97)
+    return solid.turn("y", -38.5).move(0.94, 0.0, -0.97)
 
 
 def _ion_thrusters() -> Solid:
     """Return the three ion thrusters: one inside the adapter ring, one on each mount at the front and the back."""
-    return join(_ion_thruster().moved(z=FOOT_M - 0.04), _both_ends(_outboard(_ion_thruster())))
+    return join(_ion_thruster().move(z=FOOT_M - 0.04), _both_ends(_outboard(_ion_thruster())))
 
 
 def _gimbals() -> Solid:
     """Return the rings that steer the three thrusters, and the struts that hold them."""
     collar = ring(0.20, 0.225, 0.10, 0.13, 40)
-    pods = [box((0.07, 0.06, 0.08), (0.225, 0.0, 0.13)).turned("z", turn) for turn in (60, 180, 300)]
+    pods = [box((0.07, 0.06, 0.08), (0.225, 0.0, 0.13)).turn("z", turn) for turn in (60, 180, 300)]
     legs = [
-        tube((0.215, 0.03 * side, 0.12), (0.26, 0.14 * side, 0.45), 0.012, 6).turned("z", turn)
+        tube((0.215, 0.03 * side, 0.12), (0.26, 0.14 * side, 0.45), 0.012, 6).turn("z", turn)
         for turn in (0, 120, 240)
         for side in (-1, 1)
     ]
@@ -257,8 +255,8 @@ def _gimbals() -> Solid:
         bars += [pipe([(0.53, 0.28 * y, -0.80), (0.62, 0.24 * y, -0.91), (0.74, 0.14 * y, -0.97)], 0.013, 6)]
     around = join(collar, *pods)
     return join(
-        around.moved(z=FOOT_M - 0.04),
-        *(leg.moved(z=FOOT_M - 0.04) for leg in legs),
+        around.move(z=FOOT_M - 0.04),
+        *(leg.move(z=FOOT_M - 0.04) for leg in legs),
         _both_ends(join(_outboard(around), *bars)),
     )
 
@@ -273,16 +271,16 @@ def _attitude_thrusters() -> Solid:
         tube((0.58, 0.56, FLOOR_M - 0.10), (0.645, 0.625, -0.80), 0.009, 6),
     ]
     heads = [box((0.07, 0.07, 0.03), above), box((0.07, 0.07, 0.03), below)]
-    bells = [bell.moved(*above).moved(z=0.01), bell.turned("x", 180).moved(*below).moved(z=-0.01)]
-    sideways = bell.facing((1, 0, 0)).moved(0.66, 0.52, 0.58)
+    bells = [bell.move(*above).move(z=0.01), bell.turn("x", 180).move(*below).move(z=-0.01)]
+    sideways = bell.facing((1, 0, 0)).move(0.66, 0.52, 0.58)
     stub = cylinder(0.03, 0.0, 0.06, 12).facing((0, 1, 0))
-    stubs = [stub.moved(0.50, 0.60, z) for z in (0.55, -0.61)]
+    stubs = [stub.move(0.50, 0.60, z) for z in (0.55, -0.61)]
     return join(
         _corners(join(*booms, *heads, *bells, *stubs)),
         sideways,
-        sideways.mirrored("y"),
-        sideways.mirrored("x"),
-        sideways.mirrored("x").mirrored("y"),
+        sideways.mirror("y"),
+        sideways.mirror("x"),
+        sideways.mirror("x").mirror("y"),
     )
 
 
@@ -311,14 +309,14 @@ def _camera() -> Solid:
             for z, x, y in ((0.58, 0.09, 0.07), (0.90, 0.06, 0.058))
         ]
     )
-    baffle = ring(0.036, 0.046, 0.88, 0.97, 20).moved(-0.56, 0.105)
+    baffle = ring(0.036, 0.046, 0.88, 0.97, 20).move(-0.56, 0.105)
     door = box((0.012, 0.09, 0.09), (-0.505, 0.105, 0.95))
     fins = [box((0.10, 0.006, 0.16), (-0.63, 0.105 + dy, 0.72)) for dy in (-0.05, 0.0, 0.05)]
     return join(tower, baffle, door, *fins)
 
 
 def _lenses() -> Solid:
-    return join(*(cylinder(0.036, 0.895, 0.905, 20).moved(-0.56, y) for y in (-0.105, 0.105)))
+    return join(*(cylinder(0.036, 0.895, 0.905, 20).move(-0.56, y) for y in (-0.105, 0.105)))
 
 
 def _spectrometer() -> Solid:
@@ -342,7 +340,7 @@ def _star_trackers() -> Solid:
 
     def baffle(place: Point, way: Point) -> Solid:
         cone = join(cylinder(0.055, -0.06, 0.05, 16), wall([(0.050, 0.04), (0.085, 0.16)], 0.006, 20))
-        return cone.facing(way).moved(*place)
+        return cone.facing(way).move(*place)
 
     trackers = [baffle((0.48, y, 0.66), (0.62, 2.2 * y, 0.70)) for y in (-0.13, 0.13)]
     sensors = [baffle((-0.46, y, 0.64), (-0.55, 0.8 * y, 0.40)) for y in (-0.38, 0.38)]

@@ -6,7 +6,7 @@ import math
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes import envisat_payload as payload
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, box, cylinder, frustum, join, lattice, ring, tiles, torus, tube, wall
 from rso_lidar.units import DEG
 
@@ -28,31 +28,31 @@ WING_NORMAL = (math.sin(CANT_DEG * DEG), math.cos(CANT_DEG * DEG), 0.0)
 RADAR_MIDDLE_M = (-3.35, 0.0, -1.80)
 
 
-def envisat() -> Model:
+def envisat() -> CraftModel:
     """Return Envisat in its own axes: +x out of the launcher's interface, where the wing is, -y flight, -z the Earth."""
     cells, substrate, arm = _wing()
     tiles_, frame, booms = _radar()
     pieces = {
-        "bus": Piece(_service_module(), "mli_gold", 2048.0),
-        "payload_equipment_bay": Piece(_block(BAY_M), "mli_gold", 1320.0),
-        "payload_carrier": Piece(_block(CARRIER_M), "mli_gold", 1898.0),
-        "panel_frames": Piece(_frames(), "aluminium", 130.0),
-        "radiator_flight": Piece(_radiators(), "osr", 25.0),
-        "radiator_wake": Piece(_radiators().mirrored("y"), "osr", 25.0),
-        "radiator_battery": Piece(_battery_radiators(), "white_paint", 10.0),
-        "adapter_cone": Piece(_adapter_cone(), "cfrp", 120.0),
-        "adapter_ring": Piece(_adapter_ring(), "aluminium", 60.0),
-        "solar_array": Piece(cells, "solar_cell_si", 100.0),
-        "solar_substrate": Piece(substrate, "cfrp", 225.0),
-        "solar_arm": Piece(arm, "cfrp", 35.0),
-        "solar_drive": Piece(_drive(), "mli_silver", 40.0),
-        "antenna_asar": Piece(tiles_, "white_paint", 450.0),
-        "antenna_asar_frame": Piece(frame, "cfrp", 250.0),
-        "boom_asar": Piece(booms, "cfrp", 30.0),
-        "thruster": Piece(_thrusters(), "aluminium", 30.0),
+        "bus": CraftPart(_service_module(), "mli_gold", 2048.0),
+        "payload_equipment_bay": CraftPart(_block(BAY_M), "mli_gold", 1320.0),
+        "payload_carrier": CraftPart(_block(CARRIER_M), "mli_gold", 1898.0),
+        "panel_frames": CraftPart(_frames(), "aluminium", 130.0),
+        "radiator_flight": CraftPart(_radiators(), "osr", 25.0),
+        "radiator_wake": CraftPart(_radiators().mirror("y"), "osr", 25.0),
+        "radiator_battery": CraftPart(_battery_radiators(), "white_paint", 10.0),
+        "adapter_cone": CraftPart(_adapter_cone(), "cfrp", 120.0),
+        "adapter_ring": CraftPart(_adapter_ring(), "aluminium", 60.0),
+        "solar_array": CraftPart(cells, "solar_cell_si", 100.0),
+        "solar_substrate": CraftPart(substrate, "cfrp", 225.0),
+        "solar_arm": CraftPart(arm, "cfrp", 35.0),
+        "solar_drive": CraftPart(_drive(), "mli_silver", 40.0),
+        "antenna_asar": CraftPart(tiles_, "white_paint", 450.0),
+        "antenna_asar_frame": CraftPart(frame, "cfrp", 250.0),
+        "boom_asar": CraftPart(booms, "cfrp", 30.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 30.0),
         **payload.pieces(),
     }
-    return Model(
+    return CraftModel(
         name="envisat",
         what="Envisat (2002-009A), the dead Earth-observation satellite of ESA, its wing and radar antenna deployed",
         source=(
@@ -100,7 +100,7 @@ def _block(span_m: tuple[float, float], inset_m: float = 0.0) -> Solid:
     """Return a module of the platform from x to x [m]."""
     low, high = span_m
     side = SIDE_M - 2.0 * inset_m
-    return box((high - low, side, side), (0.5 * (low + high), 0.0, 0.0)).moved(z=payload.LIFT_M)
+    return box((high - low, side, side), (0.5 * (low + high), 0.0, 0.0)).move(z=payload.LIFT_M)
 
 
 def _service_module() -> Solid:
@@ -111,10 +111,10 @@ def _service_module() -> Solid:
         box((0.5, 0.5, 0.14), (-0.9, 0.8, -1.24)),
     ]
     trackers = [
-        ring(0.085, 0.105, 0.0, 0.36, 24).facing((-0.2, y, 1.0)).moved(-2.30, 0.5 + 0.4 * y, 1.18)
+        ring(0.085, 0.105, 0.0, 0.36, 24).facing((-0.2, y, 1.0)).move(-2.30, 0.5 + 0.4 * y, 1.18)
         for y in (-0.5, 0.0, 0.5)
     ]
-    return join(body, join(*boxes, *trackers).moved(z=payload.LIFT_M))
+    return join(body, join(*boxes, *trackers).move(z=payload.LIFT_M))
 
 
 def _frames() -> Solid:
@@ -122,28 +122,28 @@ def _frames() -> Solid:
     stations = [SERVICE_M[0], BAY_M[0], *(CARRIER_M[0] + k * (CARRIER_M[1] - CARRIER_M[0]) / 4 for k in range(4))]
     outside = 0.5 * SIDE_M + 0.012
     across = [-outside, -outside + 0.07, outside - 0.07, outside]
-    hoop = lattice(across, across, [(1, 1)], 0.06).turned("y", 90)
+    hoop = lattice(across, across, [(1, 1)], 0.06).turn("y", 90)
     rails = [
         box((BAY_M[1] - CARRIER_M[0], 0.07, 0.07), (0.5 * (BAY_M[1] + CARRIER_M[0]), y, z))
         for y in (-outside + 0.035, outside - 0.035)
         for z in (-outside + 0.035, outside - 0.035)
     ]
-    return join(*(hoop.moved(x) for x in stations), *rails).moved(z=payload.LIFT_M)
+    return join(*(hoop.move(x) for x in stations), *rails).move(z=payload.LIFT_M)
 
 
 def _radiators() -> Solid:
     """Return the mirrors on the flight side, one field to each bay of the carrier and the equipment bay."""
     bays = [(-3.40, 1.2), *((CARRIER_M[0] + (k + 0.5) * 1.325, 0.95) for k in range(4))]
-    fields = [tiles((width, 1.5, 0.02), (5, 6), 0.012, (x, 0.0, 0.0)).turned("x", 90) for x, width in bays]
+    fields = [tiles((width, 1.5, 0.02), (5, 6), 0.012, (x, 0.0, 0.0)).turn("x", 90) for x, width in bays]
     heights = (0.3, -0.25, 0.25, -0.2, 0.3)
-    return join(*(field.moved(y=-0.5 * SIDE_M - 0.006, z=z) for field, z in zip(fields, heights, strict=True))).moved(
+    return join(*(field.move(y=-0.5 * SIDE_M - 0.006, z=z) for field, z in zip(fields, heights, strict=True))).move(
         z=payload.LIFT_M
     )
 
 
 def _battery_radiators() -> Solid:
     """Return the white plates on both sides of the service module."""
-    return join(*(box((1.2, 0.03, 0.35), (-1.5, side * 1.20, z)) for side in (-1, 1) for z in (-0.1, 0.95))).moved(
+    return join(*(box((1.2, 0.03, 0.35), (-1.5, side * 1.20, z)) for side in (-1, 1) for z in (-0.1, 0.95))).move(
         z=payload.LIFT_M
     )
 
@@ -152,19 +152,19 @@ def _adapter_cone() -> Solid:
     """Return the cone between the interface and the service module."""
     profile = [(INTERFACE_RADIUS_M - 0.03, -0.04), (1.16, SERVICE_M[1] - 0.02)]
     floor = cylinder(1.17, SERVICE_M[1] - 0.02, SERVICE_M[1] + 0.03, 64)
-    return join(wall(profile, 0.02, 64), floor).turned("y", 90)
+    return join(wall(profile, 0.02, 64), floor).turn("y", 90)
 
 
 def _adapter_ring() -> Solid:
     """Return the launcher's interface ring: a flange, and the step that a clamp takes hold of."""
     flange = ring(INTERFACE_RADIUS_M - 0.05, INTERFACE_RADIUS_M, -0.025, 0.0, 72)
     step = ring(INTERFACE_RADIUS_M - 0.035, INTERFACE_RADIUS_M - 0.012, -0.07, -0.02, 72)
-    return join(flange, step).turned("y", 90)
+    return join(flange, step).turn("y", 90)
 
 
 def _on_wing(solid: Solid) -> Solid:
     """Return a solid drawn in the plane of the wing (x along, y across, cells to +z) put where the wing is."""
-    return solid.turned("x", -90).turned("z", -CANT_DEG).moved(*WING_MIDDLE_M)
+    return solid.turn("x", -90).turn("z", -CANT_DEG).move(*WING_MIDDLE_M)
 
 
 def _wing_point(along_m: float, across_m: float) -> tuple[float, float, float]:
@@ -194,15 +194,15 @@ def _wing() -> tuple[Solid, Solid, Solid]:
         tube(DRIVE_M, (0.45, 0.0, DRIVE_M[2]), 0.09, 16),
         tube((0.42, 0.0, DRIVE_M[2]), elbow, 0.065, 12),
         tube(elbow, root, 0.065, 12),
-        cylinder(0.10, -0.12, 0.12, 16).moved(*elbow),
-        cylinder(0.10, -0.12, 0.12, 16).moved(0.42, 0.0, DRIVE_M[2]),
+        cylinder(0.10, -0.12, 0.12, 16).move(*elbow),
+        cylinder(0.10, -0.12, 0.12, 16).move(0.42, 0.0, DRIVE_M[2]),
     ]
     return _on_wing(join(*cells)), _on_wing(join(*panels, *bars, *hinges)), join(*arm, *yoke)
 
 
 def _drive() -> Solid:
     """Return the drive of the wing in its housing on the side away from the Earth."""
-    motor = cylinder(0.17, -0.45, DRIVE_M[0], 24).turned("y", 90).moved(z=DRIVE_M[2])
+    motor = cylinder(0.17, -0.45, DRIVE_M[0], 24).turn("y", 90).move(z=DRIVE_M[2])
     return join(motor, box((0.55, 0.50, 0.40), (-0.72, 0.0, DRIVE_M[2] - 0.06)))
 
 
@@ -223,7 +223,7 @@ def _radar() -> tuple[Solid, Solid, Solid]:
             for sy in (-1, 1)
         ]
         faces += rows
-        frames.append(lattice(x_lines, y_lines, windows, 0.10).moved(y=y, z=0.03))
+        frames.append(lattice(x_lines, y_lines, windows, 0.10).move(y=y, z=0.03))
         frames += [box((0.60, 0.90, 0.03), (sx * 0.335, y + sy * 0.49, -0.015)) for sx in (-1, 1) for sy in (-1, 1)]
         frames += [box((0.24, 0.34, 0.09), (sx * 0.335, y + sy * 0.49, 0.04)) for sx in (-1, 1) for sy in (-1, 1)]
     frames += [
@@ -231,7 +231,7 @@ def _radar() -> tuple[Solid, Solid, Solid]:
         for x in (-0.5, 0.5)
         for y in ((k - 1.5) * panel for k in range(4))
     ]
-    tilted = [join(*group).turned("y", RADAR_TILT_DEG).moved(*RADAR_MIDDLE_M) for group in (faces, frames)]
+    tilted = [join(*group).turn("y", RADAR_TILT_DEG).move(*RADAR_MIDDLE_M) for group in (faces, frames)]
     return tilted[0], tilted[1], _radar_struts(panel)
 
 
@@ -262,10 +262,10 @@ def _thrusters() -> Solid:
     """Return the thrusters: pairs of small bells round the interface and on the sides of the service module."""
     bell = frustum(0.020, 0.055, 0.0, 0.13, 12)
     behind = [
-        join(*(bell.facing((1, 0, 0)).moved(-0.50, y, z + dz) for dz in (-0.08, 0.08)))
+        join(*(bell.facing((1, 0, 0)).move(-0.50, y, z + dz) for dz in (-0.08, 0.08)))
         for y, z in ((-1.10, -1.10), (1.10, -1.10), (1.10, 1.10), (-1.10, 1.10))
     ]
-    beside = [bell.facing((0, side, 0)).moved(x, 1.18 * side, -0.35) for side in (-1, 1) for x in (-0.70, -0.86, -2.40)]
-    below = [bell.facing((0, 0, -1)).moved(x, y, -1.18) for x in (-0.70, -0.86) for y in (-0.8, -0.2)]
-    tank_ring = torus(0.55, 0.03, 40, 5).turned("y", 90).moved(x=SERVICE_M[1] + 0.05)
-    return join(*behind, *beside, *below, tank_ring).moved(z=payload.LIFT_M)
+    beside = [bell.facing((0, side, 0)).move(x, 1.18 * side, -0.35) for side in (-1, 1) for x in (-0.70, -0.86, -2.40)]
+    below = [bell.facing((0, 0, -1)).move(x, y, -1.18) for x in (-0.70, -0.86) for y in (-0.8, -0.2)]
+    tank_ring = torus(0.55, 0.03, 40, 5).turn("y", 90).move(x=SERVICE_M[1] + 0.05)
+    return join(*behind, *beside, *below, tank_ring).move(z=payload.LIFT_M)

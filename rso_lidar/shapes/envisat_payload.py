@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.shapes.model import Piece
+from rso_lidar.shapes.model import CraftPart
 from rso_lidar.shapes.solids import Solid, ball, box, cylinder, dish, dome, frustum, join, pipe, ring, tube, wall
 from rso_lidar.units import DEG
 
@@ -17,30 +17,30 @@ LIFT_M = 0.13  # of the platform off the axis of the interface, away from the Ea
 _PUBLISHED = ("antenna_doris", "retroreflector", "retroreflector_bracket")  # whose places are
 
 
-def pieces() -> dict[str, Piece]:
+def pieces() -> dict[str, CraftPart]:
     """Return the instruments and antennas by the names of their parts."""
     cubes, holder = _retroreflector()
     found = {
-        "instrument_mipas": Piece(_mipas(), "mli_gold", 250.0),
-        "instrument_sciamachy": Piece(_sciamachy(), "mli_silver", 170.0),
-        "instrument_gomos": Piece(_gomos(), "mli_gold", 140.0),
-        "instrument_meris": Piece(_meris(), "mli_silver", 165.0),
-        "instrument_aatsr": Piece(_aatsr(), "mli_gold", 85.0),
-        "baffles": Piece(_baffles(), "black_paint", 40.0),
-        "antenna_altimeter": Piece(_altimeter(), "white_paint", 60.0),
-        "instrument_mwr": Piece(_microwave_radiometer(), "mli_silver", 25.0),
-        "antenna_doris": Piece(_doris(), "white_paint", 10.0),
-        "retroreflector": Piece(cubes, "cube_corner", 0.5),
-        "retroreflector_bracket": Piece(holder, "aluminium", 1.5),
-        "boom_ka_band": Piece(_ka_band_mast(), "cfrp", 30.0),
-        "antenna_ka_band": Piece(_ka_band(), "white_paint", 30.0),
-        "antenna_x_band": Piece(_x_band(), "white_paint", 12.0),
-        "antenna_s_band": Piece(_s_band(), "aluminium", 6.0),
-        "cable_ducts": Piece(_ducts(), "aluminium", 10.0),
+        "instrument_mipas": CraftPart(_mipas(), "mli_gold", 250.0),
+        "instrument_sciamachy": CraftPart(_sciamachy(), "mli_silver", 170.0),
+        "instrument_gomos": CraftPart(_gomos(), "mli_gold", 140.0),
+        "instrument_meris": CraftPart(_meris(), "mli_silver", 165.0),
+        "instrument_aatsr": CraftPart(_aatsr(), "mli_gold", 85.0),
+        "baffles": CraftPart(_baffles(), "black_paint", 40.0),
+        "antenna_altimeter": CraftPart(_altimeter(), "white_paint", 60.0),
+        "instrument_mwr": CraftPart(_microwave_radiometer(), "mli_silver", 25.0),
+        "antenna_doris": CraftPart(_doris(), "white_paint", 10.0),
+        "retroreflector": CraftPart(cubes, "cube_corner", 0.5),
+        "retroreflector_bracket": CraftPart(holder, "aluminium", 1.5),
+        "boom_ka_band": CraftPart(_ka_band_mast(), "cfrp", 30.0),
+        "antenna_ka_band": CraftPart(_ka_band(), "white_paint", 30.0),
+        "antenna_x_band": CraftPart(_x_band(), "white_paint", 12.0),
+        "antenna_s_band": CraftPart(_s_band(), "aluminium", 6.0),
+        "cable_ducts": CraftPart(_ducts(), "aluminium", 10.0),
     }
     lift = {name: 0.0 if name in _PUBLISHED else LIFT_M for name in found}
     return {
-        name: Piece(piece.solid.moved(z=lift[name]), piece.material, piece.mass_kg) for name, piece in found.items()
+        name: CraftPart(piece.solid.move(z=lift[name]), piece.material, piece.mass_kg) for name, piece in found.items()
     }
 
 
@@ -58,7 +58,7 @@ def _sciamachy() -> Solid:
     """Return the spectrometer at the flight side of the far end, with its radiant cooler towards deep space."""
     body = box((0.95, 0.70, 1.05), (-9.05, -1.55, 0.55))
     scanner = box((0.40, 0.45, 0.45), (-8.85, -1.70, -0.15))
-    cooler = frustum(0.28, 0.42, 0.0, 0.42, 4).turned("z", 45).facing((-1, 0, 0)).moved(-9.50, -1.55, 0.62)
+    cooler = frustum(0.28, 0.42, 0.0, 0.42, 4).turn("z", 45).facing((-1, 0, 0)).move(-9.50, -1.55, 0.62)
     return join(body, scanner, cooler)
 
 
@@ -74,14 +74,14 @@ def _meris() -> Solid:
     """Return the imaging spectrometer under the carrier: a box across the flight with a fan of five cameras."""
     body = box((1.70, 0.85, 0.62), (-7.45, -0.62, -1.58))
     hood = box((1.30, 0.45, 0.16), (-7.45, -0.62, -1.95))
-    calibration = cylinder(0.17, 0.0, 0.30, 20).facing((0, -1, 0)).moved(-7.45, -1.04, -1.62)
+    calibration = cylinder(0.17, 0.0, 0.30, 20).facing((0, -1, 0)).move(-7.45, -1.04, -1.62)
     return join(body, hood, calibration)
 
 
 def _aatsr() -> Solid:
     """Return the radiometer under the far end: a drum between two black bodies, on three legs."""
     body = box((0.80, 0.85, 0.55), (-9.05, 0.42, -1.70))
-    drum = cylinder(0.30, -0.52, 0.52, 28).turned("x", 90).moved(-9.05, 0.42, -1.98)
+    drum = cylinder(0.30, -0.52, 0.52, 28).turn("x", 90).move(-9.05, 0.42, -1.98)
     legs = [tube((x, y, -1.20), (x, y, -1.50), 0.03) for x, y in ((-9.38, 0.10), (-9.38, 0.75), (-8.72, 0.42))]
     cooler = box((0.45, 0.65, 0.40), (-9.62, 0.42, -1.62))
     return join(body, drum, *legs, cooler)
@@ -114,7 +114,7 @@ def _hood(
 ) -> Solid:
     """Return a hood that widens from `place_m` along `direction`, with a floor."""
     shell = wall([(inner_m, 0.0), (outer_m, length_m)], 0.012, 22)
-    return join(shell, cylinder(inner_m + 0.006, -0.02, 0.012, 22)).facing(direction).moved(*place_m)
+    return join(shell, cylinder(inner_m + 0.006, -0.02, 0.012, 22)).facing(direction).move(*place_m)
 
 
 def _altimeter() -> Solid:
@@ -134,18 +134,18 @@ def _altimeter() -> Solid:
     feed = frustum(0.05, 0.09, 0.36, 0.52, 20)
     back = frustum(0.30, 0.18, -0.22, 0.01, 24)
     rim = ring(edge - 0.008, edge + 0.006, depth - 0.02, depth + 0.006, 44)
-    return join(reflector, feed, back, rim, *legs).turned("x", 180).moved(-5.75, -0.35, -FACE_M - 0.20)
+    return join(reflector, feed, back, rim, *legs).turn("x", 180).move(-5.75, -0.35, -FACE_M - 0.20)
 
 
 def _microwave_radiometer() -> Solid:
     """Return the radiometer beside the altimeter: a small offset dish, two horns and a sky horn."""
-    reflector = dish(0.62, 0.35, 0.012, 6, 32).facing((0.0, 0.55, -0.85)).moved(-5.75, 0.78, -1.42)
+    reflector = dish(0.62, 0.35, 0.012, 6, 32).facing((0.0, 0.55, -0.85)).move(-5.75, 0.78, -1.42)
     horns = [
-        wall([(0.03, 0.0), (0.06, 0.14)], 0.006, 16).facing((0.0, -0.5, 0.85)).moved(x, 1.12, -1.95)
+        wall([(0.03, 0.0), (0.06, 0.14)], 0.006, 16).facing((0.0, -0.5, 0.85)).move(x, 1.12, -1.95)
         for x in (-5.66, -5.84)
     ]
     stand = [tube((x, 1.10, -1.20), (x, 1.14, -1.96), 0.018) for x in (-5.55, -5.95)]
-    sky = wall([(0.05, 0.0), (0.11, 0.26)], 0.008, 20).facing((0, 1, 0.2)).moved(-6.15, 1.24, -0.95)
+    sky = wall([(0.05, 0.0), (0.11, 0.26)], 0.008, 20).facing((0, 1, 0.2)).move(-6.15, 1.24, -0.95)
     return join(
         reflector,
         *horns,
@@ -159,18 +159,18 @@ def _microwave_radiometer() -> Solid:
 def _doris() -> Solid:
     """Return the antenna of the orbit beacon: a slim cone on a round plate; its tip is at the published height."""
     cone = frustum(0.08, 0.055, 0.08, -DORIS_TIP_M - FACE_M + LIFT_M - 0.02, 24)
-    tip = dome(0.055, 0.02, 4, 24).moved(z=-DORIS_TIP_M - FACE_M + LIFT_M - 0.02)
+    tip = dome(0.055, 0.02, 4, 24).move(z=-DORIS_TIP_M - FACE_M + LIFT_M - 0.02)
     plate = cylinder(0.17, -0.01, 0.08, 28)
-    return join(cone, tip, plate).turned("x", 180).moved(-6.75, 0.85, LIFT_M - FACE_M)
+    return join(cone, tip, plate).turn("x", 180).move(-6.75, 0.85, LIFT_M - FACE_M)
 
 
 def _retroreflector() -> tuple[Solid, Solid]:
     """Return the laser retroreflector, one corner cube below and eight round it, and the cone that holds them."""
     prism = frustum(0.019, 0.019, 0.0, 0.012, 12)
-    leaning = prism.facing((math.cos(50 * DEG), 0, math.sin(50 * DEG))).moved(0.064, 0.0, 0.004)
-    cubes = join(prism.moved(z=0.034), *(leaning.turned("z", 45.0 * k) for k in range(8)))
+    leaning = prism.facing((math.cos(50 * DEG), 0, math.sin(50 * DEG))).move(0.064, 0.0, 0.004)
+    cubes = join(prism.move(z=0.034), *(leaning.turn("z", 45.0 * k) for k in range(8)))
     holder = join(frustum(0.085, 0.045, -0.03, 0.035, 16), box((0.16, 0.16, 0.02), (0.0, -0.02, -0.035)))
-    placed = [solid.turned("x", 180).moved(*RETROREFLECTOR_M) for solid in (cubes, holder)]
+    placed = [solid.turn("x", 180).move(*RETROREFLECTOR_M) for solid in (cubes, holder)]
     return placed[0], placed[1]
 
 
@@ -189,22 +189,22 @@ def _ka_band_mast() -> Solid:
 def _ka_band() -> Solid:
     """Return the relay antenna: a dish of 0.9 m with a subreflector on struts."""
     reflector = dish(0.90, 0.32, 0.010, 6, 40)
-    cap = dome(0.09, 0.03, 4, 20).turned("x", 180).moved(z=0.30)
+    cap = dome(0.09, 0.03, 4, 20).turn("x", 180).move(z=0.30)
     struts = [
         tube((0.40 * math.cos(a), 0.40 * math.sin(a), 0.12), (0.08 * math.cos(a), 0.08 * math.sin(a), 0.29), 0.007, 6)
         for a in (30 * DEG, 150 * DEG, 270 * DEG)
     ]
     horn = frustum(0.05, 0.03, -0.01, 0.12, 16)
     hub = frustum(0.12, 0.17, -0.12, 0.01, 20)
-    return join(reflector, cap, horn, hub, *struts).facing((0.25, 0.35, 1.0)).moved(-6.57, 0.39, 2.42)
+    return join(reflector, cap, horn, hub, *struts).facing((0.25, 0.35, 1.0)).move(-6.57, 0.39, 2.42)
 
 
 def _x_band() -> Solid:
     """Return the two shaped downlink antennas under the platform."""
     shell = wall([(0.02, 0.0), (0.10, 0.02), (0.17, 0.07)], 0.008, 28)
     feed = join(tube((0, 0, 0), (0, 0, 0.20), 0.014), cylinder(0.04, 0.19, 0.22, 16))
-    one = join(shell, feed, cylinder(0.05, -0.24, 0.01, 16)).turned("x", 180)
-    return join(*(one.moved(-4.72, y, -FACE_M - 0.22) for y in (-0.95, -0.45)))
+    one = join(shell, feed, cylinder(0.05, -0.24, 0.01, 16)).turn("x", 180)
+    return join(*(one.move(-4.72, y, -FACE_M - 0.22) for y in (-0.95, -0.45)))
 
 
 def _s_band() -> Solid:
@@ -212,7 +212,7 @@ def _s_band() -> Solid:
     boom = tube((0, 0, 0), (0, 0, 0.55), 0.016, 8)
     helix = [(0.045 * math.cos(a * 45 * DEG), 0.045 * math.sin(a * 45 * DEG), 0.55 + 0.012 * a) for a in range(17)]
     one = join(boom, pipe(helix, 0.006, 5), ball(0.025, (0, 0, 0.56), 1))
-    return join(one.moved(-1.0, -0.8, 1.17), one.turned("x", 180).moved(-2.2, 0.6, -1.17))
+    return join(one.move(-1.0, -0.8, 1.17), one.turn("x", 180).move(-2.2, 0.6, -1.17))
 
 
 def _ducts() -> Solid:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rso_lidar.craft import ShapeFamily, Taxonomy, classify_size
 from rso_lidar.errors import ScenarioError, did_you_mean
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import Solid, join, pipe
 
 Kind = Literal["plate", "shard", "panel", "foil"]
@@ -31,27 +31,27 @@ _SOURCE = (
 _ALUMINIUM_KG_M3 = 2700.0
 
 
-def debris_plate() -> Model:
+def debris_plate() -> CraftModel:
     """Return a torn and bent plate, 0.6 m long: skin of a tank."""
     return fragment(3, 0.60, "plate", name="debris_plate")
 
 
-def debris_shard() -> Model:
+def debris_shard() -> CraftModel:
     """Return a shard, 0.25 m long: a sliver of a thick fitting."""
     return fragment(2, 0.25, "shard", name="debris_shard")
 
 
-def debris_panel() -> Model:
+def debris_panel() -> CraftModel:
     """Return a piece of a solar panel, 1.2 m long: honeycomb that still has some cells."""
     return fragment(5, 1.20, "panel", name="debris_panel")
 
 
-def debris_foil() -> Model:
+def debris_foil() -> CraftModel:
     """Return a crumpled sheet of insulation, 0.9 m long."""
     return fragment(4, 0.90, "foil", name="debris_foil")
 
 
-def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None = None) -> Model:
+def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None = None) -> CraftModel:
     """Return a fragment whose longest side is `longest_m` [m]; the same seed always makes the same one.
 
     A "plate" is torn and bent and has a stiffener, a "shard" is a sliver, a "panel" a slab with the solar cells that are
@@ -77,7 +77,7 @@ def fragment(seed: int, longest_m: float, kind: Kind = "plate", name: str | None
     make, family, fastest_deg_s = makers[kind]
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(get_args(Kind).index(kind),))))
     pieces = _scaled(make(rng), longest_m)
-    return Model(
+    return CraftModel(
         name=name or f"fragment_{kind}_{seed}",
         what=f"Debris: {_WHAT[kind]}, {longest_m:g} m long (seed {seed})",
         source=_SOURCE,
@@ -103,7 +103,7 @@ _WHAT: dict[str, str] = {
 }
 
 
-def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, Piece]:
+def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, CraftPart]:
     """Return the chunks as pieces, turned to the principal axes of their vertices, centred and scaled."""
     points = np.concatenate([chunk.solid.vertices for chunk in chunks.values()])
     centered = points - points.mean(axis=0)
@@ -118,7 +118,7 @@ def _scaled(chunks: dict[str, _Chunk], longest_m: float) -> dict[str, Piece]:
     made = {}
     for name, (solid, material, density_kg_m3) in chunks.items():
         placed = Solid(scale * (np.einsum("ij,jk->ik", solid.vertices, turn) - middle), solid.facets)
-        made[name] = Piece(placed, material, density_kg_m3 * placed.volume_m3())
+        made[name] = CraftPart(placed, material, density_kg_m3 * placed.volume_m3())
     return made
 
 
@@ -254,7 +254,7 @@ def _panel(rng: np.random.Generator) -> dict[str, _Chunk]:
             if lost or not all(inside(*corner) for corner in corners):
                 continue
             quad = np.array([corners[0], corners[2], corners[3], corners[1]])
-            cells.append(_refined(_sheet(quad - quad.mean(axis=0), 0.005, 1)).moved(x, y, 0.0165))
+            cells.append(_refined(_sheet(quad - quad.mean(axis=0), 0.005, 1)).move(x, y, 0.0165))
     bent = _bend(rng, [slab, *([join(*cells)] if cells else [])], 0.10 + 0.15 * rng.random(), 2, 0.12)
     kinds = {"solar_substrate": ("cfrp", 120.0), "solar_array": ("solar_cell", 2500.0)}
     return {name: _Chunk(solid, *kinds[name]) for name, solid in zip(kinds, bent, strict=False)}

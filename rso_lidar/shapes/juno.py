@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -16,7 +16,7 @@ from rso_lidar.shapes.solids import (
     join,
     pipe,
     prism,
-    revolved,
+    revolve,
     ring,
     tiles,
     torus,
@@ -41,29 +41,29 @@ ROOT_WIDTH_M = 2.25  # the innermost panel is narrower
 BOOM_REACH_M = 11.5
 
 
-def juno() -> Model:
+def juno() -> CraftModel:
     """Return Juno as it flies: +z the spin axis and the antenna's boresight, +x the wing with the magnetometer boom."""
     pieces = {
-        "bus": Piece(_bus(), "mli_gold", 950.0),
-        "vault": Piece(_vault(), "aluminium", 200.0),
-        "louvers": Piece(_louvers(), "aluminium", 5.0),
-        "antenna_high_gain": Piece(_high_gain_antenna(), "white_paint", 40.0),
-        "antenna_struts": Piece(_antenna_struts(), "cfrp", 8.0),
-        "antenna_microwave": Piece(_microwave_radiometer(), "white_paint", 45.0),
-        "antenna_waves": Piece(_waves(), "aluminium", 2.0),
-        "instruments": Piece(_instruments(), "mli_silver", 45.0),
-        "boom_magnetometer": Piece(_magnetometer_boom(), "cfrp", 12.0),
-        "magnetometer": Piece(_magnetometers(), "mli_silver", 6.0),
-        "thruster_towers": Piece(_towers(), "mli_gold", 20.0),
-        "thruster": Piece(_thrusters(), "aluminium", 6.0),
-        "adapter_ring": Piece(ring(0.60, 0.66, FLOOR_M - 0.14, FLOOR_M + 0.01), "aluminium", 20.0),
-        "main_engine": Piece(_main_engine(), "aluminium", 8.0),
+        "bus": CraftPart(_bus(), "mli_gold", 950.0),
+        "vault": CraftPart(_vault(), "aluminium", 200.0),
+        "louvers": CraftPart(_louvers(), "aluminium", 5.0),
+        "antenna_high_gain": CraftPart(_high_gain_antenna(), "white_paint", 40.0),
+        "antenna_struts": CraftPart(_antenna_struts(), "cfrp", 8.0),
+        "antenna_microwave": CraftPart(_microwave_radiometer(), "white_paint", 45.0),
+        "antenna_waves": CraftPart(_waves(), "aluminium", 2.0),
+        "instruments": CraftPart(_instruments(), "mli_silver", 45.0),
+        "boom_magnetometer": CraftPart(_magnetometer_boom(), "cfrp", 12.0),
+        "magnetometer": CraftPart(_magnetometers(), "mli_silver", 6.0),
+        "thruster_towers": CraftPart(_towers(), "mli_gold", 20.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 6.0),
+        "adapter_ring": CraftPart(ring(0.60, 0.66, FLOOR_M - 0.14, FLOOR_M + 0.01), "aluminium", 20.0),
+        "main_engine": CraftPart(_main_engine(), "aluminium", 8.0),
     }
     for name, turn, panels in (("x", 0, 3), ("left", 120, 4), ("right", 240, 4)):
-        pieces[f"solar_array_{name}"] = Piece(_cells(panels).turned("z", turn), "solar_cell", 8.0 * panels)
-        pieces[f"solar_substrate_{name}"] = Piece(_substrate(panels).turned("z", turn), "cfrp", 12.0 * panels)
-        pieces[f"solar_struts_{name}"] = Piece(_wing_struts().turned("z", turn), "cfrp", 3.0)
-    return Model(
+        pieces[f"solar_array_{name}"] = CraftPart(_cells(panels).turn("z", turn), "solar_cell", 8.0 * panels)
+        pieces[f"solar_substrate_{name}"] = CraftPart(_substrate(panels).turn("z", turn), "cfrp", 12.0 * panels)
+        pieces[f"solar_struts_{name}"] = CraftPart(_wing_struts().turn("z", turn), "cfrp", 3.0)
+    return CraftModel(
         name="juno",
         what="Juno, the Jupiter orbiter of 2011: hexagonal bus, eleven solar panels in three wings, magnetometer boom",
         source=(
@@ -123,7 +123,7 @@ def _vault() -> Solid:
 def _louvers() -> Solid:
     """Return the louvers on the sides of the vault."""
     blades = [
-        box((0.02, 0.34, 0.035), (0.515, y, DECK_M + 0.12 + 0.062 * k)).turned("z", turn)
+        box((0.02, 0.34, 0.035), (0.515, y, DECK_M + 0.12 + 0.062 * k)).turn("z", turn)
         for turn in (0, 90, 180, 270)
         for y in (-0.22, 0.22)
         for k in range(8)
@@ -143,15 +143,15 @@ def _high_gain_antenna() -> Solid:
         (0.14, 1.895),
         (0.0, 1.91),
     ]
-    return revolved([*bowl, *cone], 64)
+    return revolve([*bowl, *cone], 64)
 
 
 def _antenna_struts() -> Solid:
     """Return the hexapods between the deck, the vault and the antenna."""
     legs = []
     for turn in range(0, 360, 60):
-        legs += [tube((0.66, side * 0.30, DECK_M), (0.80, 0.0, 1.16), 0.018, 6).turned("z", turn) for side in (-1, 1)]
-    foot = torus(0.74, 0.02, 36, 6).moved(z=1.10)
+        legs += [tube((0.66, side * 0.30, DECK_M), (0.80, 0.0, 1.16), 0.018, 6).turn("z", turn) for side in (-1, 1)]
+    foot = torus(0.74, 0.02, 36, 6).move(z=1.10)
     return join(*legs, foot)
 
 
@@ -226,14 +226,14 @@ def _magnetometers() -> Solid:
 
 def _microwave_radiometer() -> Solid:
     """Return the microwave radiometer's antennas: the largest fills the face at -x, the smaller ones share another."""
-    largest = tiles((1.52, 1.52, 0.06), (5, 5), 0.05).facing((-1, 0, 0)).moved(x=-BUS_FLAT_M, z=-0.66)
+    largest = tiles((1.52, 1.52, 0.06), (5, 5), 0.05).facing((-1, 0, 0)).move(x=-BUS_FLAT_M, z=-0.66)
     frame = box((0.05, 1.60, 1.56), (-BUS_FLAT_M - 0.005, 0.0, -0.66))
-    second = tiles((0.78, 0.78, 0.06), (4, 4), 0.03).facing((1, 0, 0)).moved(BUS_FLAT_M, -0.38, -0.95)
+    second = tiles((0.78, 0.78, 0.06), (4, 4), 0.03).facing((1, 0, 0)).move(BUS_FLAT_M, -0.38, -0.95)
     third = box((0.05, 0.72, 0.72), (BUS_FLAT_M, 0.42, -0.95))
     fourth = box((0.05, 0.40, 0.40), (BUS_FLAT_M, 0.40, -0.28))
     fifth = box((0.05, 0.28, 0.28), (BUS_FLAT_M, -0.10, -0.28))
-    horn = frustum(0.05, 0.10, 0.0, 0.30, 20).facing((0.5, -0.87, 0.35)).moved(0.62, -1.10, DECK_M + 0.10)
-    return join(largest, frame, join(second, third, fourth, fifth).turned("z", 60), horn)
+    horn = frustum(0.05, 0.10, 0.0, 0.30, 20).facing((0.5, -0.87, 0.35)).move(0.62, -1.10, DECK_M + 0.10)
+    return join(largest, frame, join(second, third, fourth, fifth).turn("z", 60), horn)
 
 
 def _waves() -> Solid:
@@ -250,14 +250,14 @@ def _instruments() -> Solid:
         box((0.26, 0.34, 0.16), (0.85, 0.75, deck + 0.08)),
         box((0.30, 0.22, 0.14), (-1.05, -0.55, deck + 0.07)),
         box((0.20, 0.20, 0.24), (0.10, -1.15, deck + 0.12)),
-        box((0.50, 0.36, 0.34), (-0.60, -1.05, deck + 0.17)).turned("z", 8),
+        box((0.50, 0.36, 0.34), (-0.60, -1.05, deck + 0.17)).turn("z", 8),
     ]
     heads = [
-        cylinder(0.075, 0.0, 0.24, 16).facing((-0.5, -0.87, 0.1)).moved(x, y, 0.40)
+        cylinder(0.075, 0.0, 0.24, 16).facing((-0.5, -0.87, 0.1)).move(x, y, 0.40)
         for x, y in ((-0.78, -1.15), (-0.55, -1.30))
     ]
     domes = [
-        join(cylinder(0.05, deck, deck + 0.16, 12).moved(x, y), ball(0.11, (x, y, deck + 0.22)))
+        join(cylinder(0.05, deck, deck + 0.16, 12).move(x, y), ball(0.11, (x, y, deck + 0.22)))
         for x, y in ((-0.10, 1.22), (1.05, -0.62))
     ]
     camera = tube((0.55, 1.30, -0.60), (0.66, 1.50, -0.62), 0.09, 16)
@@ -285,7 +285,7 @@ def _thrusters() -> Solid:
     for side in (-1, 1):
         for z, up in ((0.84, 1), (-1.74, -1)):
             bells += [
-                bell.facing(way).moved(0.0, side * 1.50, z) for way in ((1, 0, 0), (-1, 0, 0), (0, side, 0.4 * up))
+                bell.facing(way).move(0.0, side * 1.50, z) for way in ((1, 0, 0), (-1, 0, 0), (0, side, 0.4 * up))
             ]
     return join(*bells)
 
@@ -294,5 +294,5 @@ def _main_engine() -> Solid:
     """Return the main engine's thin bell below the floor, and the hinged cover beside it."""
     bell = wall([(0.05, FLOOR_M + 0.10), (0.045, FLOOR_M), (0.12, -1.62), (0.19, -1.78), (0.235, -1.93)], 0.008)
     neck = cylinder(0.07, FLOOR_M - 0.02, FLOOR_M + 0.08, 20)
-    cover = frustum(0.33, 0.30, -1.53, -1.49, 32).moved(0.10, -0.98)
+    cover = frustum(0.33, 0.30, -1.53, -1.49, 32).move(0.10, -0.98)
     return join(bell, neck, cover, tube((0.05, -0.60, -1.46), (0.08, -0.80, -1.51), 0.03))

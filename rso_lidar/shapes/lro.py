@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -17,7 +17,7 @@ from rso_lidar.shapes.solids import (
     frustum,
     join,
     prism,
-    revolved,
+    revolve,
     ring,
     torus,
     tube,
@@ -38,35 +38,35 @@ ANTENNA_M = (0.27, 3.04, -0.97)  # vertex of the high-gain antenna
 ANTENNA_DIAMETER_M = 0.80
 
 
-def lro() -> Model:
+def lro() -> CraftModel:
     """Return LRO as it flies: -y to the Moon, +y the high-gain antenna, +x the solar wing, -z the adapter ring."""
     pieces = {
-        "bus": Piece(_bus(), "mli_silver", 600.0),
-        "bus_deck": Piece(_deck(), "mli_silver", 40.0),
-        "radiator_avionics": Piece(_radiator(), "osr", 12.0),
-        "bench": Piece(_bench(), "mli_gold", 45.0),
-        "camera_narrow_angle": Piece(_narrow_cameras(), "mli_silver", 16.0),
-        "camera_wide_angle": Piece(box(WIDE_CAMERA_M, (-1.12, -0.30, 0.11)), "black_anodise", 0.9),
-        "star_trackers": Piece(_star_trackers(), "black_anodise", 6.0),
-        "altimeter": Piece(_altimeter(), "mli_gold", 13.0),
-        "neutron_detector": Piece(_neutron_detector(), "mli_gold", 26.0),
-        "instruments": Piece(_instruments(), "mli_gold", 30.0),
-        "antenna_radar": Piece(_radar(), "white_paint", 8.0),
-        "radar_support": Piece(_radar_support(), "mli_silver", 20.0),
-        "solar_array": Piece(_cells(), "solar_cell", 20.0),
-        "solar_substrate": Piece(_substrate(), "cfrp", 42.0),
-        "solar_yoke": Piece(_yoke(), "aluminium", 12.0),
-        "solar_drive": Piece(_drive(), "mli_gold", 12.0),
-        "antenna_high_gain": Piece(_high_gain(), "white_paint", 9.0),
-        "antenna_gimbal": Piece(_gimbals(), "aluminium", 9.0),
-        "boom_high_gain": Piece(_boom(), "cfrp", 12.0),
-        "boom_omni": Piece(_omni_boom(), "cfrp", 4.0),
-        "antenna_omni": Piece(_omni(), "white_paint", 1.0),
-        "propulsion": Piece(_propulsion(), "mli_gold", 55.0),
-        "adapter_ring": Piece(ring(0.545, 0.605, -1.35, -1.19), "aluminium", 15.0),
-        "thruster": Piece(_thrusters(), "aluminium", 10.0),
+        "bus": CraftPart(_bus(), "mli_silver", 600.0),
+        "bus_deck": CraftPart(_deck(), "mli_silver", 40.0),
+        "radiator_avionics": CraftPart(_radiator(), "osr", 12.0),
+        "bench": CraftPart(_bench(), "mli_gold", 45.0),
+        "camera_narrow_angle": CraftPart(_narrow_cameras(), "mli_silver", 16.0),
+        "camera_wide_angle": CraftPart(box(WIDE_CAMERA_M, (-1.12, -0.30, 0.11)), "black_anodise", 0.9),
+        "star_trackers": CraftPart(_star_trackers(), "black_anodise", 6.0),
+        "altimeter": CraftPart(_altimeter(), "mli_gold", 13.0),
+        "neutron_detector": CraftPart(_neutron_detector(), "mli_gold", 26.0),
+        "instruments": CraftPart(_instruments(), "mli_gold", 30.0),
+        "antenna_radar": CraftPart(_radar(), "white_paint", 8.0),
+        "radar_support": CraftPart(_radar_support(), "mli_silver", 20.0),
+        "solar_array": CraftPart(_cells(), "solar_cell", 20.0),
+        "solar_substrate": CraftPart(_substrate(), "cfrp", 42.0),
+        "solar_yoke": CraftPart(_yoke(), "aluminium", 12.0),
+        "solar_drive": CraftPart(_drive(), "mli_gold", 12.0),
+        "antenna_high_gain": CraftPart(_high_gain(), "white_paint", 9.0),
+        "antenna_gimbal": CraftPart(_gimbals(), "aluminium", 9.0),
+        "boom_high_gain": CraftPart(_boom(), "cfrp", 12.0),
+        "boom_omni": CraftPart(_omni_boom(), "cfrp", 4.0),
+        "antenna_omni": CraftPart(_omni(), "white_paint", 1.0),
+        "propulsion": CraftPart(_propulsion(), "mli_gold", 55.0),
+        "adapter_ring": CraftPart(ring(0.545, 0.605, -1.35, -1.19), "aluminium", 15.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 10.0),
     }
-    return Model(
+    return CraftModel(
         name="lro",
         what="Lunar Reconnaissance Orbiter (2009): one solar wing of three panels, high-gain antenna on a boom",
         source=(
@@ -126,7 +126,7 @@ def _bus() -> Solid:
     cut = 0.05
     outline = [(x0, y0), (x1 - cut, y0), (x1, y0 + cut), (x1, y1 - cut), (x1 - cut, y1), (x0, y1)]
     blanket = box((0.03, 1.05, 1.70), (x1 + 0.01, 0.0, 0.12))
-    grapples = [cylinder(0.035, 0.0, 0.09, 12).facing((0, 1, 0)).moved(x, y1, z) for x in (0.92,) for z in (0.6, 1.1)]
+    grapples = [cylinder(0.035, 0.0, 0.09, 12).facing((0, 1, 0)).move(x, y1, z) for x in (0.92,) for z in (0.6, 1.1)]
     boxes = [_between((0.62, -0.72, 0.42), (0.88, y0, 0.65)), _between((-0.30, y1, -0.9), (-0.05, 0.72, -0.5))]
     return join(prism(outline, z0, z1 - 0.06), blanket, *grapples, *boxes)
 
@@ -169,7 +169,7 @@ def _narrow_cameras() -> Solid:
     for x, z in ((-0.94, -0.32), (-0.87, 0.03)):
         barrel = wall(profile, 0.012, 32)
         stop = cylinder(radius - 0.006, 0.0, 0.40, 32)  # mirrors and detector close the tube deep inside
-        cameras.append(join(barrel, stop).facing((0, -1, 0)).moved(x, 0.22, z))
+        cameras.append(join(barrel, stop).facing((0, -1, 0)).move(x, 0.22, z))
         cameras.append(_between((-0.91, 0.20, z - 0.15), (-0.76, 0.52, z + 0.15)))
     return join(*cameras)
 
@@ -182,7 +182,7 @@ def _star_trackers() -> Solid:
         way = [b - a for a, b in zip(start, end, strict=True)]
         length = math.sqrt(sum(step**2 for step in way))
         baffle = wall([(0.08, 0.0), (0.08, 0.12), (0.105, 0.16), (0.105, length)], 0.008, 24)
-        baffles.append(join(baffle, cylinder(0.085, -0.05, 0.10, 24)).facing(way).moved(*start))
+        baffles.append(join(baffle, cylinder(0.085, -0.05, 0.10, 24)).facing(way).move(*start))
     mount = _between((-1.06, 0.19, 0.23), (-0.72, 0.43, 0.46))
     return join(*baffles, mount)
 
@@ -190,8 +190,8 @@ def _star_trackers() -> Solid:
 def _altimeter() -> Solid:
     """Return the laser altimeter low on the bench's side: a box with a wide hood that looks to -y."""
     body = _between((-0.98, -0.82, -1.10), (-0.58, -0.30, -0.64))
-    hood = wall([(0.20, 0.0), (0.19, 0.44)], 0.012, 32).facing((0, -1, -0.15)).moved(-0.78, -0.82, -0.87)
-    bottom = cylinder(0.205, -0.02, 0.20, 32).facing((0, -1, -0.15)).moved(-0.78, -0.82, -0.87)
+    hood = wall([(0.20, 0.0), (0.19, 0.44)], 0.012, 32).facing((0, -1, -0.15)).move(-0.78, -0.82, -0.87)
+    bottom = cylinder(0.205, -0.02, 0.20, 32).facing((0, -1, -0.15)).move(-0.78, -0.82, -0.87)
     beam = tube((-0.88, -0.65, -1.08), (-0.95, -0.65, -1.34), 0.07, 16)
     foot = _between((-0.98, -0.40, -1.12), (-0.60, -0.20, -0.95))
     return join(body, hood, bottom, beam, foot)
@@ -199,9 +199,9 @@ def _altimeter() -> Solid:
 
 def _neutron_detector() -> Solid:
     """Return the collimated neutron detector that hangs over the edge of the upper deck, on its bracket."""
-    can = revolved([(0.0, 0.84), (0.09, 0.84), (0.12, 0.90), (0.12, 1.14), (0.10, 1.14), (0.10, 1.19), (0.0, 1.19)], 20)
+    can = revolve([(0.0, 0.84), (0.09, 0.84), (0.12, 0.90), (0.12, 1.14), (0.10, 1.14), (0.10, 1.19), (0.0, 1.19)], 20)
     bracket = _between((-0.52, -0.86, 0.86), (-0.44, -0.62, 1.18))
-    return join(can.moved(-0.48, -0.89), bracket)
+    return join(can.move(-0.48, -0.89), bracket)
 
 
 def _instruments() -> Solid:
@@ -217,7 +217,7 @@ def _instruments() -> Solid:
     ]
     telescope = [
         _between((-0.98, 0.21, -1.16), (-0.60, 0.57, -1.05)),
-        cylinder(0.05, 0.0, 0.06, 16).facing((0, 1, 0)).moved(-0.80, 0.57, -1.10),
+        cylinder(0.05, 0.0, 0.06, 16).facing((0, 1, 0)).move(-0.80, 0.57, -1.10),
     ]
     return join(*spectrograph, *radiometer, *telescope)
 
@@ -241,7 +241,7 @@ def _radar() -> Solid:
         for k in range(12)
     ]
     turn = math.atan2(y1 - y0, x1 - x0) / DEG
-    return join(panel, *patches).turned("z", turn).moved(0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.18)
+    return join(panel, *patches).turn("z", turn).move(0.5 * (x0 + x1), 0.5 * (y0 + y1), -0.18)
 
 
 def _panels() -> list[tuple[float, int]]:
@@ -263,7 +263,7 @@ def _cells() -> Solid:
                 outer = (length - x - 0.5 * step_x) + (0.5 * width - cut * y - 0.5 * step_y)
                 if cut == 0 or outer > PANEL_CUT_M:
                     cells.append(box((step_x - 0.012, step_y - 0.012, 0.003), (x, middle + y, -0.5 * thickness)))
-    return join(*cells).moved(*WING_M)
+    return join(*cells).move(*WING_M)
 
 
 def _substrate() -> Solid:
@@ -277,7 +277,7 @@ def _substrate() -> Solid:
             far = [(length, -half), (length, half - cut_m), (length - cut_m, half)]
         elif cut < 0:
             far = [(length - cut_m, -half), (length, -half + cut_m), (length, half)]
-        boards.append(prism([(0.0, -half), *far, (0.0, half)], -0.5 * thickness, 0.5 * thickness).moved(y=middle))
+        boards.append(prism([(0.0, -half), *far, (0.0, half)], -0.5 * thickness, 0.5 * thickness).move(y=middle))
     gap = half + 0.5 * PANEL_GAP_M
     hinges = [
         join(
@@ -291,7 +291,7 @@ def _substrate() -> Solid:
         for side in (-1, 1)
     ]
     frame = [tube((x, -half - 0.2, 0.022), (x, half + 0.2, 0.022), 0.015, 6) for x in (0.35, 2.3)]
-    return join(*boards, *hinges, *frame).moved(*WING_M)
+    return join(*boards, *hinges, *frame).move(*WING_M)
 
 
 def _yoke() -> Solid:
@@ -303,8 +303,8 @@ def _yoke() -> Solid:
 
 def _drive() -> Solid:
     """Return the two drives of the wing on the +x face."""
-    across = cylinder(0.09, -0.19, 0.19, 24).facing((0, 1, 0)).moved(1.20, -0.16, WING_M[2])
-    outward = cylinder(0.085, BUS_HIGH_M[0] - 0.02, 1.20, 24).facing((1, 0, 0)).moved(0.0, -0.02, WING_M[2])
+    across = cylinder(0.09, -0.19, 0.19, 24).facing((0, 1, 0)).move(1.20, -0.16, WING_M[2])
+    outward = cylinder(0.085, BUS_HIGH_M[0] - 0.02, 1.20, 24).facing((1, 0, 0)).move(0.0, -0.02, WING_M[2])
     return join(across, outward)
 
 
@@ -313,19 +313,19 @@ def _high_gain() -> Solid:
     focal_length = 0.26
     depth = (0.5 * ANTENNA_DIAMETER_M) ** 2 / (4.0 * focal_length)
     reflector = dish(ANTENNA_DIAMETER_M, focal_length, 0.012, 8, 40)
-    rim = torus(0.5 * ANTENNA_DIAMETER_M - 0.008, 0.010, 40, 6).moved(z=depth)
-    legs = [tube((0.34, 0.0, 0.11), (0.05, 0.0, 0.29), 0.008, 6).turned("z", angle) for angle in (45, 135, 225, 315)]
+    rim = torus(0.5 * ANTENNA_DIAMETER_M - 0.008, 0.010, 40, 6).move(z=depth)
+    legs = [tube((0.34, 0.0, 0.11), (0.05, 0.0, 0.29), 0.008, 6).turn("z", angle) for angle in (45, 135, 225, 315)]
     feed = frustum(0.06, 0.03, 0.0, 0.12, 20)
-    subreflector = join(cylinder(0.06, 0.29, 0.32, 20), dome(0.06, 0.03, 3, 20).turned("x", 180).moved(z=0.29))
+    subreflector = join(cylinder(0.06, 0.29, 0.32, 20), dome(0.06, 0.03, 3, 20).turn("x", 180).move(z=0.29))
     hub = frustum(0.06, 0.17, -0.10, 0.035, 24)
-    return join(reflector, rim, *legs, feed, subreflector, hub).facing((0, 1, 0)).moved(*ANTENNA_M)
+    return join(reflector, rim, *legs, feed, subreflector, hub).facing((0, 1, 0)).move(*ANTENNA_M)
 
 
 def _gimbals() -> Solid:
     """Return the two gimbals at the end of the boom, between the boom and the dish."""
     x, _, z = ANTENNA_M
-    across = cylinder(0.09, -0.15, 0.15, 20).facing((1, 0, 0)).moved(x - 0.05, 2.52, z)
-    along = cylinder(0.09, -0.10, 0.12, 20).facing((0, 0, 1)).moved(x, 2.76, z - 0.08)
+    across = cylinder(0.09, -0.15, 0.15, 20).facing((1, 0, 0)).move(x - 0.05, 2.52, z)
+    along = cylinder(0.09, -0.10, 0.12, 20).facing((0, 0, 1)).move(x, 2.76, z - 0.08)
     neck = tube((x, 2.40, z), (x, 2.99, z), 0.045, 12)
     arm = tube((x + 0.02, 2.88, z + 0.01), (x + 0.23, 2.88, z + 0.01), 0.05, 12)
     return join(across, along, neck, arm)
@@ -334,7 +334,7 @@ def _gimbals() -> Solid:
 def _boom() -> Solid:
     """Return the antenna's boom from the deployment hinge on the +y face, with collars."""
     x, _, z = ANTENNA_M
-    collars = [cylinder(0.075, y, y + 0.05, 16).facing((0, 1, 0)).moved(x, 0.0, z) for y in (0.95, 1.60, 2.36)]
+    collars = [cylinder(0.075, y, y + 0.05, 16).facing((0, 1, 0)).move(x, 0.0, z) for y in (0.95, 1.60, 2.36)]
     hinge = [
         _between((0.06, 0.68, -1.04), (0.44, 0.80, -0.88)),
         tube((0.02, 0.81, z), (0.44, 0.81, z), 0.085, 16),
@@ -352,20 +352,20 @@ def _omni_boom() -> Solid:
 
 def _omni() -> Solid:
     """Return the low-gain antenna at the end of its rod."""
-    can = cylinder(0.06, 0.0, 0.17, 20).facing((0.54, 0.0, 0.86)).moved(1.14, 0.20, 1.91)
+    can = cylinder(0.06, 0.0, 0.17, 20).facing((0.54, 0.0, 0.86)).move(1.14, 0.20, 1.91)
     return join(can, ball(0.055, (1.225, 0.20, 2.04), 1))
 
 
 def _propulsion() -> Solid:
     """Return the blanketed cone below the bus, in the middle of the adapter ring."""
-    return revolved([(0.0, -1.24), (0.54, -1.24), (0.54, -1.30), (0.30, -1.47), (0.27, -1.50), (0.0, -1.42)], 40)
+    return revolve([(0.0, -1.24), (0.54, -1.24), (0.54, -1.30), (0.30, -1.47), (0.27, -1.50), (0.0, -1.42)], 40)
 
 
 def _thrusters() -> Solid:
     """Return the four insertion thrusters in the middle of the cone, and the eight small ones round the ring."""
     bell = wall([(0.02, 0.0), (0.03, -0.05), (0.07, -0.16)], 0.006, 16)
     neck = cylinder(0.03, -0.03, 0.10, 12)
-    large = [join(bell, neck).moved(0.09 * c, 0.09 * s, -1.42) for c, s in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    large = [join(bell, neck).move(0.09 * c, 0.09 * s, -1.42) for c, s in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     nozzle = frustum(0.03, 0.012, -0.10, 0.0, 12)
-    small = [nozzle.moved(x, y, -1.21) for x in (-0.55, 0.85) for y in (-0.60, -0.52, 0.52, 0.60)]
+    small = [nozzle.move(x, y, -1.21) for x in (-0.55, 0.85) for y in (-0.60, -0.52, 0.52, 0.60)]
     return join(*large, *small)

@@ -1,4 +1,4 @@
-"""What a builder returns: a craft as named pieces, each a closed solid of one material with an estimated mass."""
+"""A craft as its builder describes it: named parts, each a closed solid of one material with an estimated mass."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rso_lidar.shapes.solids import Solid
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One named part of a craft.
+class CraftPart:
+    """Named part of a craft.
 
     `mass_kg` is an estimate, spread evenly through the volume, or over the surface where `hollow`.
     """
@@ -23,58 +23,58 @@ class Piece:
     mass_kg: float
     hollow: bool = False
 
-    def turned(self, axis: str, angle_deg: float) -> Piece:
-        """Return the part turned about the "x", "y" or "z" axis by a right-handed angle [deg]."""
-        return replace(self, solid=self.solid.turned(axis, angle_deg))
+    def turn(self, axis: str, angle_deg: float) -> CraftPart:
+        """Turn the part about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+        return replace(self, solid=self.solid.turn(axis, angle_deg))
 
 
 @dataclass(frozen=True)
-class Model:
-    """A craft: its pieces, its hinges, and the statements about it that go into the index."""
+class CraftModel:
+    """Craft: its parts, its hinges, and the statements about it that go into the index."""
 
     name: str
     what: str
     source: str
     confidence: str
     axes: str
-    pieces: Mapping[str, Piece]
+    pieces: Mapping[str, CraftPart]
     taxonomy: Taxonomy
     hinges: tuple[Hinge, ...] = ()
 
     @property
     def parts(self) -> dict[str, Solid]:
-        """Return (vertices [m], facets) by part name."""
+        """Solids (vertices [m], facets) by part name."""
         return {name: piece.solid for name, piece in self.pieces.items()}
 
     @property
     def materials(self) -> dict[str, str]:
-        """Return the name of the material by part name."""
+        """Names of the materials by part name."""
         return {name: piece.material for name, piece in self.pieces.items()}
 
     @property
     def facet_count(self) -> int:
-        """Return the number of facets of all parts."""
+        """Number of facets of all parts."""
         return sum(len(solid.facets) for solid in self.parts.values())
 
     @property
     def size_m(self) -> np.ndarray:
-        """Return the extents along x, y, z [m]."""
+        """Extents along x, y, z [m]."""
         vertices = np.concatenate([solid.vertices for solid in self.parts.values()])
         return np.asarray(vertices.max(axis=0) - vertices.min(axis=0))
 
     @property
     def mass_kg(self) -> float:
-        """Return the estimated mass [kg]."""
+        """Estimated mass [kg]."""
         return sum(piece.mass_kg for piece in self.pieces.values())
 
     @property
     def center_of_mass_m(self) -> np.ndarray:
-        """Return the estimated centre of mass in the axes of the model [m]."""
+        """Estimated centre of mass in the axes of the model [m]."""
         return _moments(self)[0]
 
     @property
     def inertia_kg_m2(self) -> np.ndarray:
-        """Return the estimated inertia tensor (3, 3) about the centre of mass, in the axes of the model [kg m2]."""
+        """Estimated inertia tensor (3, 3) about the centre of mass, in the axes of the model [kg m2]."""
         return _moments(self)[1]
 
 
@@ -84,7 +84,15 @@ def wing_hinges(
     normal: tuple[float, float, float],
     parts: tuple[str, ...] = ("array", "substrate", "yoke"),
 ) -> tuple[Hinge, ...]:
-    """Return a hinge for the solar wing of each side, by side its place [m]; it carries ``solar_<part>_<side>``."""
+    """Return a hinge for the solar wing of each side; it carries the parts ``solar_<part>_<side>``.
+
+    Parameters
+    ----------
+    places_m : position of each hinge, by side.
+    axis : of rotation.
+    normal : of the cells at angle zero.
+    parts : names of the parts that turn.
+    """
     return tuple(
         Hinge(
             name=f"solar_{side}",
@@ -97,7 +105,7 @@ def wing_hinges(
     )
 
 
-def _moments(model: Model) -> tuple[np.ndarray, np.ndarray]:
+def _moments(model: CraftModel) -> tuple[np.ndarray, np.ndarray]:
     """Return centre of mass and inertia from exact integrals over tetrahedra (solid) or triangles (hollow).
 
     With corners a, b, c and s = a + b + c, the second moment of a tetrahedron with its fourth corner at the origin is

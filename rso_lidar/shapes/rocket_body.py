@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece
-from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolved, ring, torus, tube, wall
+from rso_lidar.shapes.model import CraftModel, CraftPart
+from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolve, ring, torus, tube, wall
 from rso_lidar.units import DEG
 
 LENGTH_M = 12.68  # from the nozzle's exit to the forward ring of the stage
@@ -23,26 +23,26 @@ BARREL_AFT_M = EXIT_M + 3.75
 BARREL_FRONT_M = FRONT_M - 1.00
 
 
-def rocket_body() -> Model:
+def rocket_body() -> CraftModel:
     """Return the stage with its axis along +x: payload end forward, nozzle to the rear."""
     along_z = {
-        "tank": Piece(_tank(), "white_paint", 1100.0, hollow=True),
-        "skirt_aft": Piece(_aft_skirt(), "aluminium", 120.0),
-        "skirt_forward": Piece(_forward_skirt(), "aluminium", 180.0),
-        "payload_adapter": Piece(_payload_adapter(), "cfrp", 60.0),
-        "adapter_ring": Piece(_adapter_ring(), "aluminium", 15.0),
-        "thrust_structure": Piece(_thrust_structure(), "aluminium", 80.0),
-        "engine": Piece(_engine(), "aluminium", 130.0),
-        "nozzle": Piece(_nozzle(), "aluminium", 40.0),
-        "feed_lines": Piece(_feed_lines(), "mli_silver", 60.0),
-        "bottles": Piece(_bottles(), "mli_gold", 180.0, hollow=True),
-        "thruster": Piece(_thrusters(), "aluminium", 20.0),
-        "cable_tunnels": Piece(_tunnels(), "aluminium", 40.0),
-        "avionics": Piece(_avionics(), "white_paint", 220.0),
-        "antenna": Piece(_antennas(), "black_paint", 2.0),
+        "tank": CraftPart(_tank(), "white_paint", 1100.0, hollow=True),
+        "skirt_aft": CraftPart(_aft_skirt(), "aluminium", 120.0),
+        "skirt_forward": CraftPart(_forward_skirt(), "aluminium", 180.0),
+        "payload_adapter": CraftPart(_payload_adapter(), "cfrp", 60.0),
+        "adapter_ring": CraftPart(_adapter_ring(), "aluminium", 15.0),
+        "thrust_structure": CraftPart(_thrust_structure(), "aluminium", 80.0),
+        "engine": CraftPart(_engine(), "aluminium", 130.0),
+        "nozzle": CraftPart(_nozzle(), "aluminium", 40.0),
+        "feed_lines": CraftPart(_feed_lines(), "mli_silver", 60.0),
+        "bottles": CraftPart(_bottles(), "mli_gold", 180.0, hollow=True),
+        "thruster": CraftPart(_thrusters(), "aluminium", 20.0),
+        "cable_tunnels": CraftPart(_tunnels(), "aluminium", 40.0),
+        "avionics": CraftPart(_avionics(), "white_paint", 220.0),
+        "antenna": CraftPart(_antennas(), "black_paint", 2.0),
     }
-    pieces = {name: piece.turned("y", 90) for name, piece in along_z.items()}
-    return Model(
+    pieces = {name: piece.turn("y", 90) for name, piece in along_z.items()}
+    return CraftModel(
         name="rocket_body",
         what="Spent cryogenic upper stage of the Centaur III class (Atlas V), one engine, with its payload adapter",
         source=(
@@ -80,15 +80,15 @@ def _tank() -> Solid:
     ]  # over the common bulkhead
     barrel = [(RADIUS_M, BARREL_AFT_M), (RADIUS_M, BARREL_AFT_M + 2.04), *band, (RADIUS_M, BARREL_AFT_M + 2.21)]
     forward = [(RADIUS_M * math.cos(a * DEG), BARREL_FRONT_M + 0.80 * math.sin(a * DEG)) for a in range(0, 90, 9)]
-    return revolved([*aft, *barrel, *forward, (0.0, BARREL_FRONT_M + 0.80)], 96)
+    return revolve([*aft, *barrel, *forward, (0.0, BARREL_FRONT_M + 0.80)], 96)
 
 
 def _ribbed_skirt(low: float, high: float, rings: int, stringers: int) -> Solid:
     """Return a thin cylinder about the tank, with frames and stringers outside."""
     shell = wall([(RADIUS_M - 0.004, low), (RADIUS_M - 0.004, high)], 0.012, 72)
-    frames = [torus(RADIUS_M + 0.012, 0.014, 72, 4).moved(z=low + k * (high - low) / (rings - 1)) for k in range(rings)]
+    frames = [torus(RADIUS_M + 0.012, 0.014, 72, 4).move(z=low + k * (high - low) / (rings - 1)) for k in range(rings)]
     bar = box((0.022, 0.022, high - low), (RADIUS_M + 0.016, 0.0, 0.5 * (low + high)))
-    bars = [bar.turned("z", 360.0 * k / stringers) for k in range(stringers)]
+    bars = [bar.turn("z", 360.0 * k / stringers) for k in range(stringers)]
     return join(shell, *frames, *bars)
 
 
@@ -112,13 +112,11 @@ def _adapter_ring() -> Solid:
     """Return the clamp-band ring at the very front, with springs that pushed the payload off."""
     band = ring(INTERFACE_RADIUS_M - 0.035, INTERFACE_RADIUS_M, FRONT_M + 0.78, FRONT_M + 0.86, 72)
     springs = [
-        cylinder(0.025, FRONT_M + 0.76, FRONT_M + 0.92, 10)
-        .moved(INTERFACE_RADIUS_M - 0.07)
-        .turned("z", 45.0 + 90.0 * k)
+        cylinder(0.025, FRONT_M + 0.76, FRONT_M + 0.92, 10).move(INTERFACE_RADIUS_M - 0.07).turn("z", 45.0 + 90.0 * k)
         for k in range(4)
     ]
     arms = [
-        box((0.06, 0.05, 0.03), (INTERFACE_RADIUS_M - 0.05, 0.0, FRONT_M + 0.80)).turned("z", 45.0 + 90.0 * k)
+        box((0.06, 0.05, 0.03), (INTERFACE_RADIUS_M - 0.05, 0.0, FRONT_M + 0.80)).turn("z", 45.0 + 90.0 * k)
         for k in range(4)
     ]
     return join(band, *springs, *arms)
@@ -134,7 +132,7 @@ def _nozzle() -> Solid:
     throat = EXIT_M + 1.62
     bell = [(_bell(k / 14), throat - 1.62 * k / 14) for k in range(15)]
     chamber = [(0.125, throat + 0.36), (0.125, throat + 0.16), (0.095, throat + 0.06)]
-    hoops = [torus(_bell(s) + 0.012, 0.010, 48, 4).moved(z=throat - 1.62 * s) for s in (0.35, 0.55, 0.75, 0.995)]
+    hoops = [torus(_bell(s) + 0.012, 0.010, 48, 4).move(z=throat - 1.62 * s) for s in (0.35, 0.55, 0.75, 0.995)]
     return join(wall([*chamber, *bell], 0.012, 48), *hoops)
 
 
@@ -143,10 +141,10 @@ def _engine() -> Solid:
     head = EXIT_M + 1.98
     injector = frustum(0.16, 0.10, head - 0.04, head + 0.12, 24)
     gimbal = cylinder(0.07, head + 0.10, EXIT_M + ENGINE_LENGTH_M, 16)
-    fuel_pump = cylinder(0.13, -0.25, 0.25, 20).moved(0.34, 0.0, head - 0.20)
-    oxidizer_pump = cylinder(0.11, -0.20, 0.20, 20).facing((0, 1, 0)).moved(0.0, 0.34, head - 0.12)
+    fuel_pump = cylinder(0.13, -0.25, 0.25, 20).move(0.34, 0.0, head - 0.20)
+    oxidizer_pump = cylinder(0.11, -0.20, 0.20, 20).facing((0, 1, 0)).move(0.0, 0.34, head - 0.12)
     gearbox = box((0.24, 0.22, 0.20), (0.26, 0.26, head - 0.12))
-    manifold = torus(0.30, 0.035, 36, 8).moved(z=head - 0.78)
+    manifold = torus(0.30, 0.035, 36, 8).move(z=head - 0.78)
     around = [(0.34, 0.0, head - 0.40), (0.42, -0.12, head - 0.60), (0.36, -0.20, head - 0.78)]
     turbine = [
         (0.20, 0.20, head - 0.10),
@@ -177,9 +175,9 @@ def _thrust_structure() -> Solid:
     apex = EXIT_M + ENGINE_LENGTH_M - 0.05
     cone = frustum(0.16, 0.40, apex - 0.02, top + 0.02, 32)
     struts = [
-        tube((0.16, 0.0, apex), (1.05, 0.0, BARREL_AFT_M - 0.66), 0.028).turned("z", 22.5 + 45.0 * k) for k in range(8)
+        tube((0.16, 0.0, apex), (1.05, 0.0, BARREL_AFT_M - 0.66), 0.028).turn("z", 22.5 + 45.0 * k) for k in range(8)
     ]
-    hoop = torus(1.05, 0.03, 48, 6).moved(z=BARREL_AFT_M - 0.71)
+    hoop = torus(1.05, 0.03, 48, 6).move(z=BARREL_AFT_M - 0.71)
     return join(cone, *struts, hoop)
 
 
@@ -223,10 +221,10 @@ def _bottles() -> Solid:
 def _thrusters() -> Solid:
     """Return four pods of attitude thrusters on the aft skirt: two bells to the rear and one to each side."""
     bell = frustum(0.018, 0.050, 0.04, 0.17, 14)
-    rear = [bell.facing((0, 0, -1)).moved(0.0, y, -0.06) for y in (-0.09, 0.09)]
-    sideways = [bell.facing((0, y, 0)).moved(0.02, 0.12 * y, 0.04) for y in (-1, 1)]
-    pod = join(box((0.16, 0.34, 0.20)), *rear, *sideways).moved(RADIUS_M + 0.08, 0.0, BARREL_AFT_M - 0.40)
-    return join(*(pod.turned("z", turn) for turn in (45, 135, 225, 315)))
+    rear = [bell.facing((0, 0, -1)).move(0.0, y, -0.06) for y in (-0.09, 0.09)]
+    sideways = [bell.facing((0, y, 0)).move(0.02, 0.12 * y, 0.04) for y in (-1, 1)]
+    pod = join(box((0.16, 0.34, 0.20)), *rear, *sideways).move(RADIUS_M + 0.08, 0.0, BARREL_AFT_M - 0.40)
+    return join(*(pod.turn("z", turn) for turn in (45, 135, 225, 315)))
 
 
 def _tunnels() -> Solid:
@@ -234,7 +232,7 @@ def _tunnels() -> Solid:
     length = BARREL_FRONT_M - BARREL_AFT_M
     middle = 0.5 * (BARREL_FRONT_M + BARREL_AFT_M)
     tunnel = box((0.07, 0.16, length), (RADIUS_M + 0.03, 0.0, middle))
-    return join(*(tunnel.turned("z", turn) for turn in (110, 290)))
+    return join(*(tunnel.turn("z", turn) for turn in (110, 290)))
 
 
 def _avionics() -> Solid:
@@ -242,11 +240,11 @@ def _avionics() -> Solid:
     shelf = ring(0.80, RADIUS_M - 0.02, FRONT_M - 0.18, FRONT_M - 0.15, 72)
     sizes = [(0.42, 0.30, 0.22), (0.30, 0.40, 0.26), (0.36, 0.36, 0.18), (0.26, 0.26, 0.30)]
     boxes = [
-        box(sizes[k % 4], (1.12, 0.0, FRONT_M - 0.24 - 0.5 * sizes[k % 4][2] + 0.08)).turned("z", 20.0 + 45.0 * k)
+        box(sizes[k % 4], (1.12, 0.0, FRONT_M - 0.24 - 0.5 * sizes[k % 4][2] + 0.08)).turn("z", 20.0 + 45.0 * k)
         for k in range(8)
     ]
     outside = [
-        box((0.14, 0.34, 0.30), (RADIUS_M + 0.05, 0.0, FRONT_M - 0.60)).turned("z", turn) for turn in (20, 150, 250)
+        box((0.14, 0.34, 0.30), (RADIUS_M + 0.05, 0.0, FRONT_M - 0.60)).turn("z", turn) for turn in (20, 150, 250)
     ]
     return join(shelf, *boxes, *outside)
 
@@ -254,4 +252,4 @@ def _avionics() -> Solid:
 def _antennas() -> Solid:
     """Return the flush antennas on the forward skirt."""
     patch = box((0.03, 0.12, 0.12), (RADIUS_M + 0.03, 0.0, FRONT_M - 0.35))
-    return join(*(patch.turned("z", turn) for turn in (60, 195, 320)))
+    return join(*(patch.turn("z", turn) for turn in (60, 195, 320)))

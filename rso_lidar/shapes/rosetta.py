@@ -6,7 +6,7 @@ import math
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes import rosetta_payload as payload
-from rso_lidar.shapes.model import Model, Piece, wing_hinges
+from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -42,43 +42,43 @@ FOCAL_LENGTH_M = 1.25
 VERTEX_M = (2.95, 0.0, -1.19)  # of the dish
 
 
-def rosetta() -> Model:
+def rosetta() -> CraftModel:
     """Return Rosetta as it cruises: +z the instruments, +x the high-gain antenna's side, -x Philae, +y the left wing."""
     cells, substrate, yoke = _wing()
     lower, upper = _boom("lower"), _boom("upper")
     pieces = {
-        "bus": Piece(_bus(), "black_paint", 640.0),
-        "louvers": Piece(_louvers(), "aluminium", 25.0),
-        "adapter_ring": Piece(_adapter(), "aluminium", 20.0),
-        "solar_array_left": Piece(cells, "solar_cell_si", 50.0),
-        "solar_array_right": Piece(cells.mirrored("y"), "solar_cell_si", 50.0),
-        "solar_substrate_left": Piece(substrate, "cfrp", 55.0),
-        "solar_substrate_right": Piece(substrate.mirrored("y"), "cfrp", 55.0),
-        "solar_yoke_left": Piece(yoke, "aluminium", 12.0),
-        "solar_yoke_right": Piece(yoke.mirrored("y"), "aluminium", 12.0),
-        "antenna_high_gain": Piece(_reflector(), "white_paint", 35.0),
-        "antenna_electronics": Piece(_antenna_back(), "black_paint", 20.0),
-        "feed": Piece(_feed(), "cfrp", 5.0),
-        "antenna_mast": Piece(_antenna_mast(), "cfrp", 15.0),
-        "antenna_medium_gain": Piece(_medium_gain_antennas(), "white_paint", 3.0),
-        "antenna_low_gain": Piece(_low_gain_antennas(), "white_paint", 2.0),
-        "antenna_consert": Piece(_consert(), "cfrp", 3.0),
-        "boom_plasma_lower": Piece(lower, "cfrp", 3.5),
-        "boom_plasma_upper": Piece(upper, "cfrp", 4.5),
-        "probes": Piece(_probes(), "aluminium", 2.0),
-        "cameras": Piece(payload.cameras(), "mli_silver", 35.0),
-        "lens": Piece(payload.lenses(), "lens_glass", 1.0),
-        "microwave_dish": Piece(payload.microwave_dish(), "aluminium", 15.0),
-        "instruments": Piece(payload.instruments(), "mli_silver", 110.0),
-        "star_trackers": Piece(payload.star_trackers(), "black_paint", 8.0),
-        "thruster": Piece(_thrusters(), "aluminium", 20.0),
-        "thruster_brackets": Piece(_thruster_brackets(), "black_paint", 24.0),
-        "hold_downs": Piece(_hold_downs(), "aluminium", 5.0),
-        "philae": Piece(payload.lander(), "mli_silver", 85.0),
-        "philae_cells": Piece(payload.lander_cells(), "solar_cell_si", 3.0),
-        "philae_gear": Piece(payload.lander_gear(), "cfrp", 12.0),
+        "bus": CraftPart(_bus(), "black_paint", 640.0),
+        "louvers": CraftPart(_louvers(), "aluminium", 25.0),
+        "adapter_ring": CraftPart(_adapter(), "aluminium", 20.0),
+        "solar_array_left": CraftPart(cells, "solar_cell_si", 50.0),
+        "solar_array_right": CraftPart(cells.mirror("y"), "solar_cell_si", 50.0),
+        "solar_substrate_left": CraftPart(substrate, "cfrp", 55.0),
+        "solar_substrate_right": CraftPart(substrate.mirror("y"), "cfrp", 55.0),
+        "solar_yoke_left": CraftPart(yoke, "aluminium", 12.0),
+        "solar_yoke_right": CraftPart(yoke.mirror("y"), "aluminium", 12.0),
+        "antenna_high_gain": CraftPart(_reflector(), "white_paint", 35.0),
+        "antenna_electronics": CraftPart(_antenna_back(), "black_paint", 20.0),
+        "feed": CraftPart(_feed(), "cfrp", 5.0),
+        "antenna_mast": CraftPart(_antenna_mast(), "cfrp", 15.0),
+        "antenna_medium_gain": CraftPart(_medium_gain_antennas(), "white_paint", 3.0),
+        "antenna_low_gain": CraftPart(_low_gain_antennas(), "white_paint", 2.0),
+        "antenna_consert": CraftPart(_consert(), "cfrp", 3.0),
+        "boom_plasma_lower": CraftPart(lower, "cfrp", 3.5),
+        "boom_plasma_upper": CraftPart(upper, "cfrp", 4.5),
+        "probes": CraftPart(_probes(), "aluminium", 2.0),
+        "cameras": CraftPart(payload.cameras(), "mli_silver", 35.0),
+        "lens": CraftPart(payload.lenses(), "lens_glass", 1.0),
+        "microwave_dish": CraftPart(payload.microwave_dish(), "aluminium", 15.0),
+        "instruments": CraftPart(payload.instruments(), "mli_silver", 110.0),
+        "star_trackers": CraftPart(payload.star_trackers(), "black_paint", 8.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 20.0),
+        "thruster_brackets": CraftPart(_thruster_brackets(), "black_paint", 24.0),
+        "hold_downs": CraftPart(_hold_downs(), "aluminium", 5.0),
+        "philae": CraftPart(payload.lander(), "mli_silver", 85.0),
+        "philae_cells": CraftPart(payload.lander_cells(), "solar_cell_si", 3.0),
+        "philae_gear": CraftPart(payload.lander_gear(), "cfrp", 12.0),
     }
-    return Model(
+    return CraftModel(
         name="rosetta",
         what="Rosetta, the comet orbiter of 2004, with the lander Philae still aboard: two wings of five solar panels",
         source=(
@@ -135,7 +135,7 @@ def _bus() -> Solid:
     rear = [(LANDER_SIDE_M + 0.05, -0.42), (-1.32, -0.72), (-1.32, -1.33), (LANDER_SIDE_M + 0.05, -1.38)]
     front = [(LANDER_SIDE_M + 0.05, 0.50), (-1.37, 0.78), (-1.40, 1.37), (LANDER_SIDE_M + 0.05, 1.39)]
     keels = [skin([[(x, y, z) for x, z in outline] for y in (-half, half)]) for outline in (rear, front)]
-    drives = [cylinder(0.11, 0.98, 1.16, 24).facing((0, y, 0)).moved(HINGE_X_M, 0.0, HINGE_Z_M) for y in (-1, 1)]
+    drives = [cylinder(0.11, 0.98, 1.16, 24).facing((0, y, 0)).move(HINGE_X_M, 0.0, HINGE_Z_M) for y in (-1, 1)]
     posts = [
         box((0.05, 0.05, height - 0.02), (x, y, 0.0))
         for x in (DISH_SIDE_M - 0.015, LANDER_SIDE_M + 0.015)
@@ -147,15 +147,15 @@ def _bus() -> Solid:
 def _louvers() -> Solid:
     """Return the louvers on the faces of the wings: six fields of blades on each."""
     blades = join(box((0.37, 0.57, 0.02)), tiles((0.33, 0.53, 0.014), (9, 2), 0.008, (0.0, 0.0, 0.014)))
-    side = blades.turned("x", -90)
+    side = blades.turn("x", -90)
     places = ((0.67, -0.90), (0.28, -0.85), (-0.71, -0.87), (0.83, 1.04), (-0.58, 1.07), (-0.98, 1.04))
-    left = join(*(side.moved(x, 0.5 * BUS_M[1] + 0.008, z) for x, z in places))
-    return join(left, left.mirrored("y"))
+    left = join(*(side.move(x, 0.5 * BUS_M[1] + 0.008, z) for x, z in places))
+    return join(left, left.mirror("y"))
 
 
 def _adapter() -> Solid:
     """Return the ring that stood on the launcher, at the bottom of the box, with its bolts."""
-    bolts = [cylinder(0.014, -TOP_M - 0.05, -TOP_M + 0.01, 8).moved(0.505).turned("z", 15.0 * k) for k in range(24)]
+    bolts = [cylinder(0.014, -TOP_M - 0.05, -TOP_M + 0.01, 8).move(0.505).turn("z", 15.0 * k) for k in range(24)]
     return join(ring(0.44, 0.53, -TOP_M - 0.035, -TOP_M + 0.01), ring(0.44, 0.47, -TOP_M - 0.06, -TOP_M, 48), *bolts)
 
 
@@ -169,13 +169,13 @@ def _wing() -> tuple[Solid, Solid, Solid]:
     above = HINGE_Z_M + 0.5 * PANEL_THICKNESS_M
     hinges = [tube((x, y - 0.10, above), (x, y + 0.10, above), 0.020) for y in gaps for x in places]
     pins = [
-        cylinder(0.045, above - 0.002, above + 0.03, 10).moved(HINGE_X_M + x, y + dy)
+        cylinder(0.045, above - 0.002, above + 0.03, 10).move(HINGE_X_M + x, y + dy)
         for y in centers
         for x in (-0.62, 0.62)
         for dy in (-0.75, 0.75)
     ]
     field = tiles((width - 0.14, length - 0.14, 0.003), (7, 8), 0.012)
-    cells = [field.moved(HINGE_X_M, y, HINGE_Z_M - 0.5 * PANEL_THICKNESS_M) for y in centers]
+    cells = [field.move(HINGE_X_M, y, HINGE_Z_M - 0.5 * PANEL_THICKNESS_M) for y in centers]
     bar = WING_ROOT_M - 0.10
     spar = box((width, 0.12, 0.035), (HINGE_X_M, bar, HINGE_Z_M))
     arms = [
@@ -188,23 +188,23 @@ def _wing() -> tuple[Solid, Solid, Solid]:
         for side in (-1, 1)
     ]
     links = [box((0.22, 0.14, 0.03), (HINGE_X_M + x, WING_ROOT_M - 0.03, HINGE_Z_M)) for x in (-0.80, 0.80)]
-    hub = cylinder(0.07, 1.10, 1.22, 16).facing((0, 1, 0)).moved(HINGE_X_M, 0.0, HINGE_Z_M)
+    hub = cylinder(0.07, 1.10, 1.22, 16).facing((0, 1, 0)).move(HINGE_X_M, 0.0, HINGE_Z_M)
     return join(*cells), join(*boards, *hinges, *pins), join(spar, *arms, *links, hub)
 
 
 def _placed(solid: Solid) -> Solid:
     """Return what was drawn about the dish's vertex, boresight +z, where the dish stands."""
-    return solid.facing((0, 0, -1)).moved(*VERTEX_M)
+    return solid.facing((0, 0, -1)).move(*VERTEX_M)
 
 
 def _reflector() -> Solid:
     """Return the dish with its rim and the ribs behind it."""
     shell = dish(ANTENNA_M - 0.03, FOCAL_LENGTH_M, 0.012, 8, 56)
     edge = 0.5 * ANTENNA_M
-    rim = torus(edge - 0.016, 0.016, 56, 6).moved(z=(edge - 0.016) ** 2 / (4.0 * FOCAL_LENGTH_M))
+    rim = torus(edge - 0.016, 0.016, 56, 6).move(z=(edge - 0.016) ** 2 / (4.0 * FOCAL_LENGTH_M))
     radii = [0.30 + 0.16 * k for k in range(5)]
     ribs = [
-        pipe([(r, 0.0, r * r / (4.0 * FOCAL_LENGTH_M) - 0.020) for r in radii], 0.016, 4).turned("z", 22.5 + 45.0 * k)
+        pipe([(r, 0.0, r * r / (4.0 * FOCAL_LENGTH_M) - 0.020) for r in radii], 0.016, 4).turn("z", 22.5 + 45.0 * k)
         for k in range(8)
     ]
     return _placed(join(shell, rim, *ribs))
@@ -224,7 +224,7 @@ def _feed() -> Solid:
     cap = cylinder(0.05, 0.66, 0.71, 12)
     foot = 0.62
     struts = [
-        tube((foot, 0.0, foot**2 / (4.0 * FOCAL_LENGTH_M)), (0.13, 0.05 * side, 0.64), 0.012, 6).turned("z", turn)
+        tube((foot, 0.0, foot**2 / (4.0 * FOCAL_LENGTH_M)), (0.13, 0.05 * side, 0.64), 0.012, 6).turn("z", turn)
         for turn in (0, 120, 240)
         for side in (-1, 1)
     ]
@@ -239,7 +239,7 @@ def _antenna_mast() -> Solid:
     back = [tube((foot, 0.0, -1.32), top, 0.035, 10), tube((foot, 0.0, -0.38), top, 0.030, 10)]
     gimbal = join(
         box((0.22, 0.20, 0.20), (1.78, 0.0, -1.27)),
-        cylinder(0.07, -0.16, 0.16, 16).facing((0, 1, 0)).moved(1.78, 0.0, -1.24),
+        cylinder(0.07, -0.16, 0.16, 16).facing((0, 1, 0)).move(1.78, 0.0, -1.24),
     )
     arm = tube((1.80, 0.0, -1.24), (2.45, 0.0, -1.17), 0.055, 12)
     locks = []
@@ -252,7 +252,7 @@ def _antenna_mast() -> Solid:
 
 def _medium_gain_antennas() -> Solid:
     """Return the two medium-gain antennas on the +x face: a disc of seven patches, and a small dish with its feed."""
-    patches = [cylinder(0.045, 0.03, 0.045, 12).moved(0.11).turned("z", 60.0 * k) for k in range(6)]
+    patches = [cylinder(0.045, 0.03, 0.045, 12).move(0.11).turn("z", 60.0 * k) for k in range(6)]
     disc = join(
         cylinder(0.18, 0.0, 0.035, 28), cylinder(0.045, 0.03, 0.045, 12), *patches, cylinder(0.06, -0.08, 0.01, 16)
     )
@@ -261,15 +261,15 @@ def _medium_gain_antennas() -> Solid:
         dish(0.38, 0.15, 0.008, 5, 28), feed, ball(0.03, (0.02, 0.0, 0.17), 1), cylinder(0.05, -0.10, 0.01, 12)
     )
     return join(
-        disc.facing((1, 0, 0)).moved(DISH_SIDE_M + 0.06, 0.62, 1.18),
-        small.facing((1, 0, 0.2)).moved(DISH_SIDE_M + 0.08, -0.72, 1.18),
+        disc.facing((1, 0, 0)).move(DISH_SIDE_M + 0.06, 0.62, 1.18),
+        small.facing((1, 0, 0.2)).move(DISH_SIDE_M + 0.08, -0.72, 1.18),
     )
 
 
 def _low_gain_antennas() -> Solid:
     """Return the two low-gain antennas: cones on stubs at opposite corners."""
     cone = join(cylinder(0.02, -0.05, 0.12, 10), frustum(0.05, 0.07, 0.11, 0.20, 20))
-    return join(cone.moved(0.95, 0.75, TOP_M), cone.facing((0, 0, -1)).moved(0.85, -0.62, -TOP_M))
+    return join(cone.move(0.95, 0.75, TOP_M), cone.facing((0, 0, -1)).move(0.85, -0.62, -TOP_M))
 
 
 def _consert() -> Solid:
@@ -333,9 +333,9 @@ def _thrusters() -> Solid:
     for x, y, z in _CORNERS:
         out_x, out_y, out_z = (math.copysign(1.0, value) for value in (x, y, z))
         bells += [
-            bell.facing((0.0, out_y, 0.3 * out_z)).moved(x + 0.04, y + 0.07 * out_y, z),
-            bell.facing((0.0, out_y, -0.3 * out_z)).moved(x - 0.05, y + 0.07 * out_y, z),
-            bell.facing((0.25 * out_x, 0.3 * out_y, -1.0)).moved(x, y + 0.03 * out_y, z - 0.10),
+            bell.facing((0.0, out_y, 0.3 * out_z)).move(x + 0.04, y + 0.07 * out_y, z),
+            bell.facing((0.0, out_y, -0.3 * out_z)).move(x - 0.05, y + 0.07 * out_y, z),
+            bell.facing((0.25 * out_x, 0.3 * out_y, -1.0)).move(x, y + 0.03 * out_y, z - 0.10),
         ]
     return join(*bells)
 
@@ -343,6 +343,6 @@ def _thrusters() -> Solid:
 def _hold_downs() -> Solid:
     """Return the hold-downs that kept the folded wings on the sides."""
     foot = join(box((0.06, 0.06, 0.12), (0.0, 0.05, 0.0)), box((0.10, 0.03, 0.10), (0.0, 0.12, 0.0)))
-    left = [foot.moved(x, 0.98, z) for x in (0.73, 0.52, -0.47, -0.70) for z in (-1.26, -0.37, 0.53)]
+    left = [foot.move(x, 0.98, z) for x in (0.73, 0.52, -0.47, -0.70) for z in (-1.26, -0.37, 0.53)]
     side = join(*(piece for k, piece in enumerate(left) if k % 3 != 1 or k in (4, 7)))
-    return join(side, side.mirrored("y"))
+    return join(side, side.mirror("y"))

@@ -31,7 +31,7 @@ def _barrel(radius: float, length: float, way: Point, place: Point) -> Solid:
     tubular = join(
         wall([(radius - 0.012, 0.0), (radius - 0.012, length)], 0.012, 28), cylinder(radius - 0.006, -0.05, 0.04, 28)
     )
-    return tubular.facing(way).moved(*place)
+    return tubular.facing(way).move(*place)
 
 
 def cameras() -> Solid:
@@ -41,18 +41,18 @@ def cameras() -> Solid:
         box((0.46, 0.36, 0.30), (-0.95, -0.65, TOP_M + 0.10)),
         _barrel(0.11, 0.24, (0, 0, 1), (-1.05, -0.62, TOP_M + 0.22)),
     ]
-    doors = [cylinder(0.16, 0.0, 0.012, 28).facing((0.5, 0, 1)).moved(-0.50, y, TOP_M + 0.30) for y in (-0.27, 0.12)]
+    doors = [cylinder(0.16, 0.0, 0.012, 28).facing((0.5, 0, 1)).move(-0.50, y, TOP_M + 0.30) for y in (-0.27, 0.12)]
     return join(*baffles, *narrow, *doors)
 
 
 def lenses() -> Solid:
     """Return the front lenses at the bottom of the cameras' baffles."""
-    return join(*(cylinder(0.155, TOP_M + 0.045, TOP_M + 0.055, 28).moved(-0.73, y) for y in (-0.27, 0.12)))
+    return join(*(cylinder(0.155, TOP_M + 0.045, TOP_M + 0.055, 28).move(-0.73, y) for y in (-0.27, 0.12)))
 
 
 def microwave_dish() -> Solid:
     """Return the microwave radiometer's offset dish of 0.3 m, tilted on its box."""
-    bowl = dish(0.34, 0.16, 0.008, 5, 28).facing((0.45, 0, 1)).moved(-0.34, 0.76, TOP_M + 0.24)
+    bowl = dish(0.34, 0.16, 0.008, 5, 28).facing((0.45, 0, 1)).move(-0.34, 0.76, TOP_M + 0.24)
     stalk = tube((-0.28, 0.76, TOP_M - 0.01), (-0.36, 0.76, TOP_M + 0.24), 0.05, 10)
     mirror = join(
         tube((-0.12, 0.76, TOP_M), (-0.10, 0.76, TOP_M + 0.26), 0.02),
@@ -69,7 +69,7 @@ def instruments() -> Solid:
             [(0.86, 0.0, 1.92), (0.93, -0.02, 1.92), (0.93, 0.02, 1.92)],
         ]
     )
-    drum = join(cylinder(0.18, TOP_M - 0.01, TOP_M + 0.16, 28), cylinder(0.06, TOP_M + 0.15, TOP_M + 0.24, 16)).moved(
+    drum = join(cylinder(0.18, TOP_M - 0.01, TOP_M + 0.16, 28), cylinder(0.06, TOP_M + 0.15, TOP_M + 0.24, 16)).move(
         0.50, -0.68
     )
     gas = tube((0.32, -0.70, TOP_M + 0.12), (-0.02, -0.70, TOP_M + 0.42), 0.11, 20)
@@ -89,10 +89,10 @@ def instruments() -> Solid:
         for place in ((0.86, -0.85, TOP_M + 0.06), (-0.38, 0.42, TOP_M + 0.04), (-0.35, 0.24, TOP_M + 0.04))
     ]
     shields = [
-        box((0.012, 0.34, 0.26), (-1.12, y, TOP_M + 0.14)).turned("z", turn) for y, turn in ((-0.30, 4), (0.33, -6))
+        box((0.012, 0.34, 0.26), (-1.12, y, TOP_M + 0.14)).turn("z", turn) for y, turn in ((-0.30, 4), (0.33, -6))
     ]
-    coolers = [tiles((0.03, 0.52, 0.52), (1, 2), 0.03).moved(-1.41, -0.70, 1.06)]
-    columns = [cylinder(0.11, 0.0, 0.60, 20).facing((-1, 0.25 * y, 0)).moved(-1.02, 0.66 * y, 0.48) for y in (-1, 1)]
+    coolers = [tiles((0.03, 0.52, 0.52), (1, 2), 0.03).move(-1.41, -0.70, 1.06)]
+    columns = [cylinder(0.11, 0.0, 0.60, 20).facing((-1, 0.25 * y, 0)).move(-1.02, 0.66 * y, 0.48) for y in (-1, 1)]
     return join(shade, drum, gas, *boxes, bowl, *domes, *shields, *coolers, *columns)
 
 
@@ -122,12 +122,12 @@ def lander() -> Solid:
 def lander_cells() -> Solid:
     """Return the cells on the five free sides of the hood."""
     height, middle = ROOF_M - FLOOR_M - 0.08, 0.5 * (ROOF_M + FLOOR_M)
-    side = tiles((height, 0.32, 0.008), (6, 3), 0.008).facing((0, 1, 0)).moved(-1.55, HALF_M, middle)
+    side = tiles((height, 0.32, 0.008), (6, 3), 0.008).facing((0, 1, 0)).move(-1.55, HALF_M, middle)
     slope = (HALF_FAR_M - HALF_M, MIDDLE_M - FAR_M, 0.0)
     bevel = tiles((height, 0.38, 0.008), (6, 4), 0.008).facing(slope)
-    bevel = bevel.moved(0.5 * (MIDDLE_M + FAR_M), 0.5 * (HALF_M + HALF_FAR_M), middle)
-    front = tiles((height, 0.46, 0.008), (6, 5), 0.008).facing((-1, 0, 0)).moved(FAR_M, 0.0, middle)
-    return join(side, side.mirrored("y"), bevel, bevel.mirrored("y"), front)
+    bevel = bevel.move(0.5 * (MIDDLE_M + FAR_M), 0.5 * (HALF_M + HALF_FAR_M), middle)
+    front = tiles((height, 0.46, 0.008), (6, 5), 0.008).facing((-1, 0, 0)).move(FAR_M, 0.0, middle)
+    return join(side, side.mirror("y"), bevel, bevel.mirror("y"), front)
 
 
 def lander_gear() -> Solid:
@@ -143,7 +143,7 @@ def lander_gear() -> Solid:
             tube((x, 1.55 * y, low - 0.21), (x - 0.11, 0.0, low - 0.05), 0.010, 6) for x in (-1.25, -1.47, -1.69, -1.91)
         ]
     places = ((-1.95, 0.5), (-1.95, -0.5), (tip + 0.02, 0.0))
-    feet = [cylinder(0.06, -0.02, 0.03, 16).moved(x, y, low - 0.20) for x, y in places]
+    feet = [cylinder(0.06, -0.02, 0.03, 16).move(x, y, low - 0.20) for x, y in places]
     tail = tube((tip, -0.17, low - 0.05), (tip, 0.17, low - 0.05), 0.018, 6)
     spine = [
         tube((tip, 0.0, low - 0.05), (tip, 0.0, 0.22), 0.014, 6),

@@ -1,4 +1,4 @@
-"""Closed solids with outward facets: what the models are put together from. Metres, pure numpy."""
+"""Closed solids with outward facets, from which the models are assembled. Metres, NumPy only."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Solid(NamedTuple):
     vertices: np.ndarray
     facets: np.ndarray
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-        """Return the solid shifted [m]."""
+    def move(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
+        """Shift the solid by x, y and z [m]."""
         return Solid(self.vertices + np.array([x, y, z], dtype=float), self.facets)
 
-    def turned(self, axis: str, angle_deg: float) -> Solid:
-        """Return the solid turned about the "x", "y" or "z" axis by a right-handed angle [deg]."""
+    def turn(self, axis: str, angle_deg: float) -> Solid:
+        """Turn the solid about the "x", "y" or "z" axis by a right-handed angle [deg]."""
         i, j = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cos, sin = math.cos(angle_deg * DEG), math.sin(angle_deg * DEG)
         vertices = self.vertices.copy()
@@ -44,8 +44,8 @@ class Solid(NamedTuple):
         x /= np.linalg.norm(x)
         return Solid(self.vertices @ np.array([x, np.cross(z, x), z]), self.facets)
 
-    def mirrored(self, axis: str) -> Solid:
-        """Return the mirror image across the plane normal to "x", "y" or "z", wound outward again."""
+    def mirror(self, axis: str) -> Solid:
+        """Mirror the solid across the plane normal to "x", "y" or "z"; facets stay outward."""
         sign = np.array([-1.0 if name == axis else 1.0 for name in "xyz"])
         return Solid(self.vertices * sign, self.facets[:, ::-1])
 
@@ -56,7 +56,7 @@ class Solid(NamedTuple):
 
 
 def join(*solids: Solid) -> Solid:
-    """Return several closed solids as one; they may interpenetrate."""
+    """Join several closed solids to one; they may interpenetrate."""
     starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
     return Solid(
         np.concatenate([solid.vertices for solid in solids]),
@@ -72,11 +72,17 @@ def box(size_m: Point, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
     """
     half_x, half_y, half_z = (0.5 * side for side in size_m)
     outline = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)]
-    return prism(outline, -half_z, half_z).moved(*center_m)
+    return prism(outline, -half_z, half_z).move(*center_m)
 
 
 def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
-    """Return a convex outline (x, y), counter-clockwise seen from +z, extruded from z = `bottom_m` to `top_m`."""
+    """Extrude a convex outline.
+
+    Parameters
+    ----------
+    outline_m : points (x, y), counter-clockwise seen from +z.
+    bottom_m, top_m : z of the ends.
+    """
     outline = np.asarray(list(outline_m), dtype=float)
     n = len(outline)
     low, high = (np.column_stack([outline, np.full(n, z)]) for z in (bottom_m, top_m))
@@ -89,7 +95,7 @@ def prism(outline_m: Iterable[Point], bottom_m: float, top_m: float) -> Solid:
     return Solid(np.concatenate([low, high]), np.array(facets))
 
 
-def revolved(profile_m: Iterable[Point], sides: int = 32) -> Solid:
+def revolve(profile_m: Iterable[Point], sides: int = 32) -> Solid:
     """Return a profile of (radius, z) turned about +z.
 
     A profile that begins and ends on the axis makes a closed body; one that stays off the axis is closed upon itself
@@ -121,49 +127,103 @@ def revolved(profile_m: Iterable[Point], sides: int = 32) -> Solid:
 
 
 def cylinder(radius_m: float, bottom_m: float, top_m: float, sides: int = 32) -> Solid:
-    """Return a cylinder about +z."""
+    """Return a cylinder about +z.
+
+    Parameters
+    ----------
+    radius_m : of the cylinder.
+    bottom_m, top_m : z of the ends.
+    sides : facets around.
+    """
     return frustum(radius_m, radius_m, bottom_m, top_m, sides)
 
 
 def frustum(bottom_radius_m: float, top_radius_m: float, bottom_m: float, top_m: float, sides: int = 32) -> Solid:
-    """Return a truncated cone about +z; a radius of 0 makes a tip."""
+    """Return a truncated cone about +z; a radius of 0 makes a tip.
+
+    Parameters
+    ----------
+    bottom_radius_m, top_radius_m : radii of the ends.
+    bottom_m, top_m : z of the ends.
+    sides : facets around.
+    """
     profile = [(0.0, bottom_m), (bottom_radius_m, bottom_m), (top_radius_m, top_m), (0.0, top_m)]
-    return revolved([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > AXIS_M], sides)
+    return revolve([point for k, point in enumerate(profile) if k in (0, 3) or point[0] > AXIS_M], sides)
 
 
 def ring(inner_m: float, outer_m: float, bottom_m: float, top_m: float, sides: int = 48) -> Solid:
-    """Return a flat ring about +z of rectangular section, radii `inner_m` to `outer_m`."""
-    return revolved([(inner_m, bottom_m), (outer_m, bottom_m), (outer_m, top_m), (inner_m, top_m)], sides)
+    """Return a flat ring about +z of rectangular section.
+
+    Parameters
+    ----------
+    inner_m, outer_m : radii.
+    bottom_m, top_m : z of the ends.
+    sides : facets around.
+    """
+    return revolve([(inner_m, bottom_m), (outer_m, bottom_m), (outer_m, top_m), (inner_m, top_m)], sides)
 
 
 def torus(radius_m: float, wire_radius_m: float, sides: int = 48, around: int = 8) -> Solid:
-    """Return a ring about +z of round section."""
+    """Return a ring about +z of round section.
+
+    Parameters
+    ----------
+    radius_m : of the ring.
+    wire_radius_m : of its section.
+    sides, around : facets along the ring and around its section.
+    """
     turn = [2.0 * math.pi * k / around for k in range(around)]
-    return revolved([(radius_m + wire_radius_m * math.cos(a), wire_radius_m * math.sin(a)) for a in turn], sides)
+    return revolve([(radius_m + wire_radius_m * math.cos(a), wire_radius_m * math.sin(a)) for a in turn], sides)
 
 
 def wall(inner_profile_m: Sequence[Point], thickness_m: float, sides: int = 48) -> Solid:
-    """Return a thin wall of revolution, open at both ends: a profile of (radius, z) thickened away from the axis."""
+    """Return a thin wall of revolution, open at both ends.
+
+    Parameters
+    ----------
+    inner_profile_m : points (radius, z) of the inner side.
+    thickness_m : added away from the axis.
+    sides : facets around.
+    """
     outer = [(radius + thickness_m, z) for radius, z in reversed(inner_profile_m)]
-    return revolved([*inner_profile_m, *outer], sides)
+    return revolve([*inner_profile_m, *outer], sides)
 
 
 def dish(diameter_m: float, focal_length_m: float, thickness_m: float, rings: int = 14, sides: int = 64) -> Solid:
-    """Return a paraboloid reflector, vertex at the origin, opening to +z: front surface z = r^2 / (4 f)."""
+    """Return a paraboloid reflector, vertex at the origin, opening to +z: front surface z = r^2 / (4 f).
+
+    Parameters
+    ----------
+    diameter_m, focal_length_m, thickness_m : of the reflector.
+    rings, sides : facets along the radius and around.
+    """
     radii = [0.5 * diameter_m * k / rings for k in range(rings + 1)]
     front = [(radius, radius**2 / (4.0 * focal_length_m)) for radius in radii]
-    return revolved([*front, *((radius, z - thickness_m) for radius, z in reversed(front))], sides)
+    return revolve([*front, *((radius, z - thickness_m) for radius, z in reversed(front))], sides)
 
 
 def dome(radius_m: float, height_m: float, rings: int = 10, sides: int = 48) -> Solid:
-    """Return half an ellipsoid with its flat side at z = 0 and its top at z = `height_m`."""
+    """Return half an ellipsoid with its flat side at z = 0.
+
+    Parameters
+    ----------
+    radius_m : at z = 0.
+    height_m : of the top.
+    rings, sides : facets along the height and around.
+    """
     turn = [0.5 * math.pi * k / rings for k in range(rings)]
     curve = [(radius_m * math.cos(a), height_m * math.sin(a)) for a in turn]
-    return revolved([(0.0, 0.0), *curve, (0.0, height_m)], sides)
+    return revolve([(0.0, 0.0), *curve, (0.0, height_m)], sides)
 
 
 def ball(radius_m: float, center_m: Point = (0.0, 0.0, 0.0), splits: int = 2) -> Solid:
-    """Return an icosphere: an icosahedron with facets cut in four `splits` times, all vertices on the sphere."""
+    """Return an icosphere: an icosahedron with each facet divided in four several times, all vertices on the sphere.
+
+    Parameters
+    ----------
+    radius_m, center_m : of the sphere.
+    splits : how often facets are divided.
+    """
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     corners = [(a, b * golden, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
     points = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners])
@@ -188,12 +248,26 @@ def ball(radius_m: float, center_m: Point = (0.0, 0.0, 0.0), splits: int = 2) ->
 
 
 def tube(start_m: Point, end_m: Point, radius_m: float, sides: int = 8) -> Solid:
-    """Return a round bar between two points."""
+    """Return a round bar between two points.
+
+    Parameters
+    ----------
+    start_m, end_m : ends of its axis.
+    radius_m : of the bar.
+    sides : facets around.
+    """
     return pipe([start_m, end_m], radius_m, sides)
 
 
 def pipe(points_m: Iterable[Point], radius_m: float, sides: int = 8) -> Solid:
-    """Return a bar of round section (or a polygon of few `sides`) through a line of points, closed at both ends."""
+    """Return a bar of round section along a polyline, closed at both ends.
+
+    Parameters
+    ----------
+    points_m : of the polyline.
+    radius_m : of the section.
+    sides : facets around; few make a polygon.
+    """
     points = np.asarray(list(points_m), dtype=float)
     steps = np.diff(points, axis=0)
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
@@ -260,12 +334,20 @@ def lattice(x_m: Sequence[float], y_m: Sequence[float], opened: Iterable[tuple[i
 
 
 def tiles(size_m: Point, count: tuple[int, int], gap_m: float, center_m: Point = (0.0, 0.0, 0.0)) -> Solid:
-    """Return a field of `count` (along x, along y) equal boxes that fills `size_m`, with gaps between."""
+    """Return a field of equal boxes with gaps between.
+
+    Parameters
+    ----------
+    size_m : of the whole field.
+    count : boxes along x and along y.
+    gap_m : between boxes.
+    center_m : of the field.
+    """
     nx, ny = count
     step_x, step_y = (size_m[0] + gap_m) / nx, (size_m[1] + gap_m) / ny
     tile = (step_x - gap_m, step_y - gap_m, size_m[2])
     places = [((i - 0.5 * (nx - 1)) * step_x, (j - 0.5 * (ny - 1)) * step_y) for i in range(nx) for j in range(ny)]
-    return join(*(box(tile, (x, y, 0.0)) for x, y in places)).moved(*center_m)
+    return join(*(box(tile, (x, y, 0.0)) for x, y in places)).move(*center_m)
 
 
 def skin(outlines_m: Sequence[Sequence[Point]]) -> Solid:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.shapes import stardust_capsule as capsule
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -44,37 +44,37 @@ PANEL_INNER_M = 0.49  # from the middle to the near edge of a wing
 SHIELD_M = (1.13, 0.37)  # across a wing's dust shield, and its height
 
 
-def stardust() -> Model:
+def stardust() -> CraftModel:
     """Return Stardust at its encounter: +x forward, to the dust shields, +z the antenna and the solar cells, +y left."""
     cells, substrate = _wing()
     pieces = {
-        "bus": Piece(_bus(), "cfrp", 120.0),
-        "shield_main": Piece(_main_shield(), "white_paint", 22.0),
-        "shield_left": Piece(_wing_shield(), "white_paint", 6.0),
-        "shield_right": Piece(_wing_shield().mirrored("y"), "white_paint", 6.0),
-        "solar_array_left": Piece(cells, "solar_cell_si", 6.0),
-        "solar_array_right": Piece(cells.mirrored("y"), "solar_cell_si", 6.0),
-        "solar_substrate_left": Piece(substrate, "cfrp", 9.0),
-        "solar_substrate_right": Piece(substrate.mirrored("y"), "cfrp", 9.0),
-        "solar_struts": Piece(_wing_struts(), "aluminium", 8.0),
-        "antenna_high_gain": Piece(_high_gain_antenna(), "cfrp", 3.0),
-        "feed": Piece(_feed(), "white_paint", 1.0),
-        "antenna_medium_gain": Piece(_medium_gain_antenna(), "aluminium", 1.5),
-        "antenna_low_gain": Piece(_low_gain_antennas(), "white_paint", 0.8),
-        "capsule": Piece(capsule.cover(), "white_paint", 30.0),
-        "capsule_struts": Piece(capsule.struts(), "aluminium", 3.0),
-        "heat_shield": Piece(capsule.heat_shield(), "ablator", 11.0),
-        "collector": Piece(capsule.collector(), "aluminium", 2.5),
-        "aerogel": Piece(capsule.aerogel(), "white_paint", 0.5),
-        "collector_arm": Piece(capsule.collector_arm(), "aluminium", 2.0),
-        "camera": Piece(_camera(), "black_paint", 8.0),
-        "dust_analyser": Piece(_dust_analyser(), "mli_silver", 12.0),
-        "dust_monitor": Piece(_dust_monitor(), "aluminium", 1.0),
-        "star_cameras": Piece(_star_cameras(), "black_paint", 4.0),
-        "instruments": Piece(_boxes(), "mli_silver", 22.2),
-        "thruster": Piece(_thrusters(), "aluminium", 5.5),
+        "bus": CraftPart(_bus(), "cfrp", 120.0),
+        "shield_main": CraftPart(_main_shield(), "white_paint", 22.0),
+        "shield_left": CraftPart(_wing_shield(), "white_paint", 6.0),
+        "shield_right": CraftPart(_wing_shield().mirror("y"), "white_paint", 6.0),
+        "solar_array_left": CraftPart(cells, "solar_cell_si", 6.0),
+        "solar_array_right": CraftPart(cells.mirror("y"), "solar_cell_si", 6.0),
+        "solar_substrate_left": CraftPart(substrate, "cfrp", 9.0),
+        "solar_substrate_right": CraftPart(substrate.mirror("y"), "cfrp", 9.0),
+        "solar_struts": CraftPart(_wing_struts(), "aluminium", 8.0),
+        "antenna_high_gain": CraftPart(_high_gain_antenna(), "cfrp", 3.0),
+        "feed": CraftPart(_feed(), "white_paint", 1.0),
+        "antenna_medium_gain": CraftPart(_medium_gain_antenna(), "aluminium", 1.5),
+        "antenna_low_gain": CraftPart(_low_gain_antennas(), "white_paint", 0.8),
+        "capsule": CraftPart(capsule.cover(), "white_paint", 30.0),
+        "capsule_struts": CraftPart(capsule.struts(), "aluminium", 3.0),
+        "heat_shield": CraftPart(capsule.heat_shield(), "ablator", 11.0),
+        "collector": CraftPart(capsule.collector(), "aluminium", 2.5),
+        "aerogel": CraftPart(capsule.aerogel(), "white_paint", 0.5),
+        "collector_arm": CraftPart(capsule.collector_arm(), "aluminium", 2.0),
+        "camera": CraftPart(_camera(), "black_paint", 8.0),
+        "dust_analyser": CraftPart(_dust_analyser(), "mli_silver", 12.0),
+        "dust_monitor": CraftPart(_dust_monitor(), "aluminium", 1.0),
+        "star_cameras": CraftPart(_star_cameras(), "black_paint", 4.0),
+        "instruments": CraftPart(_boxes(), "mli_silver", 22.2),
+        "thruster": CraftPart(_thrusters(), "aluminium", 5.5),
     }
-    return Model(
+    return CraftModel(
         name="stardust",
         what="Stardust, the comet-sample return of 1999, as at its encounter: capsule open, dust collector held out",
         source=(
@@ -140,7 +140,7 @@ def _bus() -> Solid:
     lines = [0.5 * BUS_M[1] * (k / 8 - 1.0) for k in range(17)]
     centers = [0.5 * (a + b) for a, b in pairwise(lines)]
     hole = {(i, j) for i, x in enumerate(centers) for j, y in enumerate(centers) if math.hypot(x, y) < 0.5 * ANTENNA_M}
-    deck = lattice(lines, lines, hole, 0.012).moved(DISH_M[0], 0.0, DECK_M - 0.017)
+    deck = lattice(lines, lines, hole, 0.012).move(DISH_M[0], 0.0, DECK_M - 0.017)
     edges = [
         box((BUS_M[0], 0.03, 0.03), (0.5 * (BACK_M + FRONT_M), y, z))
         for y in (0.015 - SIDE_M, SIDE_M - 0.015)
@@ -177,7 +177,7 @@ def _main_shield() -> Solid:
     catcher = _upright(_octagon(0.57, -0.38, 0.70, 0.22), 0.87, 1.10)
     crest = _upright([(0.16, 0.66), (0.10, 0.72), (-0.10, 0.72), (-0.16, 0.66)], 0.87, 1.10)
     sheets = [
-        cylinder(0.43, -0.003, 0.003, 40).facing((1, 0, 0)).moved(1.10 + k * SHEET_STEP_M, 0.0, capsule.MIDDLE_Z_M)
+        cylinder(0.43, -0.003, 0.003, 40).facing((1, 0, 0)).move(1.10 + k * SHEET_STEP_M, 0.0, capsule.MIDDLE_Z_M)
         for k in (1, 2)
     ]
     bumper = join(cylinder(0.43, -0.006, 0.006, 40), ring(0.40, 0.435, -0.012, 0.012, 40))
@@ -189,7 +189,7 @@ def _main_shield() -> Solid:
         )
         for y, z in ((0.7, 0.7), (-0.7, 0.7), (0.7, -0.7), (-0.7, -0.7), (1.0, 0.0), (-1.0, 0.0))
     ]
-    front = bumper.facing((1, 0, 0)).moved(1.10 + 2.4 * SHEET_STEP_M, 0.0, capsule.MIDDLE_Z_M)
+    front = bumper.facing((1, 0, 0)).move(1.10 + 2.4 * SHEET_STEP_M, 0.0, capsule.MIDDLE_Z_M)
     return join(catcher, crest, *sheets, *posts, front)
 
 
@@ -203,7 +203,7 @@ def _wing() -> tuple[Solid, Solid]:
     """Return the cells and the substrate of the left wing: three panels in line along the bus."""
     boards = [box(PANEL_M, place) for place in _panels()]
     field = tiles((PANEL_M[0] - 0.05, PANEL_M[1] - 0.05, 0.003), (10, 7), 0.008)
-    cells = [field.moved(x, y, z + 0.5 * PANEL_M[2]) for x, y, z in _panels()]
+    cells = [field.move(x, y, z + 0.5 * PANEL_M[2]) for x, y, z in _panels()]
     gaps = [0.5 * side * (PANEL_M[0] + PANEL_GAP_M) for side in (-1, 1)]
     hinges = []
     for x in gaps:
@@ -254,31 +254,31 @@ def _high_gain_antenna() -> Solid:
     """Return the fixed dish, sunk into the deck up to its rim."""
     edge = 0.5 * ANTENNA_M
     shell = dish(ANTENNA_M - 0.01, FOCAL_LENGTH_M, 0.006, 8, 48)
-    rim = torus(edge - 0.008, 0.008, 48, 6).moved(z=(edge - 0.008) ** 2 / (4.0 * FOCAL_LENGTH_M))
-    return join(shell, rim, ring(0.09, 0.12, -0.04, 0.02, 24)).moved(*DISH_M)
+    rim = torus(edge - 0.008, 0.008, 48, 6).move(z=(edge - 0.008) ** 2 / (4.0 * FOCAL_LENGTH_M))
+    return join(shell, rim, ring(0.09, 0.12, -0.04, 0.02, 24)).move(*DISH_M)
 
 
 def _feed() -> Solid:
     """Return the feed above the dish on its tripod."""
     foot, top = 0.24, 0.30
     low = foot**2 / (4.0 * FOCAL_LENGTH_M)
-    legs = [tube((foot, 0.0, low), (0.02, 0.0, top), 0.009, 6).turned("z", 60.0 + turn) for turn in (0, 120, 240)]
+    legs = [tube((foot, 0.0, low), (0.02, 0.0, top), 0.009, 6).turn("z", 60.0 + turn) for turn in (0, 120, 240)]
     head = [frustum(0.028, 0.045, top - 0.03, top + 0.05, 16), cylinder(0.03, top + 0.04, top + 0.07, 12)]
-    return join(*head, *legs).moved(*DISH_M)
+    return join(*head, *legs).move(*DISH_M)
 
 
 def _medium_gain_antenna() -> Solid:
     """Return the horn beside the bus, open upward."""
     horn = wall([(0.025, 0.06), (0.028, 0.12), (0.075, 0.45), (0.085, 0.48)], 0.006, 32)
     foot = join(cylinder(0.03, 0.03, 0.10, 16), box((0.08, 0.14, 0.03), (0.0, -0.04, 0.16)))
-    return join(horn, foot).moved(0.35, 0.40)
+    return join(horn, foot).move(0.35, 0.40)
 
 
 def _low_gain_antennas() -> Solid:
     """Return the two low-gain antennas on arms at the sides of the floor."""
     left = [
         tube((0.30, 0.32, -0.16), (0.30, 0.46, -0.16), 0.012, 6),
-        cylinder(0.035, -0.20, -0.12, 16).moved(0.30, 0.47),
+        cylinder(0.035, -0.20, -0.12, 16).move(0.30, 0.47),
     ]
     right = [
         tube((-0.64, -0.32, -0.16), (-0.64, -0.58, -0.16), 0.012, 6),
@@ -320,11 +320,11 @@ def _dust_monitor() -> Solid:
     """Return the dust-flux monitor's discs and its frame on the front of the main shield."""
     x = 1.10 + 2.4 * SHEET_STEP_M + 0.008
     discs = [
-        cylinder(radius, -0.004, 0.010, 28).facing((1, 0, 0)).moved(x, y, z)
+        cylinder(radius, -0.004, 0.010, 28).facing((1, 0, 0)).move(x, y, z)
         for radius, y, z in ((0.08, 0.10, 0.33), (0.035, -0.12, 0.33))
     ]
     frame = lattice([-0.11, -0.09, 0.09, 0.11], [-0.11, -0.09, 0.09, 0.11], [(1, 1)], 0.012)
-    return join(*discs, frame.facing((1, 0, 0)).moved(x, 0.10, 0.33))
+    return join(*discs, frame.facing((1, 0, 0)).move(x, 0.10, 0.33))
 
 
 def _star_cameras() -> Solid:
@@ -332,7 +332,7 @@ def _star_cameras() -> Solid:
     cameras = []
     for x, way in ((-0.02, (0.25, 0.15, -1.0)), (0.16, (-0.25, -0.15, -1.0))):
         tubular = join(cylinder(0.035, -0.02, 0.06, 16), wall([(0.036, 0.05), (0.046, 0.12)], 0.005, 20))
-        cameras.append(tubular.facing(way).moved(x, 0.0, FLOOR_M + 0.01))
+        cameras.append(tubular.facing(way).move(x, 0.0, FLOOR_M + 0.01))
     return join(*cameras, box((0.34, 0.20, 0.03), (0.07, 0.0, FLOOR_M - 0.005)))
 
 
@@ -354,6 +354,6 @@ def _thrusters() -> Solid:
     """Return the four clusters of thrusters on the floor: two sizes, two of each to a cluster."""
     large, small = frustum(0.010, 0.030, 0.0, 0.08, 14), frustum(0.006, 0.016, 0.0, 0.05, 10)
     plan = [(0.11, -0.05), (0.11, 0.02), (0.06, 0.05), (-0.11, 0.05), (-0.11, -0.05)]
-    bells = [large.moved(x, 0.0, 0.05) for x in (-0.075, 0.025)] + [small.moved(x, 0.0, 0.05) for x in (-0.025, 0.075)]
-    cluster = join(prism(plan, -0.02, 0.06), *bells).turned("x", 180)
-    return join(*(cluster.moved(x, y, FLOOR_M - 0.02) for x in (-0.54, 0.54) for y in (-0.24, 0.24)))
+    bells = [large.move(x, 0.0, 0.05) for x in (-0.075, 0.025)] + [small.move(x, 0.0, 0.05) for x in (-0.025, 0.075)]
+    cluster = join(prism(plan, -0.02, 0.06), *bells).turn("x", 180)
+    return join(*(cluster.move(x, y, FLOOR_M - 0.02) for x in (-0.54, 0.54) for y in (-0.24, 0.24)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rso_lidar.shapes.solids import Point, Solid, box, cylinder, join, pipe, revolved, ring, torus, tube
+from rso_lidar.shapes.solids import Point, Solid, box, cylinder, join, pipe, revolve, ring, torus, tube
 from rso_lidar.units import DEG
 
 DIAMETER_M, HEIGHT_M = 0.81, 0.50
@@ -35,14 +35,12 @@ def cover() -> Solid:
     outside = [(0.0, 0.0), (0.22, 0.0), (0.25, 0.02), (edge - 0.012, depth - 0.03), (edge, depth)]
     inside = [(edge - 0.02, depth), (edge - 0.04, depth - 0.03), (0.0, depth - 0.03)]
     canister = cylinder(0.26, depth - 0.05, depth - 0.012, 32)
-    seal = torus(edge - 0.03, 0.008, 48, 6).moved(z=depth)
-    locks = [
-        box((0.03, 0.06, 0.03), (edge - 0.07, 0.0, depth - 0.01)).turned("z", turn) for turn in (40, 140, 220, 320)
-    ]
+    seal = torus(edge - 0.03, 0.008, 48, 6).move(z=depth)
+    locks = [box((0.03, 0.06, 0.03), (edge - 0.07, 0.0, depth - 0.01)).turn("z", turn) for turn in (40, 140, 220, 320)]
     return (
-        join(revolved([*outside, *inside], 48), canister, seal, *locks)
+        join(revolve([*outside, *inside], 48), canister, seal, *locks)
         .facing((-1, 0, 0))
-        .moved(BUS_BACK_M - 0.06, 0.0, MIDDLE_Z_M)
+        .move(BUS_BACK_M - 0.06, 0.0, MIDDLE_Z_M)
     )
 
 
@@ -69,11 +67,11 @@ def heat_shield() -> Solid:
     outer = [*nose, (edge, 0.0)]
     lip = [(edge, LIP_M - 0.01), (edge - 0.03, LIP_M)]
     inner = [(edge - 0.05, 0.02), (0.08, 0.035 - tip + 0.02), (0.0, 0.035 - tip + 0.02)]
-    pads = [cylinder(0.02, -0.06, 0.03, 10).moved(edge - 0.09).turned("z", 45.0 + 90.0 * k) for k in range(4)]
+    pads = [cylinder(0.02, -0.06, 0.03, 10).move(edge - 0.09).turn("z", 45.0 + 90.0 * k) for k in range(4)]
     rim_x_m = BUS_BACK_M - 0.06 - depth - LIP_M - 0.005
-    shut = join(revolved([*outer, *lip, *inner], 56), *pads).turned("y", 90).moved(rim_x_m, 0.0, MIDDLE_Z_M)
+    shut = join(revolve([*outer, *lip, *inner], 56), *pads).turn("y", 90).move(rim_x_m, 0.0, MIDDLE_Z_M)
     x, _, z = HINGE_M
-    opened = shut.moved(-x, 0.0, -z).turned("y", -OPEN_DEG).moved(x, 0.0, z)
+    opened = shut.move(-x, 0.0, -z).turn("y", -OPEN_DEG).move(x, 0.0, z)
     arms = [pipe([(x, y, z), (x - 0.08, y, z - 0.02), (x - 0.12, y, z - 0.12)], 0.014, 6) for y in (-0.10, 0.10)]
     return join(opened, *arms)
 
@@ -98,7 +96,7 @@ def collector() -> Solid:
     reach = COLLECTOR_RADIUS_M + 0.005
     heights = [(k + 0.5) * (CELL_M[1] + 0.002) for k in range(-9, 9)]
     bars = [box((0.026, 2.0 * math.sqrt(reach**2 - z * z), 0.003), (0.0, 0.0, z)) for z in heights]
-    return join(rim.facing((1, 0, 0)), *bars).moved(*COLLECTOR_M)
+    return join(rim.facing((1, 0, 0)), *bars).move(*COLLECTOR_M)
 
 
 def collector_arm() -> Solid:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rso_lidar.craft import Hinge, Taxonomy
-from rso_lidar.shapes.model import Model, Piece
+from rso_lidar.shapes.model import CraftModel, CraftPart
 from rso_lidar.shapes.solids import (
     Point,
     Solid,
@@ -14,7 +14,7 @@ from rso_lidar.shapes.solids import (
     frustum,
     join,
     prism,
-    revolved,
+    revolve,
     ring,
     tiles,
     torus,
@@ -35,32 +35,32 @@ CRIS_M = (0.72, 0.88, 0.47)
 CERES_M = (0.60, 0.60, 0.70)
 
 
-def suomi_npp() -> Model:
+def suomi_npp() -> CraftModel:
     """Return Suomi NPP as it flies: -x the Earth face, -y the solar wing, -z the adapter ring."""
     pieces = {
-        "bus": Piece(_bus(), "mli_silver", 930.0),
-        "radiator_y": Piece(_radiators_beside(), "osr", 18.0),
-        "radiator_zenith": Piece(_radiators_above(), "osr", 10.0),
-        "viirs": Piece(_on_earth_face(_viirs()), "mli_silver", 260.0),
-        "atms": Piece(_on_earth_face(_atms()), "mli_silver", 75.0),
-        "cris": Piece(_on_earth_face(_cris()), "mli_gold", 87.0),
-        "ceres": Piece(_on_earth_face(_ceres()), "mli_gold", 45.0),
-        "omps": Piece(_on_earth_face(_omps()), "mli_silver", 60.0),
-        "boxes": Piece(_boxes(), "mli_silver", 60.0),
-        "star_trackers": Piece(_star_trackers(), "black_anodise", 8.0),
-        "antenna_high_rate": Piece(_on_earth_face(_dish_at(-0.855, -0.41, 0.30, 0.25)), "white_paint", 4.0),
-        "antenna_science": Piece(_on_earth_face(_dish_at(-0.495, -0.075, -1.14, 0.22)), "white_paint", 4.0),
-        "antenna_command": Piece(_on_earth_face(_patch_at(-1.11, -0.765, 0.94)), "white_paint", 2.0),
-        "antenna_zenith": Piece(_zenith_antenna(), "white_paint", 2.0),
-        "boom_antennas": Piece(_on_earth_face(_masts()), "cfrp", 9.0),
-        "solar_array": Piece(_cells(), "solar_cell", 45.0),
-        "solar_substrate": Piece(_substrate(), "cfrp", 78.0),
-        "solar_drive": Piece(_drive(), "aluminium", 35.0),
-        "propulsion": Piece(_propulsion(), "mli_gold", 90.0),
-        "adapter_ring": Piece(ring(0.58, 0.64, -1.76, -1.69), "aluminium", 22.0),
-        "thruster": Piece(_thrusters(), "aluminium", 8.0),
+        "bus": CraftPart(_bus(), "mli_silver", 930.0),
+        "radiator_y": CraftPart(_radiators_beside(), "osr", 18.0),
+        "radiator_zenith": CraftPart(_radiators_above(), "osr", 10.0),
+        "viirs": CraftPart(_on_earth_face(_viirs()), "mli_silver", 260.0),
+        "atms": CraftPart(_on_earth_face(_atms()), "mli_silver", 75.0),
+        "cris": CraftPart(_on_earth_face(_cris()), "mli_gold", 87.0),
+        "ceres": CraftPart(_on_earth_face(_ceres()), "mli_gold", 45.0),
+        "omps": CraftPart(_on_earth_face(_omps()), "mli_silver", 60.0),
+        "boxes": CraftPart(_boxes(), "mli_silver", 60.0),
+        "star_trackers": CraftPart(_star_trackers(), "black_anodise", 8.0),
+        "antenna_high_rate": CraftPart(_on_earth_face(_dish_at(-0.855, -0.41, 0.30, 0.25)), "white_paint", 4.0),
+        "antenna_science": CraftPart(_on_earth_face(_dish_at(-0.495, -0.075, -1.14, 0.22)), "white_paint", 4.0),
+        "antenna_command": CraftPart(_on_earth_face(_patch_at(-1.11, -0.765, 0.94)), "white_paint", 2.0),
+        "antenna_zenith": CraftPart(_zenith_antenna(), "white_paint", 2.0),
+        "boom_antennas": CraftPart(_on_earth_face(_masts()), "cfrp", 9.0),
+        "solar_array": CraftPart(_cells(), "solar_cell", 45.0),
+        "solar_substrate": CraftPart(_substrate(), "cfrp", 78.0),
+        "solar_drive": CraftPart(_drive(), "aluminium", 35.0),
+        "propulsion": CraftPart(_propulsion(), "mli_gold", 90.0),
+        "adapter_ring": CraftPart(ring(0.58, 0.64, -1.76, -1.69), "aluminium", 22.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 8.0),
     }
-    return Model(
+    return CraftModel(
         name="suomi_npp",
         what="Suomi NPP (2011), a polar weather satellite on a BCP 2000 bus: one solar wing, five Earth instruments",
         source=(
@@ -101,7 +101,7 @@ def suomi_npp() -> Model:
 
 def _on_earth_face(solid: Solid) -> Solid:
     """Return what is drawn beside an upright Earth face (x = 0, outward -x) where the face is."""
-    return solid.turned("y", EARTH_FACE_DEG).moved(*EARTH_FACE_M)
+    return solid.turn("y", EARTH_FACE_DEG).move(*EARTH_FACE_M)
 
 
 def _between(low: Point, high: Point) -> Solid:
@@ -111,7 +111,7 @@ def _between(low: Point, high: Point) -> Solid:
 
 def _upright(outline: list[tuple[float, float]], left_m: float, right_m: float) -> Solid:
     """Return a convex outline (x, z), counter-clockwise with x to the right, drawn out from y = left to right."""
-    return prism(outline, -right_m, -left_m).turned("x", 90)
+    return prism(outline, -right_m, -left_m).turn("x", 90)
 
 
 def _bus() -> Solid:
@@ -134,8 +134,8 @@ def _radiators_beside() -> Solid:
         (0.03, 0.53, -0.05, 0.52),
         (0.13, 0.60, 1.28, 1.90),
     ):
-        field = tiles((x1 - x0, z1 - z0, 0.012), (4, 3), 0.012).turned("x", 90)
-        plates.append(field.moved(0.5 * (x0 + x1), y, 0.5 * (z0 + z1)))
+        field = tiles((x1 - x0, z1 - z0, 0.012), (4, 3), 0.012).turn("x", 90)
+        plates.append(field.move(0.5 * (x0 + x1), y, 0.5 * (z0 + z1)))
     return join(*plates)
 
 
@@ -143,8 +143,8 @@ def _radiators_above() -> Solid:
     """Return the radiators on the zenith side."""
     plates = []
     for y, z, width, height in ((-0.15, -0.72, 0.70, 0.72), (-0.29, 0.56, 0.70, 0.72), (-0.40, -0.06, 0.30, 0.40)):
-        field = tiles((height, width, 0.016), (4, 3), 0.012).turned("y", 90)
-        plates.append(field.moved(0.978, y, z))
+        field = tiles((height, width, 0.016), (4, 3), 0.012).turn("y", 90)
+        plates.append(field.move(0.978, y, z))
     return join(*plates)
 
 
@@ -156,7 +156,7 @@ def _viirs() -> Solid:
         _between((-0.82, -0.62, 1.60), (-0.78, 0.67, 1.79)),
     )
     opening = _between((-0.845, -0.30, 1.02), (-0.80, 0.25, 1.42))
-    cooler = tiles((0.40, 0.45, 0.02), (6, 1), 0.03).turned("x", 90).moved(-0.42, -0.625, 1.22)
+    cooler = tiles((0.40, 0.45, 0.02), (6, 1), 0.03).turn("x", 90).move(-0.42, -0.625, 1.22)
     return join(body, raised, opening, cooler)
 
 
@@ -174,7 +174,7 @@ def _cris() -> Solid:
     """Return CrIS: a box with a scan port that looks to the Earth and a two-stage cooler at its side."""
     deep, wide, high = CRIS_M
     body = _between((-deep, -0.21, -0.30), (0.04, -0.21 + wide, -0.30 + high))
-    port = torus(0.14, 0.02, 28, 6).facing((-1, 0, 0)).moved(-deep, 0.10, -0.07)
+    port = torus(0.14, 0.02, 28, 6).facing((-1, 0, 0)).move(-deep, 0.10, -0.07)
     cooler = [_between((-0.60 + 0.16 * k, 0.66, -0.26), (-0.48 + 0.16 * k, 0.70, 0.12)) for k in range(4)]
     return join(body, port, *cooler)
 
@@ -183,11 +183,11 @@ def _ceres() -> Solid:
     """Return CERES: a foot, a turntable, and a yoke that carries the scanning head with its three telescopes."""
     middle, level = -0.335, -0.73
     foot = _between((-0.28, -0.55, -0.98), (0.04, -0.12, -0.50))
-    turntable = frustum(0.24, 0.20, 0.20, 0.36, 32).facing((-1, 0, 0)).moved(0.0, middle, level)
+    turntable = frustum(0.24, 0.20, 0.20, 0.36, 32).facing((-1, 0, 0)).move(0.0, middle, level)
     cheeks = [_between((-0.64, y - 0.02, level - 0.14), (-0.30, y + 0.02, level + 0.14)) for y in (-0.53, -0.14)]
     head = _between((-0.62, -0.47, level - 0.17), (-0.36, -0.20, level + 0.17))
     telescopes = [
-        wall([(0.035, 0.0), (0.035, 0.11)], 0.008, 16).facing((-1, 0, 0)).moved(-CERES_M[2] + 0.09, y, level + dz)
+        wall([(0.035, 0.0), (0.035, 0.11)], 0.008, 16).facing((-1, 0, 0)).move(-CERES_M[2] + 0.09, y, level + dz)
         for y, dz in ((middle - 0.07, 0.06), (middle + 0.07, 0.06), (middle, -0.08))
     ]
     rest = tube((-0.46, -0.56, level), (-0.46, -0.11, level), 0.06, 20)
@@ -205,7 +205,7 @@ def _omps() -> Solid:
         _between((-0.41, 0.15, -1.78), (0.04, 0.41, -1.32)),
         _between((-0.41, 0.40, -1.85), (0.04, 0.60, -1.52)),
         _between((-0.20, 0.40, -1.54), (0.04, 0.48, -1.32)),
-        frustum(0.07, 0.11, 0.0, 0.07, 20).facing((-1, 0, 0)).moved(-0.38, 0.28, -1.58),
+        frustum(0.07, 0.11, 0.0, 0.07, 20).facing((-1, 0, 0)).move(-0.38, 0.28, -1.58),
     ]
     electronics = _between((-0.44, -0.41, -1.68), (0.04, -0.16, -1.19))
     return join(*limb, *slits, *nadir, electronics)
@@ -228,8 +228,8 @@ def _star_trackers() -> Solid:
         way = (0.42, 0.62, 0.62 * up)
         baffle = wall([(0.075, 0.0), (0.075, 0.20), (0.06, 0.22), (0.07, 0.30), (0.095, 0.50)], 0.008, 24)
         optics = join(cylinder(0.08, -0.06, 0.18, 24), cylinder(0.062, 0.15, 0.26, 24))
-        trackers.append(join(baffle, optics).facing(way).moved(1.00, 0.20, z))
-        shade = box((0.02, 0.30, 0.28)).turned("z", 45).turned("y", -40 * up).moved(1.12, 0.02, z - 0.02 * up)
+        trackers.append(join(baffle, optics).facing(way).move(1.00, 0.20, z))
+        shade = box((0.02, 0.30, 0.28)).turn("z", 45).turn("y", -40 * up).move(1.12, 0.02, z - 0.02 * up)
         trackers += [shade, tube((0.95, 0.10, z), (1.10, 0.05, z), 0.02, 6)]
     return join(*trackers)
 
@@ -238,19 +238,19 @@ def _dish_at(x: float, y: float, z: float, radius_m: float) -> Solid:
     """Return a shallow dish that looks away from the Earth face, with rim, feed and three legs."""
     focal_length = 1.6 * radius_m
     reflector = dish(2 * radius_m, focal_length, 0.008, 6, 32)
-    rim = torus(radius_m - 0.005, 0.008, 32, 6).moved(z=radius_m**2 / (4 * focal_length))
+    rim = torus(radius_m - 0.005, 0.008, 32, 6).move(z=radius_m**2 / (4 * focal_length))
     reach = 1.25 * radius_m
-    legs = [tube((0.92 * radius_m, 0.0, 0.03), (0.02, 0.0, reach), 0.009, 6).turned("z", a) for a in (90, 210, 330)]
+    legs = [tube((0.92 * radius_m, 0.0, 0.03), (0.02, 0.0, reach), 0.009, 6).turn("z", a) for a in (90, 210, 330)]
     feed = frustum(0.035, 0.02, reach - 0.07, reach + 0.05, 16)
     hub = cylinder(0.06, -0.05, 0.01, 16)
-    return join(reflector, rim, *legs, feed, hub).facing((-1, 0, 0)).moved(x, y, z)
+    return join(reflector, rim, *legs, feed, hub).facing((-1, 0, 0)).move(x, y, z)
 
 
 def _patch_at(x: float, y: float, z: float) -> Solid:
     """Return the ground plate of three short helices, for commands and telemetry, looking to -x."""
     plate = cylinder(0.15, -0.01, 0.01, 28)
-    cups = [ball(0.034, (0.085, 0.0, 0.02), 1).turned("z", angle) for angle in (0, 120, 240)]
-    return join(plate, *cups).facing((-1, 0, 0)).moved(x, y, z)
+    cups = [ball(0.034, (0.085, 0.0, 0.02), 1).turn("z", angle) for angle in (0, 120, 240)]
+    return join(plate, *cups).facing((-1, 0, 0)).move(x, y, z)
 
 
 def _masts() -> Solid:
@@ -264,7 +264,7 @@ def _masts() -> Solid:
 def _zenith_antenna() -> Solid:
     """Return the antenna that looks away from the Earth, on its box."""
     return join(
-        _patch_at(0.0, 0.0, 0.0).turned("z", 180).moved(1.11, 0.125, -1.19),
+        _patch_at(0.0, 0.0, 0.0).turn("z", 180).move(1.11, 0.125, -1.19),
         tube((1.05, 0.125, -1.19), (1.11, 0.125, -1.19), 0.05),
     )
 
@@ -299,13 +299,13 @@ def _drive() -> Solid:
     x, _, z = WING_M
     half = 0.5 * BUS_WIDTH_M
     carrier = _between((-0.42, -0.79, -1.31), (0.38, -half + 0.02, -0.53))
-    motor = revolved([(0.0, 0.78), (0.13, 0.78), (0.13, 0.83), (0.10, 0.85), (0.0, 0.85)], 28)
-    return join(carrier, motor.facing((0, -1, 0)).moved(x, 0.0, z))
+    motor = revolve([(0.0, 0.78), (0.13, 0.78), (0.13, 0.83), (0.10, 0.85), (0.0, 0.85)], 28)
+    return join(carrier, motor.facing((0, -1, 0)).move(x, 0.0, z))
 
 
 def _propulsion() -> Solid:
     """Return the blanketed bottom with the tank's dome inside the adapter ring."""
-    dome = revolved([(0.0, -1.60), (0.60, -1.60), (0.60, -1.71), (0.42, -1.80), (0.22, -1.88), (0.0, -1.91)], 40)
+    dome = revolve([(0.0, -1.60), (0.60, -1.60), (0.60, -1.71), (0.42, -1.80), (0.22, -1.88), (0.0, -1.91)], 40)
     return join(dome, _between((-0.64, -0.64, -1.72), (0.64, 0.64, -1.66)))
 
 
@@ -313,4 +313,4 @@ def _thrusters() -> Solid:
     """Return the four thrusters in pairs at the bottom."""
     bell = wall([(0.012, 0.0), (0.018, 0.02), (0.035, 0.08)], 0.004, 12)
     plug = cylinder(0.014, -0.05, 0.015, 12)
-    return join(*(join(bell, plug).turned("x", 180).moved(x, y, -1.74) for x in (-0.55, 0.55) for y in (-0.55, 0.55)))
+    return join(*(join(bell, plug).turn("x", 180).move(x, y, -1.74) for x in (-0.55, 0.55) for y in (-0.55, 0.55)))

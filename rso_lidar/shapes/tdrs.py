@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece, wing_hinges
+from rso_lidar.shapes.model import CraftModel, CraftPart, wing_hinges
 from rso_lidar.shapes.solids import (
     Solid,
     ball,
@@ -36,35 +36,35 @@ PANEL_GAP_M = 0.12
 VERTEX_M = (0.0, 0.5 * (WIDTH_M - REFLECTOR_M), 1.25)  # of the east reflector
 
 
-def tdrs() -> Model:
+def tdrs() -> CraftModel:
     """Return a second-generation TDRS as it flies: +x north (a solar wing), +y east (an antenna), +z to the Earth."""
     cells, substrate, yoke = _wing()
     pieces = {
-        "bus": Piece(_bus(), "mli_gold", 1080.0),
-        "radiator_north": Piece(_radiator(), "osr", 15.0),
-        "radiator_south": Piece(_radiator().turned("z", 180), "osr", 15.0),
-        "solar_array_north": Piece(cells, "solar_cell_si", 35.0),
-        "solar_array_south": Piece(cells.turned("z", 180), "solar_cell_si", 35.0),
-        "solar_substrate_north": Piece(substrate, "cfrp", 45.0),
-        "solar_substrate_south": Piece(substrate.turned("z", 180), "cfrp", 45.0),
-        "solar_yoke_north": Piece(yoke, "cfrp", 8.0),
-        "solar_yoke_south": Piece(yoke.turned("z", 180), "cfrp", 8.0),
-        "antenna_single_access_east": Piece(_reflector().moved(*VERTEX_M), "cfrp", 25.0),
-        "antenna_single_access_west": Piece(_reflector().moved(*VERTEX_M).turned("z", 180), "cfrp", 25.0),
-        "feed_single_access_east": Piece(_feed().moved(*VERTEX_M), "white_paint", 20.0),
-        "feed_single_access_west": Piece(_feed().moved(*VERTEX_M).turned("z", 180), "white_paint", 20.0),
-        "boom_single_access_east": Piece(_antenna_boom(), "cfrp", 30.0),
-        "boom_single_access_west": Piece(_antenna_boom().turned("z", 180), "cfrp", 30.0),
-        "antenna_multiple_access": Piece(_multiple_access(), "white_paint", 60.0),
-        "antenna_space_ground": Piece(_space_ground_link(), "white_paint", 15.0),
-        "boom_space_ground": Piece(_space_ground_boom(), "cfrp", 8.0),
-        "boom_omni": Piece(tube((1.05, 0.8, 0.95), (6.15, 0.8, 4.20), 0.025), "cfrp", 5.0),
-        "antenna_omni": Piece(_omni(), "aluminium", 3.0),
-        "adapter_ring": Piece(_adapter(), "aluminium", 35.0),
-        "thruster": Piece(_thrusters(), "aluminium", 8.0),
-        "apogee_engine": Piece(_apogee_engine(), "aluminium", 10.0, hollow=True),
+        "bus": CraftPart(_bus(), "mli_gold", 1080.0),
+        "radiator_north": CraftPart(_radiator(), "osr", 15.0),
+        "radiator_south": CraftPart(_radiator().turn("z", 180), "osr", 15.0),
+        "solar_array_north": CraftPart(cells, "solar_cell_si", 35.0),
+        "solar_array_south": CraftPart(cells.turn("z", 180), "solar_cell_si", 35.0),
+        "solar_substrate_north": CraftPart(substrate, "cfrp", 45.0),
+        "solar_substrate_south": CraftPart(substrate.turn("z", 180), "cfrp", 45.0),
+        "solar_yoke_north": CraftPart(yoke, "cfrp", 8.0),
+        "solar_yoke_south": CraftPart(yoke.turn("z", 180), "cfrp", 8.0),
+        "antenna_single_access_east": CraftPart(_reflector().move(*VERTEX_M), "cfrp", 25.0),
+        "antenna_single_access_west": CraftPart(_reflector().move(*VERTEX_M).turn("z", 180), "cfrp", 25.0),
+        "feed_single_access_east": CraftPart(_feed().move(*VERTEX_M), "white_paint", 20.0),
+        "feed_single_access_west": CraftPart(_feed().move(*VERTEX_M).turn("z", 180), "white_paint", 20.0),
+        "boom_single_access_east": CraftPart(_antenna_boom(), "cfrp", 30.0),
+        "boom_single_access_west": CraftPart(_antenna_boom().turn("z", 180), "cfrp", 30.0),
+        "antenna_multiple_access": CraftPart(_multiple_access(), "white_paint", 60.0),
+        "antenna_space_ground": CraftPart(_space_ground_link(), "white_paint", 15.0),
+        "boom_space_ground": CraftPart(_space_ground_boom(), "cfrp", 8.0),
+        "boom_omni": CraftPart(tube((1.05, 0.8, 0.95), (6.15, 0.8, 4.20), 0.025), "cfrp", 5.0),
+        "antenna_omni": CraftPart(_omni(), "aluminium", 3.0),
+        "adapter_ring": CraftPart(_adapter(), "aluminium", 35.0),
+        "thruster": CraftPart(_thrusters(), "aluminium", 8.0),
+        "apogee_engine": CraftPart(_apogee_engine(), "aluminium", 10.0, hollow=True),
     }
-    return Model(
+    return CraftModel(
         name="tdrs",
         what="Tracking and Data Relay Satellite of the second generation (TDRS H, I, J), on a Boeing 601 bus",
         source=(
@@ -110,8 +110,8 @@ def _bus() -> Solid:
 
 def _radiator() -> Solid:
     """Return the north radiator: mirror panels on the bus face, above and below the drive of the wing."""
-    mirrors = tiles((2.0, 0.85, 0.02), (8, 4), 0.01).turned("y", 90).turned("x", 90)
-    return join(mirrors.moved(1.155, 0.0, 0.55), mirrors.moved(1.155, 0.0, -0.65))
+    mirrors = tiles((2.0, 0.85, 0.02), (8, 4), 0.01).turn("y", 90).turn("x", 90)
+    return join(mirrors.move(1.155, 0.0, 0.55), mirrors.move(1.155, 0.0, -0.65))
 
 
 def _wing() -> tuple[Solid, Solid, Solid]:
@@ -123,7 +123,7 @@ def _wing() -> tuple[Solid, Solid, Solid]:
     across = [-1.15, -0.95, -0.70, -0.06, 0.06, 0.70, 0.95, 1.15]
     along = [-1.35, -1.22, -0.76, -0.62, 0.68, 0.80, 1.18, 1.35]
     windows = {(1, 2), (1, 4), *((3, row) for row in range(1, 6)), *((5, row) for row in range(2, 5))}
-    frame = lattice(along, across, windows | {(1, 1), (1, 5)}, thickness).moved(x=centers[0])
+    frame = lattice(along, across, windows | {(1, 1), (1, 5)}, thickness).move(x=centers[0])
     panels = [box(PANEL_M, (x, 0.0, 0.0)) for x in centers[1:]]
     gaps = [inner + (k + 1) * length + (k + 0.5) * PANEL_GAP_M for k in range(2)]
     hinges = [tube((x - 0.08, y, 0.0), (x + 0.08, y, 0.0), 0.022) for x in gaps for y in (-0.95, 0.0, 0.95)]
@@ -146,7 +146,7 @@ def _reflector() -> Solid:
     """Return a springback reflector, vertex at the origin: a thin shell, a rim, and two families of curved ribs."""
     shell = dish(REFLECTOR_M - 0.04, FOCAL_LENGTH_M, 0.006, 12, 60)
     edge = 0.5 * REFLECTOR_M
-    rim = torus(edge - 0.02, 0.02, 64, 6).moved(z=(edge - 0.02) ** 2 / (4.0 * FOCAL_LENGTH_M))
+    rim = torus(edge - 0.02, 0.02, 64, 6).move(z=(edge - 0.02) ** 2 / (4.0 * FOCAL_LENGTH_M))
     radii = [0.30 + k * (edge - 0.03 - 0.30) / 8 for k in range(9)]
     ribs = [
         pipe([_on_reflector(radius, start + sweep * radius / edge) for radius in radii], 0.018, 4)
@@ -160,17 +160,17 @@ def _feed() -> Solid:
     """Return the feed of a single-access antenna: a hub, a can on short legs, and a subreflector on struts."""
     hub = cylinder(0.42, -0.06, 0.05, 32)
     can = frustum(0.17, 0.30, 0.22, 0.90, 24)
-    lid = dome(0.30, 0.06, 4, 24).moved(z=0.90)
+    lid = dome(0.30, 0.06, 4, 24).move(z=0.90)
     legs = [_radial_tube(0.34, 0.03, 0.17, 0.26, angle, 0.014) for angle in range(0, 360, 60)]
     struts = [_radial_tube(0.29, 0.88, 0.20, 1.30, angle, 0.010) for angle in (45, 135, 225, 315)]
-    subreflector = dome(0.24, 0.07, 4, 24).turned("x", 180).moved(z=1.34)
+    subreflector = dome(0.24, 0.07, 4, 24).turn("x", 180).move(z=1.34)
     return join(hub, can, lid, subreflector, *legs, *struts)
 
 
 def _radial_tube(
     inner_m: float, low_m: float, outer_m: float, high_m: float, angle_deg: float, radius_m: float
 ) -> Solid:
-    return tube((inner_m, 0.0, low_m), (outer_m, 0.0, high_m), radius_m, 6).turned("z", angle_deg)
+    return tube((inner_m, 0.0, low_m), (outer_m, 0.0, high_m), radius_m, 6).turn("z", angle_deg)
 
 
 def _antenna_boom() -> Solid:
@@ -194,8 +194,8 @@ def _multiple_access() -> Solid:
     deck = box((1.90, 1.70, 0.05), (-0.05, 0.0, BUS_TOP_M + 0.02))
     receive = [(-0.88 + 0.235 * column, -0.70 + 0.20 * row) for column in range(4) for row in range(8)]
     transmit = [(0.22 + 0.26 * column, -0.56 + 0.28 * row) for column in range(3) for row in range(5)]
-    elements = [_element(0.070, 0.16).moved(x, y, BUS_TOP_M + 0.04) for x, y in receive]
-    elements += [_element(0.095, 0.12).moved(x, y, BUS_TOP_M + 0.04) for x, y in transmit]
+    elements = [_element(0.070, 0.16).move(x, y, BUS_TOP_M + 0.04) for x, y in receive]
+    elements += [_element(0.095, 0.12).move(x, y, BUS_TOP_M + 0.04) for x, y in transmit]
     return join(deck, *elements)
 
 
@@ -211,7 +211,7 @@ def _space_ground_link() -> Solid:
     feed = frustum(0.05, 0.09, 0.62, 0.80, 16)
     legs = [tube(_at(0.90, 0.253, angle), _at(0.06, 0.70, angle), 0.011, 6) for angle in (30, 150, 270)]
     hub = frustum(0.20, 0.30, -0.16, 0.01, 20)
-    return join(reflector, feed, *legs, hub).moved(-2.35, 0.55, 1.42)
+    return join(reflector, feed, *legs, hub).move(-2.35, 0.55, 1.42)
 
 
 def _at(radius: float, z: float, angle_deg: float) -> tuple[float, float, float]:
@@ -228,7 +228,7 @@ def _space_ground_boom() -> Solid:
 def _omni() -> Solid:
     """Return the omnidirectional antenna: a crescent and a whip at the end of the long boom."""
     arc = [(0.42 * math.sin(a * DEG), 0.0, 0.42 * (math.cos(a * DEG) - 1.0)) for a in range(-90, 91, 15)]
-    crescent = pipe(arc, 0.035, 6).facing((5.10, 0.0, 3.25)).moved(6.05, 0.8, 4.14)
+    crescent = pipe(arc, 0.035, 6).facing((5.10, 0.0, 3.25)).move(6.05, 0.8, 4.14)
     whip = tube((6.10, 0.8, 4.17), (6.42, 0.8, 4.37), 0.018, 6)
     return join(crescent, whip, ball(0.06, (6.15, 0.8, 4.20), 1))
 
@@ -240,16 +240,14 @@ def _adapter() -> Solid:
 
 def _apogee_engine() -> Solid:
     """Return the bell of the liquid apogee engine inside the adapter ring."""
-    return frustum(0.07, 0.16, 0.0, 0.28, 24).turned("x", 180).moved(z=BUS_BOTTOM_M + 0.02)
+    return frustum(0.07, 0.16, 0.0, 0.28, 24).turn("x", 180).move(z=BUS_BOTTOM_M + 0.02)
 
 
 def _thrusters() -> Solid:
     """Return the attitude thrusters: pairs of small bells at the lower corners and on the east and west faces."""
     bell = frustum(0.015, 0.045, 0.0, 0.09, 12)
     below = [
-        bell.turned("x", 180).moved(x, y, BUS_BOTTOM_M + 0.01)
-        for x in (-0.80, 0.80)
-        for y in (-0.95, -0.80, 0.80, 0.95)
+        bell.turn("x", 180).move(x, y, BUS_BOTTOM_M + 0.01) for x in (-0.80, 0.80) for y in (-0.95, -0.80, 0.80, 0.95)
     ]
-    beside = [bell.facing((0, y, 0)).moved(x, 1.14 * y, -0.95) for x in (-0.95, 0.95) for y in (-1, 1)]
+    beside = [bell.facing((0, y, 0)).move(x, 1.14 * y, -0.95) for x in (-0.95, 0.95) for y in (-1, 1)]
     return join(*below, *beside)

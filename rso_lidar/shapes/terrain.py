@@ -8,7 +8,7 @@ import numpy as np
 
 from rso_lidar.errors import MeshError
 from rso_lidar.shapes.boulders import boulder, rock_diameters
-from rso_lidar.shapes.craters import cratered
+from rso_lidar.shapes.craters import add_craters
 from rso_lidar.shapes.solids import Solid, join
 
 _MOST_BOULDERS = 50_000
@@ -37,7 +37,7 @@ def made_ground(seed: int, size_m: float, cell_m: float, craters: Abundance, roc
     n = round(size_m / cell_m) + 1
     at = (np.arange(n) - 0.5 * (n - 1)) * cell_m
     rng = np.random.default_rng([seed, _CRATERS])
-    heights = cratered(at, -at, craters.smallest_m, craters.largest_m, craters.fraction, rng)
+    heights = add_craters(at, -at, craters.smallest_m, craters.largest_m, craters.fraction, rng)
     heights -= heights.mean()
     return Ground(heights, _boulders(heights, cell_m, rocks, np.random.default_rng([seed, _ROCKS])))
 
@@ -55,7 +55,7 @@ def _boulders(heights: np.ndarray, cell_m: float, rocks: Abundance, rng: np.rand
     x, y = ((rng.random(len(diameters)) - 0.5) * side for _ in range(2))
     places = np.column_stack([x, y, height_at(heights, cell_m, x, y)]).tolist()
     return join(
-        *(boulder(diameter, rng).moved(*place) for diameter, place in zip(diameters.tolist(), places, strict=True))
+        *(boulder(diameter, rng).move(*place) for diameter, place in zip(diameters.tolist(), places, strict=True))
     )
 
 

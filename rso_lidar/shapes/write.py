@@ -16,7 +16,7 @@ import numpy as np
 
 from rso_lidar.shapes.build import builders
 from rso_lidar.shapes.materials import MATERIALS
-from rso_lidar.shapes.model import Model
+from rso_lidar.shapes.model import CraftModel
 from rso_lidar.shipped import shipped
 
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125  # glTF 2.0, table of accessor component types
@@ -46,7 +46,7 @@ def write(folder: Path) -> list[Path]:
     return written
 
 
-def statement(model: Model, content: bytes) -> dict[str, Any]:
+def statement(model: CraftModel, content: bytes) -> dict[str, Any]:
     """Return the index entry of a model whose file is `content`."""
     return {
         "name": model.name,
@@ -73,7 +73,7 @@ def _rounded(values: np.ndarray, digits: int) -> list[float]:
     return [round(float(value), digits) + 0.0 for value in values]  # + 0.0 turns -0.0 into 0.0
 
 
-def glb(model: Model) -> bytes:
+def glb(model: CraftModel) -> bytes:
     """Return the model as binary glTF 2.0: one mesh and node per part, float32 metres as they stand (z up)."""
     buffer = b""
     views: list[dict[str, Any]] = []

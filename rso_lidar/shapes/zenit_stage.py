@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rso_lidar.craft import Taxonomy
-from rso_lidar.shapes.model import Model, Piece
-from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolved, ring, torus, tube, wall
+from rso_lidar.shapes.model import CraftModel, CraftPart
+from rso_lidar.shapes.solids import Solid, ball, box, cylinder, frustum, join, pipe, revolve, ring, torus, tube, wall
 from rso_lidar.units import DEG
 
 LENGTH_M = 10.4  # from the main nozzle's exit to the payload ring
@@ -19,27 +19,27 @@ TANK_M = (EXIT_M + 2.75, FRONT_M - 2.10)  # the straight part of the oxygen tank
 RING_M = FRONT_M - 1.15  # the front edge of the instrument section
 
 
-def zenit_stage() -> Model:
+def zenit_stage() -> CraftModel:
     """Return the stage with its axis along +x: payload end forward, nozzles to the rear."""
     along_z = {
-        "tank": Piece(_tank(), "white_paint", 3000.0, hollow=True),
-        "tank_aft": Piece(_aft_tank(), "white_paint", 1700.0, hollow=True),
-        "skirt_aft": Piece(_aft_skirt(), "aluminium", 500.0),
-        "instrument_section": Piece(_instrument_section(), "white_paint", 600.0),
-        "avionics": Piece(_avionics(), "white_paint", 450.0),
-        "payload_adapter": Piece(_payload_adapter(), "aluminium", 250.0),
-        "adapter_ring": Piece(_adapter_ring(), "aluminium", 60.0),
-        "nozzle": Piece(_nozzle(), "aluminium", 350.0),
-        "engine": Piece(_engine(), "aluminium", 775.0),
-        "thruster": Piece(_verniers(), "aluminium", 380.0),
-        "separation_motors": Piece(_separation_motors(), "white_paint", 200.0),
-        "feed_lines": Piece(_lines(), "mli_silver", 60.0),
-        "cable_tunnels": Piece(_tunnels(), "aluminium", 60.0),
-        "bottles": Piece(_bottles(), "titanium_bare", 150.0, hollow=True),
-        "antenna": Piece(_antennas(), "black_paint", 5.0),
+        "tank": CraftPart(_tank(), "white_paint", 3000.0, hollow=True),
+        "tank_aft": CraftPart(_aft_tank(), "white_paint", 1700.0, hollow=True),
+        "skirt_aft": CraftPart(_aft_skirt(), "aluminium", 500.0),
+        "instrument_section": CraftPart(_instrument_section(), "white_paint", 600.0),
+        "avionics": CraftPart(_avionics(), "white_paint", 450.0),
+        "payload_adapter": CraftPart(_payload_adapter(), "aluminium", 250.0),
+        "adapter_ring": CraftPart(_adapter_ring(), "aluminium", 60.0),
+        "nozzle": CraftPart(_nozzle(), "aluminium", 350.0),
+        "engine": CraftPart(_engine(), "aluminium", 775.0),
+        "thruster": CraftPart(_verniers(), "aluminium", 380.0),
+        "separation_motors": CraftPart(_separation_motors(), "white_paint", 200.0),
+        "feed_lines": CraftPart(_lines(), "mli_silver", 60.0),
+        "cable_tunnels": CraftPart(_tunnels(), "aluminium", 60.0),
+        "bottles": CraftPart(_bottles(), "titanium_bare", 150.0, hollow=True),
+        "antenna": CraftPart(_antennas(), "black_paint", 5.0),
     }
-    pieces = {name: piece.turned("y", 90) for name, piece in along_z.items()}
-    return Model(
+    pieces = {name: piece.turn("y", 90) for name, piece in along_z.items()}
+    return CraftModel(
         name="zenit_stage",
         what="Spent second stage of the Zenit-2 class (SL-16 R/B): one fixed nozzle, four steering chambers",
         source=(
@@ -69,7 +69,7 @@ def _round(azimuth_deg: float, radius_m: float, z: float) -> tuple[float, float,
 
 
 def _hoops(*stations_m: float) -> list[Solid]:
-    return [torus(RADIUS_M, 0.022, 72, 4).moved(z=z) for z in stations_m]
+    return [torus(RADIUS_M, 0.022, 72, 4).move(z=z) for z in stations_m]
 
 
 def _tank() -> Solid:
@@ -78,7 +78,7 @@ def _tank() -> Solid:
     aft = [(RADIUS_M * math.sin(a * DEG), low - 1.05 * math.cos(a * DEG)) for a in range(0, 90, 10)]
     forward = [(RADIUS_M * math.cos(a * DEG), high + 1.05 * math.sin(a * DEG)) for a in range(0, 90, 10)]
     return join(
-        revolved([*aft, (RADIUS_M, low), *forward, (0.0, high + 1.05)], 72), *_hoops(low, 0.5 * (low + high), high)
+        revolve([*aft, (RADIUS_M, low), *forward, (0.0, high + 1.05)], 72), *_hoops(low, 0.5 * (low + high), high)
     )
 
 
@@ -98,7 +98,7 @@ def _aft_tank() -> Solid:
         (inner, low + bend),
         (inner + 0.08, low + 0.08),
     ]
-    return revolved(profile, 72)
+    return revolve(profile, 72)
 
 
 def _aft_skirt() -> Solid:
@@ -109,8 +109,8 @@ def _aft_skirt() -> Solid:
     return join(
         shell,
         *_hoops(SKIRT_M + 0.02, SKIRT_M + 0.74),
-        *(bar.turned("z", 7.5 * k) for k in range(48)),
-        *(feet.turned("z", 30.0 * k) for k in range(12)),
+        *(bar.turn("z", 7.5 * k) for k in range(48)),
+        *(feet.turn("z", 30.0 * k) for k in range(12)),
     )
 
 
@@ -120,10 +120,10 @@ def _instrument_section() -> Solid:
     shell = wall([(RADIUS_M - 0.014, low), (RADIUS_M - 0.014, high)], 0.014, 72)
     bar = box((0.03, 0.03, high - low - 0.04), (RADIUS_M + 0.012, 0.0, 0.5 * (low + high)))
     hatches = [
-        box((0.03, 0.50, 0.42), (RADIUS_M + 0.02, 0.0, 0.5 * (low + high))).turned("z", a)
+        box((0.03, 0.50, 0.42), (RADIUS_M + 0.02, 0.0, 0.5 * (low + high))).turn("z", a)
         for a in (33.75, 153.75, 273.75)
     ]
-    return join(shell, *_hoops(low + 0.03, high - 0.02), *(bar.turned("z", 7.5 * k) for k in range(48)), *hatches)
+    return join(shell, *_hoops(low + 0.03, high - 0.02), *(bar.turn("z", 7.5 * k) for k in range(48)), *hatches)
 
 
 def _avionics() -> Solid:
@@ -131,7 +131,7 @@ def _avionics() -> Solid:
     shelf = ring(1.05, RADIUS_M - 0.02, RING_M - 0.30, RING_M - 0.26, 64)
     sizes = [(0.42, 0.34, 0.30), (0.34, 0.46, 0.22), (0.40, 0.30, 0.36), (0.30, 0.30, 0.26)]
     boxes = [
-        box(sizes[k % 4], (1.55, 0.0, RING_M - 0.27 + 0.5 * sizes[k % 4][2])).turned("z", 12.0 + 36.0 * k)
+        box(sizes[k % 4], (1.55, 0.0, RING_M - 0.27 + 0.5 * sizes[k % 4][2])).turn("z", 12.0 + 36.0 * k)
         for k in range(10)
     ]
     return join(shelf, *boxes)
@@ -143,12 +143,12 @@ def _payload_adapter() -> Solid:
     for k in range(12):
         foot = _round(30.0 * k, RADIUS_M - 0.06, RING_M - 0.03)
         struts += [tube(foot, _round(30.0 * k + turn, 1.12, FRONT_M - 0.06), 0.028, 10) for turn in (-15.0, 15.0)]
-    return join(*struts, torus(RADIUS_M - 0.06, 0.04, 64, 6).moved(z=RING_M - 0.02))
+    return join(*struts, torus(RADIUS_M - 0.06, 0.04, 64, 6).move(z=RING_M - 0.02))
 
 
 def _adapter_ring() -> Solid:
     """Return the ring that the payload stood on, with its springs."""
-    springs = [cylinder(0.03, FRONT_M - 0.10, FRONT_M, 10).moved(1.03).turned("z", 20.0 + 90.0 * k) for k in range(4)]
+    springs = [cylinder(0.03, FRONT_M - 0.10, FRONT_M, 10).move(1.03).turn("z", 20.0 + 90.0 * k) for k in range(4)]
     return join(ring(1.05, 1.16, FRONT_M - 0.10, FRONT_M - 0.02, 64), *springs)
 
 
@@ -162,7 +162,7 @@ def _nozzle() -> Solid:
     bell = [(_bell(k / 14, 0.11, NOZZLE_EXIT_RADIUS_M - 0.012), throat - length * k / 14) for k in range(15)]
     chamber = [(0.17, throat + 0.45), (0.17, throat + 0.20), (0.13, throat + 0.08)]
     hoops = [
-        torus(_bell(s, 0.11, NOZZLE_EXIT_RADIUS_M - 0.012) + 0.014, 0.014, 40, 4).moved(z=throat - length * s)
+        torus(_bell(s, 0.11, NOZZLE_EXIT_RADIUS_M - 0.012) + 0.014, 0.014, 40, 4).move(z=throat - length * s)
         for s in (0.30, 0.50, 0.70, 0.88, 0.994)
     ]
     return join(wall([*chamber, *bell], 0.012, 48), *hoops)
@@ -172,11 +172,11 @@ def _engine() -> Solid:
     """Return pumps, head and lines of the main engine, and the frame that it hangs in."""
     head = EXIT_M + 2.78
     injector = frustum(0.24, 0.15, head - 0.05, head + 0.18, 24)
-    pump = join(cylinder(0.20, -0.55, 0.25, 20), frustum(0.28, 0.20, -0.80, -0.50, 20)).moved(0.50, 0.0, head - 0.25)
+    pump = join(cylinder(0.20, -0.55, 0.25, 20), frustum(0.28, 0.20, -0.80, -0.50, 20)).move(0.50, 0.0, head - 0.25)
     line = pipe([(0.50, 0.0, head), (0.40, 0.0, head + 0.25), (0.10, 0.0, head + 0.22)], 0.08, 12)
-    manifold = torus(0.42, 0.05, 36, 8).moved(z=head - 1.10)
+    manifold = torus(0.42, 0.05, 36, 8).move(z=head - 1.10)
     frame = [tube(_round(45.0 * k, 0.20, head + 0.10), _round(45.0 * k, 0.86, head - 0.60), 0.035, 8) for k in range(8)]
-    return join(injector, pump, line, manifold, torus(0.86, 0.04, 48, 6).moved(z=head - 0.60), *frame)
+    return join(injector, pump, line, manifold, torus(0.86, 0.04, 48, 6).move(z=head - 0.60), *frame)
 
 
 def _verniers() -> Solid:
@@ -189,9 +189,9 @@ def _verniers() -> Solid:
         box((0.14, 0.10, 0.34), (0.0, 0.22, 0.22)),
         box((0.14, 0.10, 0.34), (0.0, -0.22, 0.22)),
     ]
-    one = join(chamber, cap, *yoke).moved(RADIUS_M - 0.42, 0.0, SKIRT_M + 0.18)
-    line = torus(1.30, 0.035, 48, 5).moved(z=SKIRT_M + 0.26)
-    return join(*(one.turned("z", 45.0 + 90.0 * k) for k in range(4)), line)
+    one = join(chamber, cap, *yoke).move(RADIUS_M - 0.42, 0.0, SKIRT_M + 0.18)
+    line = torus(1.30, 0.035, 48, 5).move(z=SKIRT_M + 0.26)
+    return join(*(one.turn("z", 45.0 + 90.0 * k) for k in range(4)), line)
 
 
 def _separation_motors() -> Solid:
@@ -200,8 +200,8 @@ def _separation_motors() -> Solid:
         cylinder(0.12, -0.55, 0.45, 20), frustum(0.12, 0.03, 0.45, 0.72, 20), frustum(0.05, 0.10, -0.70, -0.54, 16)
     )
     saddle = [box((0.16, 0.22, 0.08), (-0.10, 0.0, z)) for z in (-0.35, 0.25)]
-    one = join(motor, *saddle).moved(RADIUS_M + 0.15, 0.0, SKIRT_M + 1.35)
-    return join(*(one.turned("z", 90.0 * k) for k in range(4)))
+    one = join(motor, *saddle).move(RADIUS_M + 0.15, 0.0, SKIRT_M + 1.35)
+    return join(*(one.turn("z", 90.0 * k) for k in range(4)))
 
 
 def _lines() -> Solid:
@@ -222,7 +222,7 @@ def _tunnels() -> Solid:
     tunnel = box((0.08, 0.22, high - low), (RADIUS_M + 0.035, 0.0, 0.5 * (low + high)))
     ends = [box((0.06, 0.16, 0.14), (RADIUS_M + 0.025, 0.0, z)) for z in (low - 0.06, high + 0.06)]
     clamps = [box((0.11, 0.26, 0.05), (RADIUS_M + 0.035, 0.0, low + 0.5 + k)) for k in range(6)]
-    return join(*(join(tunnel, *ends, *clamps).turned("z", a) for a in (110, 290)))
+    return join(*(join(tunnel, *ends, *clamps).turn("z", a) for a in (110, 290)))
 
 
 def _bottles() -> Solid:
@@ -235,4 +235,4 @@ def _bottles() -> Solid:
 def _antennas() -> Solid:
     """Return the flush antennas on the instrument section."""
     patch = box((0.03, 0.16, 0.16), (RADIUS_M + 0.03, 0.0, RING_M - 0.30))
-    return join(*(patch.turned("z", a) for a in (75, 195, 315)))
+    return join(*(patch.turn("z", a) for a in (75, 195, 315)))

@@ -74,12 +74,12 @@ def move(seed: int, by: float) -> Moving:
 
         return call
 
-    for name in ("pipe", "skin", "revolved"):
+    for name in ("pipe", "skin", "revolve"):
         setattr(solids, name, shaken(getattr(solids, name), 0))
     solids.prism = shaken(solids.prism, 0, 1, 2)
     solids.Solid.facing = shaken(solids.Solid.facing, 1)
-    solids.Solid.turned = shaken(solids.Solid.turned, 2)
-    solids.Solid.moved = shaken(solids.Solid.moved, 1, 2, 3)
+    solids.Solid.turn = shaken(solids.Solid.turn, 2)
+    solids.Solid.move = shaken(solids.Solid.move, 1, 2, 3)
     return moving
 
 

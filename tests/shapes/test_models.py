@@ -138,8 +138,8 @@ def test_suomi_npp_has_the_published_bus_and_instruments(built):
     assert np.ptp(low, axis=0)[:2] == pytest.approx([1.3, 1.3], abs=0.05)
     panels = trimesh.Trimesh(*parts["solar_substrate"], process=False).split()
     assert sum(np.prod(panel.extents[:2]) > 1.0 for panel in panels) == 3
-    upright = {name: Solid(*parts[name]).turned("y", -15.0).vertices for name in ("cris", "ceres")}
-    foot = Solid(*parts["bus"]).turned("y", -15.0).vertices[:, 0].min()
+    upright = {name: Solid(*parts[name]).turn("y", -15.0).vertices for name in ("cris", "ceres")}
+    foot = Solid(*parts["bus"]).turn("y", -15.0).vertices[:, 0].min()
     assert foot - upright["cris"][:, 0].min() == pytest.approx(0.70, abs=0.05)  # 70 cm by 45 cm by 47 cm
     assert np.ptp(upright["cris"][:, 2]) == pytest.approx(0.47, abs=0.005)
     assert foot - upright["ceres"][:, 0].min() == pytest.approx(0.70, abs=0.05)  # 60 cm by 60 cm by 70 cm

@@ -21,7 +21,7 @@ def triangles(solid):
 def test_two_balls_overlap_as_two_circles_do():
     """Circles of radius 1 whose centres are d apart share 2 acos(d/2) - d/2 sqrt(4 - d^2)."""
     ball, shift, directions = solids.ball(1.0, splits=4), 0.8, views(20)
-    seen = overlap(triangles(ball), triangles(ball.moved(x=shift)), directions)
+    seen = overlap(triangles(ball), triangles(ball.move(x=shift)), directions)
     apart = shift * np.hypot(directions[:, 1], directions[:, 2])
     shared = 2.0 * np.arccos(apart / 2.0) - apart / 2.0 * np.sqrt(4.0 - apart**2)
     # cells of 7 mm: those that an edge cuts are right on the average, and there are a few hundred of them on each edge;
@@ -32,7 +32,7 @@ def test_two_balls_overlap_as_two_circles_do():
 def test_a_thing_covers_itself_and_nothing_that_stands_elsewhere():
     box = solids.box((1, 2, 3))
     assert np.all(overlap(triangles(box), triangles(box), views(5)) == 1.0)
-    assert np.all(overlap(triangles(box), triangles(box.moved(z=9)), np.array([[1.0, 0.0, 0.0]])) == 0.0)
+    assert np.all(overlap(triangles(box), triangles(box.move(z=9)), np.array([[1.0, 0.0, 0.0]])) == 0.0)
 
 
 def test_views_are_spread_evenly():
@@ -45,11 +45,11 @@ def test_views_are_spread_evenly():
 
 def test_a_place_turns_and_shifts_without_a_mirror():
     place = Place(axes=("+y", "-x", "+z"), origin_m=(1.0, 0.0, 0.0))
-    assert place.moved(np.array([[1.0, 2.0, 3.0]]), np.zeros((1, 3))).tolist() == [[2.0, 0.0, 3.0]]
-    middle = Place(origin_m=None).moved(np.array([[4.0, 4, 4], [6, 6, 6]]), np.array([[-1.0, 0, 0], [1, 2, 0]]))
+    assert place.move(np.array([[1.0, 2.0, 3.0]]), np.zeros((1, 3))).tolist() == [[2.0, 0.0, 3.0]]
+    middle = Place(origin_m=None).move(np.array([[4.0, 4, 4], [6, 6, 6]]), np.array([[-1.0, 0, 0], [1, 2, 0]]))
     assert middle.tolist() == [[-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]]
     with pytest.raises(ValueError, match="a mirror, not a turn"):
-        Place(axes=("+y", "+x", "+z")).moved(np.zeros((1, 3)), np.zeros((1, 3)))
+        Place(axes=("+y", "+x", "+z")).move(np.zeros((1, 3)), np.zeros((1, 3)))
 
 
 def test_groups_share_out_a_mesh_without_loss():

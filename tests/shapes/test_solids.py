@@ -32,9 +32,9 @@ SOLIDS = {
     "tiles": (solids.tiles((3.2, 2.1, 0.5), (3, 2), 0.1), 3 * 2 * 1.0 * 1.0 * 0.5),
     "skin": (solids.skin([[(0, 0, z), (w, 0, z), (w, w, z), (0, w, z)] for z, w in ((0, 1), (1, 2), (3, 2))]), 31 / 3),
     "skin, the other way round": (solids.skin([[(0, 0, z), (0, 2, z), (1, 0, z)] for z in (0, 3)]), 3.0),
-    "turned": (solids.box((1, 2, 3)).turned("y", 30).turned("z", -70).moved(1, 2, 3), 6.0),
+    "turned": (solids.box((1, 2, 3)).turn("y", 30).turn("z", -70).move(1, 2, 3), 6.0),
     "facing": (solids.box((1, 2, 3)).facing((1, -2, 0.5)), 6.0),
-    "mirrored": (solids.frustum(1.0, 2.0, 0.0, 3.0, 16).moved(5, 0, 0).mirrored("x"), 7 * polygon_area(16)),
+    "mirrored": (solids.frustum(1.0, 2.0, 0.0, 3.0, 16).move(5, 0, 0).mirror("x"), 7 * polygon_area(16)),
 }
 
 
@@ -83,6 +83,6 @@ def test_facing_turns_z_to_the_direction():
 
 def test_turns_are_right_handed():
     point = solids.Solid(np.array([[1.0, 0.0, 0.0]]), np.zeros((0, 3), dtype=int))
-    assert point.turned("z", 90).vertices[0] == pytest.approx([0, 1, 0], abs=1e-15)
-    assert point.turned("y", 90).vertices[0] == pytest.approx([0, 0, -1], abs=1e-15)
-    assert point.turned("x", 90).vertices[0] == pytest.approx([1, 0, 0], abs=1e-15)
+    assert point.turn("z", 90).vertices[0] == pytest.approx([0, 1, 0], abs=1e-15)
+    assert point.turn("y", 90).vertices[0] == pytest.approx([0, 0, -1], abs=1e-15)
+    assert point.turn("x", 90).vertices[0] == pytest.approx([1, 0, 0], abs=1e-15)

@@ -49,7 +49,7 @@ def test_capsule_is_as_large_as_published(craft):
 def _shut():
     """Return the heat shield swung up, without its arms."""
     x, _, z = capsule.HINGE_M
-    return capsule.heat_shield().moved(-x, 0.0, -z).turned("y", capsule.OPEN_DEG).moved(x, 0.0, z)
+    return capsule.heat_shield().move(-x, 0.0, -z).turn("y", capsule.OPEN_DEG).move(x, 0.0, z)
 
 
 def test_heat_shield_closes_the_capsule_about_its_hinge(craft):
