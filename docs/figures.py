@@ -41,7 +41,7 @@ from rso_lidar.picture.style.palette import INK, LINE, PARTS, QUIET, hex_colour
 from rso_lidar.records import Photons, Waveforms
 from rso_lidar.rpo.relative.hill import clohessy_wiltshire
 from rso_lidar.scenario.mission.surfaces import build_whole_surface
-from rso_lidar.scene.surfaces.portrait import portrait
+from rso_lidar.scene.surfaces.portrait import render_portrait
 from rso_lidar.study.time_history.open_loop import fly_open_loop
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
@@ -708,7 +708,7 @@ def _shape(name: str) -> tuple[np.ndarray, float]:
         rl.Target(name=name, model=name, motion=rl.Fixed(position_m=(0.0, 0.0, 0.0))), Path, 1064e-9
     )
     toward = np.array(SHAPE_FROM.get(name, (1.0, -1.2, 0.7))) / np.linalg.norm(SHAPE_FROM.get(name, (1.0, -1.2, 0.7)))
-    view = portrait(surface, tuple(toward.tolist()), (0.0, 0.0, 1.0), cells=1200)
+    view = render_portrait(surface, tuple(toward.tolist()), (0.0, 0.0, 1.0), cells=1200)
     right = np.cross((0.0, 0.0, 1.0), toward) / math.hypot(toward[0], toward[1])
     lamp = 0.70 * toward - 0.45 * right + 0.55 * np.cross(toward, right)
     facing = np.einsum("i,irc->rc", lamp, np.stack([surface.planes[axis][view.facet] for axis in range(3)]))

@@ -12,8 +12,8 @@ from rso_lidar.interruption import make_temporary_folder
 from rso_lidar.scene import Mesh, load_mesh
 from rso_lidar.scene.library.adding import known_meshes
 from rso_lidar.scene.library.catalogue import model
-from rso_lidar.scene.meshes.cad import is_cad, tessellated
-from rso_lidar.scene.meshes.mesh import mended
+from rso_lidar.scene.meshes.cad import is_cad, tessellate
+from rso_lidar.scene.meshes.mesh import normalize_mesh
 from rso_lidar.scene.surfaces.examination import examine
 
 
@@ -30,7 +30,7 @@ def check(
     mesh = _load_mesh(path)
     known = known_meshes().get(mesh.sha256) if path.exists() else None
     unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)
-    lines = examine(mended(mesh, unit_m)).lines()
+    lines = examine(normalize_mesh(mesh, unit_m)).lines()
     echo(f"{path}")
     if known:
         echo(
@@ -43,11 +43,11 @@ def check(
 def _load_mesh(path: Path) -> Mesh:
     """Load the mesh of a mesh file, of a CAD solid, or of a model by name."""
     if is_cad(path):
-        blob, unit_m = tessellated(path)
+        blob, unit_m = tessellate(path)
         with make_temporary_folder() as folder:
             place = Path(folder, f"{path.stem}.glb")
             place.write_bytes(blob)
-            return mended(load_mesh(place), unit_m)
+            return normalize_mesh(load_mesh(place), unit_m)
     if path.suffix or path.exists() or len(path.parts) > 1:
         return load_mesh(path)
     return model(str(path)).mesh

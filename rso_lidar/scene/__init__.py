@@ -6,12 +6,12 @@ from rso_lidar.scene.labels import label
 from rso_lidar.scene.materials.crinkle import Crinkled
 from rso_lidar.scene.materials.measured import TableBrdf
 from rso_lidar.scene.materials.microfacet import Ggx, OrenNayar
-from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength, Named, material_named
+from rso_lidar.scene.materials.named import AnyMaterial, ByWavelength, Named, find_material
 from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, warn_of_repairs, warn_of_size
-from rso_lidar.scene.surfaces.articulated import Hinged, articulated
+from rso_lidar.scene.surfaces.articulated import Hinged, split_at_hinges
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 __all__ = [
@@ -30,14 +30,14 @@ __all__ = [
     "Scatterer",
     "Surface",
     "TableBrdf",
-    "articulated",
     "build_surface",
     "cast",
     "complete",
     "extent",
+    "find_material",
     "label",
     "load_mesh",
-    "material_named",
+    "split_at_hinges",
     "warn_of_repairs",
     "warn_of_size",
 ]

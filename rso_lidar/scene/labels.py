@@ -20,7 +20,7 @@ class Returns(NamedTuple):
     cluster: np.ndarray
 
 
-class Struck(NamedTuple):
+class HitColumns(NamedTuple):
     """Columns of `Hits` (hit)."""
 
     weight: np.ndarray
@@ -30,7 +30,7 @@ class Struck(NamedTuple):
     cos_incidence: np.ndarray
 
 
-class Said(NamedTuple):
+class LabelColumns(NamedTuple):
     """The labels (pixel), which are written."""
 
     photons: np.ndarray
@@ -63,7 +63,7 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
         "photons": np.zeros(n_pixels, np.float32),
         "filled_fraction": np.zeros(n_pixels, np.float32),
     }
-    mean_range, bright = _speak(sky, hits, photons)
+    mean_range, bright = _write_labels(sky, hits, photons)
     if max_returns > 1:
         sky["return_range_m"] = np.full((n_pixels, max_returns), np.nan)
         sky["return_photons"] = np.zeros((n_pixels, max_returns), np.float32)
@@ -75,19 +75,21 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
     return Labels(**{name: values.reshape(*photons.shape, *values.shape[1:]) for name, values in sky.items()})
 
 
-def _speak(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
     """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
-        filled(packed(hits.pixel), packed(hits.weight), labels["filled_fraction"])
+        sum_weights(packed(hits.pixel), packed(hits.weight), labels["filled_fraction"])
     returns = Returns(*(packed(getattr(photons, name)) for name in Returns._fields))
-    struck = Struck(*(packed(getattr(hits, name)) for name in Struck._fields))
-    return spoken(returns, len(photons.cluster_pixel), struck, Said(*(labels[name] for name in Said._fields)))
+    struck = HitColumns(*(packed(getattr(hits, name)) for name in HitColumns._fields))
+    return label_pixels(
+        returns, len(photons.cluster_pixel), struck, LabelColumns(*(labels[name] for name in LabelColumns._fields))
+    )
 
 
 @kernel
-def filled(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
+def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
     """Write the share of each pixel that rays hit; `pixel` never falls."""
     total = 0.0
     for k in range(len(pixel)):
@@ -98,7 +100,9 @@ def filled(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
 
 
 @kernel
-def spoken(returns: Returns, n_clusters: int, struck: Struck, said: Said) -> tuple[np.ndarray, np.ndarray]:
+def label_pixels(
+    returns: Returns, n_clusters: int, struck: HitColumns, said: LabelColumns
+) -> tuple[np.ndarray, np.ndarray]:
     """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
     pixel, photons, delay_s, hit, cluster = returns
     weight, target, part, facet, cos_incidence = struck

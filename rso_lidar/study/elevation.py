@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar import units
 from rso_lidar.records import Frame
 from rso_lidar.scene import Surface
-from rso_lidar.scene.surfaces.portrait import top_heights
+from rso_lidar.scene.surfaces.portrait import find_top_heights
 
 Pose = tuple[np.ndarray, np.ndarray]  # site_from_lidar: position (xyz) [m] and rotation matrix (3, 3)
 
@@ -148,7 +148,7 @@ def build_true_elevation(surface: Surface, like: ElevationMap) -> ElevationMap:
     part = ((np.arange(_SUB) + 0.5) / _SUB - 0.5) * like.cell_m
     east = (like.east_m[:, None] + part).ravel()
     north = (like.north_m[:, None] - part).ravel()
-    tops = top_heights(surface, east[None, :], north[:, None])
+    tops = find_top_heights(surface, east[None, :], north[:, None])
     rows, cols = like.height_m.shape
     mean = tops.reshape(rows, _SUB, cols, _SUB).mean(axis=(1, 3))
     return ElevationMap(like.cell_m, mean, np.full((rows, cols), _SUB**2, np.int32))

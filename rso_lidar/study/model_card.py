@@ -19,7 +19,7 @@ from rso_lidar.scenario import Lidar, Target
 from rso_lidar.scenario.mission.surfaces import build_whole_surface, find_taxonomy
 from rso_lidar.scene import Surface
 from rso_lidar.scene.library.catalogue import materials, model
-from rso_lidar.scene.surfaces.portrait import portrait, viewer_axes
+from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -115,7 +115,7 @@ def make_model_card(name: str, file: Callable[[str], Path] = Path, *, returns: b
     side_m = 1.04 * max(_view_width_m(surface, *sight) for sight in SIDES.values())
     views = []
     for side, (toward, up) in SIDES.items():
-        picture = portrait(surface, toward, up, side_m=side_m, cells=_CELLS)
+        picture = render_portrait(surface, toward, up, side_m=side_m, cells=_CELLS)
         on = np.maximum(picture.facet, 0)
         views.append(
             CardView(

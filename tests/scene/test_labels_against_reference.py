@@ -8,7 +8,7 @@ import pytest
 
 from rso_lidar.records import Hits, Labels, Photons, Rays
 from rso_lidar.scene import label, labels
-from tests.reference.scene.labels import spoken
+from tests.reference.scene.labels import label_pixels
 
 SHAPE = (6, 5)
 
@@ -56,7 +56,7 @@ def flash(n, seed=1, pixels=30, shades=3, filled=False, spilt=False):
 
 def agree(hits, photons, max_returns=1):
     """Return the labels, the very same by both ways."""
-    with mock.patch.object(labels, "_speak", spoken):
+    with mock.patch.object(labels, "_write_labels", label_pixels):
         reference = label(hits, photons, max_returns)
     ours = label(hits, photons, max_returns)
     for field in dataclasses.fields(Labels):
@@ -117,5 +117,5 @@ def test_more_clusters_than_a_byte_counts():
 def test_each_loop_is_compiled_for_one_combination_of_types():
     agree(*flash(50))
     agree(*flash(50, filled=True, spilt=True))
-    for loop in (labels.filled, labels.spoken):
+    for loop in (labels.sum_weights, labels.label_pixels):
         assert len(loop.dispatcher.signatures) == 1

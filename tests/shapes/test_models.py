@@ -8,7 +8,7 @@ import trimesh
 
 from rso_lidar.craft import classify_size
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import material_named
+from rso_lidar.scene import find_material
 from rso_lidar.scene.library.catalogue import materials, models
 from rso_lidar.shapes import MATERIALS, build, builders
 from rso_lidar.shapes.solids import Solid
@@ -211,7 +211,7 @@ def test_materials_are_whole_and_conserve_energy():
     assert materials() == MATERIALS
     for name, table in MATERIALS.items():
         for wavelength_m in (1064e-9, 1570e-9):
-            at = material_named(name, wavelength_m)
+            at = find_material(name, wavelength_m)
             assert float(at.brdf_per_sr(np.array(1.0))) > 0.0
         assert table["at_1570_nm"].keys() < table.keys(), name
         for key in ("what", "source", "confidence"):
@@ -250,7 +250,7 @@ def test_presets_keep_to_the_published_totals():
 def test_crinkled_foil_is_in_the_mean_what_its_smooth_twin_is(name, wavelength_m):
     """n = 300 with slopes of 5 degrees stands for n = 30: within a sixth where the lobe is, and closer where it is not."""
     cosine = np.cos(np.radians([0.0, 6.0, 10.0, 15.0, 30.0, 60.0]))
-    smooth, crinkled = material_named(name, wavelength_m), material_named(f"{name}_crinkled", wavelength_m)
+    smooth, crinkled = find_material(name, wavelength_m), find_material(f"{name}_crinkled", wavelength_m)
     ratio = crinkled.mean_brdf_per_sr(cosine) / smooth.brdf_per_sr(cosine)
     assert ratio[:4] == pytest.approx(1.0, abs=1 / 6)
     assert ratio[4:] == pytest.approx(1.0, abs=0.03)

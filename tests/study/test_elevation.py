@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rso_lidar.scene.meshes.height_field import height_field
+from rso_lidar.scene.meshes.height_field import build_height_field
 from rso_lidar.scene.surfaces.surface import build_surface
 from rso_lidar.study.elevation import (
     HAZARD,
@@ -83,7 +83,7 @@ def test_small_holes_are_mended_and_large_ones_are_not():
 def test_true_heights_are_those_of_the_mesh(tmp_path):
     at = np.arange(-20.0, 20.5, 1.0)
     plane = 0.1 * at[None, :] + 0.3 * at[::-1, None]  # rises to the east and to the north
-    surface = build_surface("site", height_field(plane, 1.0, tmp_path / "plane", ""))
+    surface = build_surface("site", build_height_field(plane, 1.0, tmp_path / "plane", ""))
     found = flat(30)
     truth = build_true_elevation(surface, found)
     expected = 0.1 * found.east_m[None, :] + 0.3 * found.north_m[:, None]

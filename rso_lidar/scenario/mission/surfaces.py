@@ -16,9 +16,9 @@ from rso_lidar.scene import (
     Mesh,
     Named,
     Surface,
-    articulated,
     build_surface,
     load_mesh,
+    split_at_hinges,
     warn_of_repairs,
     warn_of_size,
 )
@@ -39,7 +39,7 @@ def build_surfaces(
     """
     whole = replace(build_whole_surface(target, file, wavelength_m), target=number)
     hinged = [Hinged(target.joint_axes(joint), joint.parts, joint.position_m) for joint in target.joints]
-    return articulated(whole, hinged)
+    return split_at_hinges(whole, hinged)
 
 
 def build_whole_surface(target: Target, file: Callable[[str], Path], wavelength_m: float) -> Surface:

@@ -14,7 +14,7 @@ from rso_lidar.errors import MeshError, ScenarioError, add_place, did_you_mean
 from rso_lidar.files import MOST_BYTES, check_regular, read_text
 from rso_lidar.part import Part, Text
 from rso_lidar.scene import AnyMaterial, Material, Named, Surface, complete, library
-from rso_lidar.scene.meshes.colours import facet_colours, hexed
+from rso_lidar.scene.meshes.colours import format_colours, read_facet_colours
 
 _DIGITS = 12  # of a facet's number at most, far more than any mesh needs
 
@@ -47,7 +47,7 @@ def apply_color_materials(surface: Surface, color_materials: Mapping[str, Materi
     wavelength_m : of the laser [m].
     """
     with add_place("color_materials"):
-        colour = hexed(facet_colours(surface.mesh))[surface.mesh.source_facet]
+        colour = format_colours(read_facet_colours(surface.mesh))[surface.mesh.source_facet]
         of_colour = {word.lower(): material for word, material in color_materials.items()}
         there = sorted(set(colour))
         for word in of_colour:

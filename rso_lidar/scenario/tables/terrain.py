@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from rso_lidar.craft import Taxonomy
 from rso_lidar.part import Fraction, Number, Part, Positive, Text, Whole
-from rso_lidar.scene.meshes.height_field import MOST_CELLS, height_field, load_height_field
+from rso_lidar.scene.meshes.height_field import MOST_CELLS, build_height_field, load_height_field
 from rso_lidar.scene.meshes.mesh import Mesh
 
 _LARGEST_CRATER = 0.25  # default over the side
@@ -118,7 +118,7 @@ def _build_made_ground(terrain: CratersAndBoulders) -> Mesh:
     digest = hashlib.sha256(ground.heights_m.tobytes())
     if ground.boulders is not None:
         digest.update(ground.boulders.vertices.tobytes())
-    return height_field(
+    return build_height_field(
         ground.heights_m, terrain.cell_m, Path(name_terrain(terrain)), digest.hexdigest(), ground.boulders
     )
 

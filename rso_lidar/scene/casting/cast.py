@@ -15,7 +15,7 @@ from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Hits, Rays, Truth
 from rso_lidar.scene.casting.bands import BAND_RAYS
 from rso_lidar.scene.casting.first_hits import find_first_hits, split_by_surface
-from rso_lidar.scene.casting.light import from_laser, from_sun
+from rso_lidar.scene.casting.light import compute_laser_light, compute_sunlight
 from rso_lidar.scene.casting.local_hits import localize_hits
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.surfaces.surface import Surface
@@ -53,8 +53,8 @@ def cast(
         brdf_per_sr=first.brdf_per_sr,
     )
     laser = np.zeros(3) if laser_from_m is None else np.asarray(laser_from_m, dtype=float)
-    if sun or laser.any() or any(surface.bent for surface in surfaces):
-        hits = _relit(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
+    if sun or laser.any() or any(surface.has_own_normals for surface in surfaces):
+        hits = _relight(hits, number, facet, surfaces, truth, threads, laser, sun=sun)
     return _average_over_lens(hits, number, facet, surfaces, laser, aperture_m)
 
 
@@ -79,7 +79,7 @@ def _average_over_lens(
     return replace(hits, brdf_per_sr=brdf)
 
 
-def _relit(
+def _relight(
     hits: Hits,
     number: np.ndarray,
     facet: np.ndarray,
@@ -98,11 +98,11 @@ def _relit(
         surface, direction = surfaces[k], hits.rays.direction[hits.ray[on]]
         here = localize_hits(surfaces, k, truth, direction, facet[on], hits.range_m[on], cosine[on])
         if laser_from_m.any():
-            cosine[on], brdf[on] = from_laser(here, laser_from_m)
-        elif surface.bent:
+            cosine[on], brdf[on] = compute_laser_light(here, laser_from_m)
+        elif surface.has_own_normals:
             cosine[on], brdf[on] = here.base_cos_out, here.own_brdf_per_sr()
         if sunlight is not None:
-            sunlight[on] = from_sun(here)
+            sunlight[on] = compute_sunlight(here)
 
     pieces = []
     for k, of_surface in split_by_surface(number, len(surfaces)):

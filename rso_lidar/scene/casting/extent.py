@@ -7,7 +7,7 @@ import numpy as np
 
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Extent, Truth
-from rso_lidar.scene.surfaces.pieces import pieces
+from rso_lidar.scene.surfaces.pieces import find_pieces
 from rso_lidar.scene.surfaces.surface import Surface
 
 _Outlines = tuple[np.ndarray, ...]
@@ -21,9 +21,9 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
     outlines: list[_Outlines | None] = [None] * len(surfaces)
     bounds = np.empty((len(surfaces), 4))
     for number, surface in enumerate(surfaces):
-        whole = pieces(surface)
+        whole = find_pieces(surface)
         translation, matrix = truth.poses.place("lidar", surface.name)
-        some, every, bounds[number], corners, ends = outlined(
+        some, every, bounds[number], corners, ends = project_outlines(
             whole.points, whole.starts, packed(translation), packed(matrix)
         )
         if every:
@@ -34,7 +34,7 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
 
 
 @kernel
-def outlined(
+def project_outlines(
     points: np.ndarray, starts: np.ndarray, translation: np.ndarray, matrix: np.ndarray
 ) -> tuple[bool, bool, np.ndarray, np.ndarray, np.ndarray]:
     """Return whether any, and whether all points are ahead, their bounds, and the outlines of the pieces.

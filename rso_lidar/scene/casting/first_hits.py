@@ -16,7 +16,7 @@ from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Rays, Truth
 from rso_lidar.scene.casting.bands import BAND_RAYS, NEAREST_M
 from rso_lidar.scene.embree.engine import Engine, Scene
-from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, packet
+from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, NOTHING, START, ask, make_packet
 from rso_lidar.scene.surfaces.surface import Surface
 
 BLOCK_RAYS = 256
@@ -126,7 +126,7 @@ class Targets(NamedTuple):
 
 
 @kernel
-def placed(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
+def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
     """Return the words of targets (target, word), from target_from_lidar and the spheres about them.
 
     Directions are compared by how far unit vectors end apart, which is exact for narrow cones where a cosine is not:
@@ -153,7 +153,7 @@ def placed(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarr
 
 
 @kernel
-def about(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
+def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
     """Return the middle (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
     x0 = y0 = z0 = np.inf
     x1 = y1 = z1 = -np.inf
@@ -166,7 +166,7 @@ def about(direction: np.ndarray, first: int, last: int) -> tuple[float, float, f
 
 
 @kernel
-def touched(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
+def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
     """Return whether any ray that ends within `half` of (x, y, z) may pass the sphere about a target."""
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
     reach = half + target[_REACH]
@@ -174,7 +174,7 @@ def touched(x: float, y: float, z: float, half: float, target: np.ndarray) -> bo
 
 
 @kernel
-def nearest_first(targets: np.ndarray) -> np.ndarray:
+def order_by_distance(targets: np.ndarray) -> np.ndarray:
     """Return the numbers of the targets in the order in which rays may meet them."""
     order = np.arange(len(targets))
     for t in range(1, len(targets)):
@@ -187,7 +187,7 @@ def nearest_first(targets: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def passing(
+def select_rays(
     direction: np.ndarray, first: int, last: int, target: np.ndarray, near: np.ndarray, chosen: np.ndarray
 ) -> int:
     """Return how many of rays first to last pass the sphere about a target, and write which.
@@ -228,7 +228,7 @@ def cast_rays(
     hit_target, hit_number, hit_facet = np.empty(n, np.int16), np.empty(n, np.int16), np.empty(n, np.int32)
     hit_part, hit_source = np.empty(n, np.int16), np.empty(n, np.int32)
     hit_range, hit_cosine, hit_brdf = np.empty(n), np.empty(n), np.empty(n)
-    words = packet(width)
+    words = make_packet(width)
     values = words.view(np.float32)
     sent_from = values[BEFORE + START * width : BEFORE + (START + 3) * width].reshape(3, width)
     sent_along = values[BEFORE + ALONG * width : BEFORE + (ALONG + 3) * width].reshape(3, width)
@@ -237,18 +237,18 @@ def cast_rays(
     chosen = np.empty(BLOCK_RAYS, np.int64)
     near, cosine = np.empty(BLOCK_RAYS), np.empty(BLOCK_RAYS)
     facet, number = np.empty(BLOCK_RAYS, np.int64), np.empty(BLOCK_RAYS, np.int64)
-    places = placed(origin, turn, sphere)
-    order = nearest_first(places)
+    places = place_targets(origin, turn, sphere)
+    order = order_by_distance(places)
     alone = len(places) == 1
     hits = 0
     for block in range(first, last, BLOCK_RAYS):
         end = min(block + BLOCK_RAYS, last)
         for j in range(end - block):
             near[j] = np.inf
-        x, y, z, half = about(direction, block, end)
+        x, y, z, half = bound_rays(direction, block, end)
         for t in order:
             target = places[t]
-            if not alone and not touched(x, y, z, half, target):
+            if not alone and not may_touch(x, y, z, half, target):
                 continue
             start = target[_START]
             if alone:  # the rays were made for it
@@ -256,7 +256,7 @@ def cast_rays(
                 for j in range(count):
                     chosen[j] = block + j
             else:
-                count = passing(direction, block, end, target, near, chosen)
+                count = select_rays(direction, block, end, target, near, chosen)
             for p in range(0, count, width):
                 used = min(width, count - p)
                 for k in range(used):

@@ -6,14 +6,14 @@ import numpy as np
 
 from rso_lidar.pose import ROOT, rotate_vectors
 from rso_lidar.scene.casting.local_hits import LocalHits, dot
-from rso_lidar.scene.casting.shadows import find_shaded
-from rso_lidar.scene.materials.crinkle import unhidden
+from rso_lidar.scene.casting.shadows import find_shadowed
+from rso_lidar.scene.materials.crinkle import masking_shadowing
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
 
 _TIE = 1e-6  # components of a direction that differ by less are equal, whatever rounding says
 
 
-def from_laser(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return cos α and BRDF [1/sr] of hits that a laser at `laser_from_m` [m] in lidar axes lights.
 
     cos α is 0 where the laser is on the facet's other side from the lens, or something stands between. Cube corners have the
@@ -25,7 +25,7 @@ def from_laser(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, n
     to_laser = laser / distance_m
     lit = dot(hits.facing, to_laser) > 0.0
     cos_in = np.where(lit, np.clip(dot(hits.base, to_laser), 0.0, 1.0), 0.0)
-    cos_in[find_shaded(hits, cos_in > 0.0, to_laser, distance_m)] = 0.0
+    cos_in[find_shadowed(hits, cos_in > 0.0, to_laser, distance_m)] = 0.0
     cos_phase = np.clip(dot(to_laser, hits.to_viewer), -1.0, 1.0)
     on = hits.crinkled
     met = cos_in.copy()  # on crinkled foil, the cosine at which light meets the cell
@@ -33,11 +33,11 @@ def from_laser(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, n
     lobe = np.where(hits.surface.is_retro[hits.facet], 1.0, cos_phase)
     brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, lobe)
     brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.shown[on]
-    brdf[on] *= unhidden(cos_in[on], hits.base_cos_out[on], cos_phase[on], hits.slope[on])
+    brdf[on] *= masking_shadowing(cos_in[on], hits.base_cos_out[on], cos_phase[on], hits.slope[on])
     return cos_in, brdf
 
 
-def from_sun(hits: LocalHits) -> np.ndarray:
+def compute_sunlight(hits: LocalHits) -> np.ndarray:
     """Return BRDF times cosine of incidence [1/sr] of the Sun's light toward the lidar, times the free share of its disc.
 
     Over lobes that change within the disc the product is averaged, by two rings of six points (Gauss in the square of the
@@ -52,7 +52,7 @@ def from_sun(hits: LocalHits) -> np.ndarray:
     to_sun = rotate_vectors(hits.truth.poses.place(hits.surface.name, ROOT)[1], sun / np.linalg.norm(sun))
     toward = np.repeat(to_sun[:, None], len(lit), axis=1)
     up = (dot(hits.facing, toward) > 0.0) & (hits.cos_out > 0.0)
-    up[find_shaded(hits, up, toward, np.full(len(up), np.inf))] = False
+    up[find_shadowed(hits, up, toward, np.full(len(up), np.inf))] = False
     on = np.flatnonzero(up)
     ring = _disc(to_sun)
 
@@ -67,10 +67,10 @@ def from_sun(hits: LocalHits) -> np.ndarray:
         slope = hits.slope[on[of]]
         if material.rms_slope > 0.0:
             cos_in, cos_phase = dot(hits.base[:, on[of]], to_sun), dot(to_viewer, to_sun)
-            total *= hits.shown[on[of]] * unhidden(cos_in, hits.base_cos_out[on[of]], cos_phase, slope)
+            total *= hits.shown[on[of]] * masking_shadowing(cos_in, hits.base_cos_out[on[of]], cos_phase, slope)
         return total / len(points)
 
-    lit[on] = share * hits.surface.by_material(hits.facet[on], ask)
+    lit[on] = share * hits.surface.evaluate_by_material(hits.facet[on], ask)
     return lit
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from rso_lidar.records import Truth
-from rso_lidar.scene.materials.crinkle import unhidden
+from rso_lidar.scene.materials.crinkle import masking_shadowing
 from rso_lidar.scene.surfaces.surface import Surface
 
 
@@ -62,7 +62,7 @@ class LocalHits:
         on = self.crinkled
         cosine = self.base_cos_out[on]
         brdf[on] *= self.shown[on] * self.cos_out[on] / np.maximum(cosine, 1e-9)
-        brdf[on] *= unhidden(cosine, cosine, 1.0, self.slope[on])
+        brdf[on] *= masking_shadowing(cosine, cosine, 1.0, self.slope[on])
         return brdf
 
 

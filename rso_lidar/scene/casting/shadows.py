@@ -5,12 +5,12 @@ import numpy as np
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.scene.casting.local_hits import LocalHits
 from rso_lidar.scene.embree.engine import engine
-from rso_lidar.scene.embree.packets import ALONG, BEFORE, FAR, START, ask, packet
+from rso_lidar.scene.embree.packets import ALONG, BEFORE, FAR, START, ask, make_packet
 
 OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so that no facet shades itself
 
 
-def find_shaded(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
+def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
     """Return the hits, of those asked for, from which a ray `toward` (xyz, hit) meets a surface within its reach [m]."""
     centre, radius = hits.surface.sphere
     off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
@@ -23,13 +23,13 @@ def find_shaded(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m:
             origin, turn = hits.truth.poses.place(other.name, hits.surface.name)
         scene, sphere = other.scene(embree), np.append(*other.sphere)
         placed = packed(origin), packed(turn), packed(sphere)
-        mark_shaded(met, *rays, *placed, embree.occluded, scene.address, embree.width)
+        mark_shadowed(met, *rays, *placed, embree.occluded, scene.address, embree.width)
         embree.check()
     return np.flatnonzero(met)
 
 
 @kernel
-def mark_shaded(
+def mark_shadowed(
     met: np.ndarray,
     asked: np.ndarray,
     point: np.ndarray,
@@ -50,7 +50,7 @@ def mark_shaded(
     `origin` [m] and `turn` make the other's; `sphere` is centre and radius [m] of one that holds the other. As the lidar's
     rays do, these start just before it, where float32 is fine.
     """
-    words = packet(width)
+    words = make_packet(width)
     values = words.view(np.float32)[BEFORE:]
     rays, start, along = np.empty(width, np.int64), np.empty(3), np.empty(3)
     wide = 1.01 * sphere[3]

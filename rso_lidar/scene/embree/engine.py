@@ -76,17 +76,17 @@ class PacketScene:
         call, device = engine.library, engine.device
         corners = np.ascontiguousarray(triangles.reshape(-1, 3), dtype=np.float32)
         index = np.arange(len(corners), dtype=np.uint32)
-        self.address: int = call.rtcNewScene(device) or _failed(engine)
+        self.address: int = call.rtcNewScene(device) or _raise_error(engine)
         finalize(self, call.rtcReleaseScene, self.address).atexit = False  # the process's end frees all at once
         call.rtcSetSceneFlags(self.address, _ROBUST)
-        geometry = call.rtcNewGeometry(device, _TRIANGLES) or _failed(engine)
+        geometry = call.rtcNewGeometry(device, _TRIANGLES) or _raise_error(engine)
         try:
             for kind, form, values in (
                 (_BUFFER_VERTEX, _FORMAT_FLOAT3, corners),
                 (_BUFFER_INDEX, _FORMAT_UINT3, index.reshape(-1, 3)),
             ):
                 # Embree makes the room, and pads it as it reads it.
-                room = call.rtcSetNewGeometryBuffer(geometry, kind, 0, form, 12, len(values)) or _failed(engine)
+                room = call.rtcSetNewGeometryBuffer(geometry, kind, 0, form, 12, len(values)) or _raise_error(engine)
                 ctypes.memmove(room, values.ctypes.data, values.nbytes)
             call.rtcCommitGeometry(geometry)
             call.rtcAttachGeometry(self.address, geometry)
@@ -94,10 +94,10 @@ class PacketScene:
             call.rtcReleaseGeometry(geometry)  # the scene holds it now
         call.rtcCommitScene(self.address)
         if code := call.rtcGetDeviceError(device):
-            _failed(engine, code)
+            _raise_error(engine, code)
 
 
-def _failed(engine: Embree, code: int | None = None) -> int:
+def _raise_error(engine: Embree, code: int | None = None) -> int:
     """Raise what embree's error says."""
     code = engine.library.rtcGetDeviceError(engine.device) if code is None else code
     if code == _OUT_OF_MEMORY:
@@ -112,11 +112,11 @@ Scene = PacketScene | EmbreexScene
 def engine() -> Engine:
     """Return what answers for rays: embree for packets, with a device for this process; without it, embreex ray by ray."""
     with _finding:
-        return _found()
+        return _find_engine()
 
 
 @lru_cache(maxsize=1)
-def _found() -> Engine:
+def _find_engine() -> Engine:
     for path in _libraries():
         try:
             return open_engine(path)

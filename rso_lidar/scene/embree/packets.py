@@ -57,7 +57,7 @@ _call = _CallAddress()
 
 
 @kernel
-def packet(width: int) -> np.ndarray:
+def make_packet(width: int) -> np.ndarray:
     """Return the words of an empty packet, aligned, with what stands before and behind it."""
     size = BEFORE + (ROWS + 1) * width
     room = np.zeros(size + _ALIGNED // 4, np.uint32)

@@ -30,9 +30,9 @@ from rso_lidar.scene.library.catalogue import (
     read_table,
 )
 from rso_lidar.scene.library.material_names import materials_of
-from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellated
-from rso_lidar.scene.meshes.components import counted, helper_cube
-from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, likely_units, load_mesh, mended, plausible
+from rso_lidar.scene.meshes.cad import CHORD_MM, is_cad, tessellate
+from rso_lidar.scene.meshes.components import find_helper_cube, format_count
+from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, guess_units, is_plausible_size, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 
 COMMANDS = (
@@ -88,8 +88,8 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
     path = Path(path)
     _check_numbers(wanted)
     if is_cad(path):
-        blob, unit_m = tessellated(path)
-        suffix, kind = ".glb", f"tessellated to {CHORD_MM:g} mm from {path.name}"
+        blob, unit_m = tessellate(path)
+        suffix, kind = ".glb", f"tessellate to {CHORD_MM:g} mm from {path.name}"
         source = f"{kind}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
     else:
         load_mesh(path)  # a bad file is told by its own name
@@ -106,7 +106,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
         where = "let RSO_LIDAR_MODELS name a folder that can be"
         raise MeshError(f"{folder}: cannot be made ({error.strerror or error}); {where}") from None
     place = folder / f"{name}{suffix}"
-    with _alone_in(folder):
+    with _lock_library(folder):
         before = own_models().get(name)
         if before is not None and not overwrite:
             raise MeshError(
@@ -129,7 +129,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
 def remove_model(name: str) -> Path:
     """Return the mesh file that was taken out of the user's library, with its entry."""
     folder = own_folder()
-    with _alone_in(folder) if folder.is_dir() else nullcontext():
+    with _lock_library(folder) if folder.is_dir() else nullcontext():
         own, tables = own_models(), read_own_index(folder / "index.toml")
         if name not in own and name not in [table.get("name") for table in tables]:
             where = "is shipped with the package, and stays" if name in models() else "is not in your library"
@@ -141,7 +141,7 @@ def remove_model(name: str) -> Path:
     return place
 
 
-def _alone_in(folder: Path) -> AbstractContextManager[None]:
+def _lock_library(folder: Path) -> AbstractContextManager[None]:
     """Return, as a context, the lock of a library: whoever changes the index has read what others wrote."""
     busy = f"{folder}: another process is changing this library; try again when it is done"
     return hold_lock(folder / ".index.lock", wait_s=_WAIT_S, busy=busy)
@@ -184,9 +184,9 @@ def _table(
         count = sum(last - first + 1 for first, last in left_out)
         said.append(f"repaired   {count} facets left out: the helper cube about the origin, no part of the craft")
     if mesh.degenerate:
-        said.append(f"repaired   {counted(mesh.degenerate, 'facet')} without area dropped")
-    scale = _scale(mended(mesh, 1.0, left_out=left_out), known, wanted, unit_m, said)
-    whole = mended(mesh, scale, wanted.mesh_axes, left_out)
+        said.append(f"repaired   {format_count(mesh.degenerate, 'facet')} without area dropped")
+    scale = _scale(normalize_mesh(mesh, 1.0, left_out=left_out), known, wanted, unit_m, said)
+    whole = normalize_mesh(mesh, scale, wanted.mesh_axes, left_out)
     low, high = whole.vertices[np.unique(whole.facets)].min(axis=0), whole.vertices[np.unique(whole.facets)].max(axis=0)
     center = wanted.center_of_mass_m or (0.0, 0.0, 0.0)
     if wanted.center_of_mass_m is None:
@@ -202,7 +202,7 @@ def _table(
         **{key: value for key, value in wanted.taxonomy.items() if value is not None},
         "size_class": classify_size(float(whole.size_m.max())),
     }
-    _say_of(fields, known, wanted, said)
+    _report_known(fields, known, wanted, said)
     guesses = [
         "the file's geometry is taken as it stands; centre of mass and materials are assumed unless you gave them"
     ]
@@ -224,7 +224,7 @@ def _table(
     return table, said
 
 
-def _say_of(fields: dict[str, Any], known: Mapping[str, Any], wanted: Wanted, said: list[str]) -> None:
+def _report_known(fields: dict[str, Any], known: Mapping[str, Any], wanted: Wanted, said: list[str]) -> None:
     """Say which words of the taxonomy nobody gave, and how to give them."""
     options = {
         "object_class": "--class", "subclass": "--subclass", "shape_family": "--shape", "stabilisation": "--stabilisation",
@@ -247,16 +247,16 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float |
     if unit_m is not None:
         said.append(f"unit       the file says its own: {longest * unit_m:.4g} m across")
         return unit_m
-    if mesh.path.suffix.lower() in _METRIC and plausible(longest):
+    if mesh.path.suffix.lower() in _METRIC and is_plausible_size(longest):
         said.append(f"unit       metres, as glTF has it: {longest:.4g} m across")
         return 1.0
-    fits = likely_units(longest)
-    if not fits and not plausible(longest):
+    fits = guess_units(longest)
+    if not fits and not is_plausible_size(longest):
         raise MeshError(f"{mesh.path.name}: is {longest:.4g} units across; say what that is with --scale or --size-m")
     unit, metres = next(iter(fits.items()), ("metres", 1.0))
     others = "".join(f", or {other}" for other in list(fits)[1:])
     said.append(f"guessed    unit is {unit}{others}: {longest * metres:.4g} m across; if not, --scale or --size-m says")
-    if cube := helper_cube(mesh):
+    if cube := find_helper_cube(mesh):
         said.append(
             f"guessed    a cube of {cube.size_m:.4g} units about the origin: if it is a helper cube of 1 m, "
             f"--scale {1.0 / cube.size_m:.6g}"

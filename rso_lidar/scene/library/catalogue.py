@@ -16,7 +16,7 @@ from rso_lidar.craft import Hinge, Taxonomy
 from rso_lidar.errors import MeshError, RsoLidarError, ScenarioError, did_you_mean, has_warnings_enabled, warn
 from rso_lidar.files import read_text
 from rso_lidar.part import Count, NotNegative, Positive, Text, Vector, Whole, explain
-from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, mended
+from rso_lidar.scene.meshes.mesh import Mesh, load_mesh, normalize_mesh
 from rso_lidar.shipped import shipped
 from rso_lidar.toml_text import MOST_BYTES, parse_toml
 
@@ -89,7 +89,7 @@ class ModelEntry:
         mesh = load_mesh(self.path)
         if self.own and mesh.sha256 != self.sha256:
             raise MeshError(f"{self.path}: is not the file that was added as '{self.name}'; add it again (--overwrite)")
-        return mended(mesh, self.scale, self.mesh_axes, self.left_out)
+        return normalize_mesh(mesh, self.scale, self.mesh_axes, self.left_out)
 
 
 def models() -> dict[str, ModelEntry]:

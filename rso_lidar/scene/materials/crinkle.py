@@ -11,7 +11,7 @@ from pydantic import Field, Strict, model_validator
 
 from rso_lidar import units
 from rso_lidar.part import Fraction, NotNegative, Positive, Whole
-from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, phong_per_sr
+from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, phong_per_sr
 
 _Tilt = Annotated[float, Strict(), Field(gt=0, le=30)]
 _NODES = 120  # along either slope: a lobe of exponent 300 is a third as wide as slopes of 5 degrees
@@ -64,7 +64,7 @@ class Crinkled(MaterialPart):
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Return the unit normals of the cells that hold points [m] of a surface with normals, all (xyz, hit)."""
         along, across = _slopes(point, self)
-        first = np.cross(normal.T, _least(normal)).T
+        first = np.cross(normal.T, _farthest_axis(normal)).T
         first /= np.sqrt(np.einsum("ih,ih->h", first, first))
         second = np.cross(normal.T, first.T).T
         turned = normal + along * first + across * second
@@ -75,7 +75,7 @@ class Crinkled(MaterialPart):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the BRDF [1/sr] of the foil itself, for cosines from the normal of one cell."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)
 
     def mean_brdf_per_sr(
@@ -83,7 +83,7 @@ class Crinkled(MaterialPart):
     ) -> np.ndarray:
         """Return the BRDF [1/sr] of many cells, by quadrature over their slopes (Gauss and Hermite)."""
         shape = np.shape(cos_in)
-        given = np.broadcast_arrays(*both_ways(cos_in, cos_out, cos_phase))
+        given = np.broadcast_arrays(*complete_cosines(cos_in, cos_out, cos_phase))
         cos_in, cos_out, phase = (np.reshape(one, (-1, 1)) for one in given)
         node, weight = _nodes()
         p, q = (grid.ravel() * self.rms_slope for grid in np.meshgrid(node, node, indexing="ij"))
@@ -94,7 +94,7 @@ class Crinkled(MaterialPart):
         turn = np.clip((phase - cos_in * cos_out) / flat, -1.0, 1.0)  # cosine of the azimuth between the two
         met = np.maximum((cos_in + p * sin_in) * cos_tilt, 0.0)
         left = np.maximum((cos_out + sin_out * (p * turn + q * np.sqrt(1.0 - turn**2))) * cos_tilt, 0.0)
-        seen = unhidden(cos_in, cos_out, phase, self.rms_slope)
+        seen = masking_shadowing(cos_in, cos_out, phase, self.rms_slope)
         rho = phong_per_sr(self.diffuse, self.specular, self.exponent, met, left, phase)
         mean = (share * rho * met * left / cos_tilt).sum(axis=-1, keepdims=True)
         return np.reshape(mean * seen / np.maximum(cos_in * cos_out, 1e-9), shape)
@@ -107,7 +107,7 @@ def _nodes() -> tuple[np.ndarray, np.ndarray]:
     return node, weight / weight.sum()
 
 
-def unhidden(
+def masking_shadowing(
     cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray | float, slope: np.ndarray | float
 ) -> np.ndarray:
     """Return the share of cells that neighbours hide neither from the light nor from the viewer.
@@ -119,12 +119,12 @@ def unhidden(
     cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)
     flat = np.sqrt(np.maximum(1.0 - cos_in**2, 1e-18) * np.maximum(1.0 - cos_out**2, 1e-18))
     turn = 4.41 * np.arccos(np.clip((cos_phase - cos_in * cos_out) / flat, -1.0, 1.0))
-    one, other = _hidden(cos_in, slope), _hidden(cos_out, slope)
+    one, other = _smith_lambda(cos_in, slope), _smith_lambda(cos_out, slope)
     share: np.ndarray = 1.0 / (1.0 + np.maximum(one, other) + turn / (turn + 1.0) * np.minimum(one, other))
     return share
 
 
-def _hidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
+def _smith_lambda(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
     """Return Smith's Λ for a direction at that cosine."""
     from scipy.special import erf
 
@@ -134,7 +134,7 @@ def _hidden(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
     return above
 
 
-def _least(normal: np.ndarray) -> np.ndarray:
+def _farthest_axis(normal: np.ndarray) -> np.ndarray:
     """Return the coordinate axis (hit, xyz) that each normal (xyz, hit) is farthest from, the first of equal ones."""
     slant = np.abs(normal)
     axis: np.ndarray = np.eye(3)[np.argmax(slant < slant.min(axis=0) + _TIE, axis=0)]
@@ -146,13 +146,13 @@ def _slopes(point: np.ndarray, material: Crinkled) -> tuple[np.ndarray, np.ndarr
     cell = np.floor(point.T / (material.cell_mm * units.MM) + _OFF_THE_GRID).astype(np.int64).view(np.uint64)
     key = np.full(len(cell), np.uint64(material.pattern % 2**63))
     for axis in range(3):
-        key = _mixed(key ^ cell[:, axis])
-    first, second = ((_mixed(key + np.uint64(k)) >> np.uint64(11)).astype(float) * 2.0**-53 for k in (1, 2))
+        key = _mix_bits(key ^ cell[:, axis])
+    first, second = ((_mix_bits(key + np.uint64(k)) >> np.uint64(11)).astype(float) * 2.0**-53 for k in (1, 2))
     radius = material.rms_slope * np.sqrt(-2.0 * np.log1p(-first))  # Box and Muller
     return radius * np.cos(2.0 * math.pi * second), radius * np.sin(2.0 * math.pi * second)
 
 
-def _mixed(key: np.ndarray) -> np.ndarray:
+def _mix_bits(key: np.ndarray) -> np.ndarray:
     """Return 64 bits (hit) with each bit of the key spread over all of them (the finaliser of SplitMix64, Steele 2014)."""
     key = key + np.uint64(0x9E3779B97F4A7C15)
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import NotNegative
-from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
 _COARSE_DEG = 2.5  # wider steps of the table are cut for the sum over the hemisphere
@@ -52,8 +52,8 @@ class TableBrdf(MaterialPart):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the BRDF [1/sr]."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
-        half_deg = np.arccos(half_way(cos_in, cos_out, phase)[0]) / DEG
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
+        half_deg = np.arccos(half_vector_cosines(cos_in, cos_out, phase)[0]) / DEG
         brdf: np.ndarray = np.interp(half_deg, self.incidence_deg, self.measured_per_sr)
         return brdf
 

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from rso_lidar.part import Fraction
-from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, half_way
+from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
 _NARROW_ROUGHNESS = 0.1  # above it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
@@ -48,7 +48,7 @@ class OrenNayar(MaterialPart):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the BRDF [1/sr]; cos Δφ sin α tan β is (cos Δ - cos θᵢ cos θₒ) / max(cos θᵢ, cos θₒ)."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         flat, rough = self._a_b
         toward = np.maximum(phase - cos_in * cos_out, 0.0) / np.maximum(np.maximum(cos_in, cos_out), 1e-9)
         brdf: np.ndarray = self.reflectance / math.pi * (flat + rough * toward)
@@ -87,9 +87,9 @@ class Ggx(MaterialPart):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the BRDF [1/sr]."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         cos_in, cos_out = np.maximum(cos_in, 1e-9), np.maximum(cos_out, 1e-9)
-        cos_half, cos_facet = half_way(cos_in, cos_out, phase)
+        cos_half, cos_facet = half_vector_cosines(cos_in, cos_out, phase)
         alpha2 = self.roughness**2
         distribution = alpha2 / (math.pi * (1.0 - (1.0 - alpha2) * cos_half**2) ** 2)
         fresnel = self.specular + (1.0 - self.specular) * _schlick(cos_facet)

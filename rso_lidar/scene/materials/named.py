@@ -88,7 +88,7 @@ class Named(MaterialPart):
 
     def at(self, wavelength_m: float) -> Scatterer:
         """Return the material as light of a wavelength [m] sees it."""
-        return material_named(self.name, wavelength_m)
+        return find_material(self.name, wavelength_m)
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
@@ -111,7 +111,7 @@ _ByTable = Annotated[_Described, BeforeValidator(_by_name, json_schema_input_typ
 AnyMaterial = Annotated[_Described | Material, Seam(_ByTable, Material)]
 
 
-def material_named(name: str, wavelength_m: float) -> Scatterer:
+def find_material(name: str, wavelength_m: float) -> Scatterer:
     """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
     fields = catalogue.materials().get(name)
     if fields is None:

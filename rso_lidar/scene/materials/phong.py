@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rso_lidar.part import Fraction, NotNegative
-from rso_lidar.scene.materials.scatterer import MaterialPart, both_ways, phong_per_sr
+from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, phong_per_sr
 
 _NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
 
@@ -69,5 +69,5 @@ class Phong(MaterialPart):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)

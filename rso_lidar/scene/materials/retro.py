@@ -10,7 +10,7 @@ from rso_lidar import units
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Fraction, Positive
 from rso_lidar.scene.materials.diffraction import mean_irradiance
-from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Scatterer, both_ways
+from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Scatterer, complete_cosines
 
 
 class RetroReflector(MaterialPart):
@@ -65,7 +65,7 @@ class RetroReflector(MaterialPart):
 
         if self.wavelength_nm is None:
             raise ScenarioError("retro_reflector: its lobe depends on the wavelength; give it one by at(wavelength_m)")
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         diameter_m, wavelength_m = self.diameter_mm * units.MM, self.wavelength_nm * units.NM
         peak = 0.25 * math.pi * (diameter_m / wavelength_m) ** 2
         sine = np.sqrt(np.maximum((1.0 - phase) * (1.0 + phase), 0.0))

@@ -153,7 +153,7 @@ class _Completed(Scatterer):
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
         """Return what the object says [1/sr], once it is one finite number from 0 up for each hit."""
-        cos_in, cos_out, phase = both_ways(cos_in, cos_out, cos_phase)
+        cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         cosines = np.broadcast_arrays(cos_in, cos_out, phase)
         brdf = np.asarray(self._material.brdf_per_sr(*cosines), dtype=float)
         if brdf.shape not in ((), cosines[0].shape):
@@ -173,7 +173,7 @@ def _short(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else "..."
 
 
-def both_ways(
+def complete_cosines(
     cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
     """Return the three cosines, those left out filled in with the viewer where the light is."""
@@ -181,7 +181,7 @@ def both_ways(
     return cos_in, cos_in if cos_out is None else cos_out, 1.0 if cos_phase is None else cos_phase
 
 
-def half_way(
+def half_vector_cosines(
     cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray | float]:
     """Return the cosines of the half-way direction's angles from the normal and from the light."""

@@ -37,7 +37,7 @@ def is_cad(path: Path) -> bool:
     return path.suffix.lower() in CAD_SUFFIXES
 
 
-def tessellated(path: Path) -> tuple[bytes, float]:
+def tessellate(path: Path) -> tuple[bytes, float]:
     """Return a STEP or IGES file as GLB, and the metres of its unit: STEP says its unit, IGES comes in millimetres."""
     checked_file(path, CAD_SUFFIXES)
     if importlib.util.find_spec("cascadio") is None:

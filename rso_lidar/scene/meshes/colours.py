@@ -15,7 +15,7 @@ from rso_lidar.scene.meshes.mesh import Mesh, silence_trimesh
 SUFFIXES = (".glb", ".ply")
 
 
-def facet_colours(mesh: Mesh) -> np.ndarray:
+def read_facet_colours(mesh: Mesh) -> np.ndarray:
     """Return the colour (facet in the file, rgb) of each facet as bytes, counted as `Mesh.source_facet` counts them.
 
     GLB gives a colour to each group (its base colour, as it stands, without textures), PLY to facets or to vertices, of
@@ -62,7 +62,7 @@ def _of(piece: Any, path: Path) -> np.ndarray:
     return colours
 
 
-def hexed(colours: np.ndarray) -> np.ndarray:
+def format_colours(colours: np.ndarray) -> np.ndarray:
     """Return colours (…, rgb) as texts such as ``#a29225``."""
     numbers = (colours.astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
     distinct, place = np.unique(numbers, return_inverse=True)

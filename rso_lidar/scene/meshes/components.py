@@ -19,7 +19,7 @@ class Component:
     size_m: float
 
 
-def helper_cube(mesh: Mesh) -> Component | None:
+def find_helper_cube(mesh: Mesh) -> Component | None:
     """Return the component of twelve facets that is a cube along the axes about the origin, or None."""
     facets = merge_vertices(mesh)
     _, number = np.unique(np.sort(directed_edges(facets), axis=1), axis=0, return_inverse=True)
@@ -35,7 +35,7 @@ def helper_cube(mesh: Mesh) -> Component | None:
     return None
 
 
-def counted(count: int, what: str) -> str:
+def format_count(count: int, what: str) -> str:
     """Return a count in words, such as "1 facet" or "2,000 facets"."""
     return f"{count:,} {what}{'s' * (count != 1)}"
 

@@ -32,15 +32,15 @@ def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
     if not path.is_file():
         raise MeshError(f"{path}: no such file of heights; check the name")
     status = path.stat()
-    return _loaded(path.resolve(), cell_m, height_scale_m, (status.st_mtime_ns, status.st_size))
+    return _load_cached(path.resolve(), cell_m, height_scale_m, (status.st_mtime_ns, status.st_size))
 
 
 @lru_cache(maxsize=8)
-def _loaded(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple[int, int]) -> Mesh:
+def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple[int, int]) -> Mesh:
     values = _image(path) if path.suffix.lower() == ".png" else _array(path)
     with np.errstate(over="ignore", invalid="ignore"):
         heights = height_scale_m * values
-    return height_field(heights, cell_m, path, hashlib.sha256(path.read_bytes()).hexdigest())
+    return build_height_field(heights, cell_m, path, hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 def _array(path: Path) -> np.ndarray:
@@ -95,7 +95,7 @@ def _check_shape(path: Path, shape: tuple[int, ...]) -> None:
         raise MeshError(f"{path.name}: {shape[0]} x {shape[1]} is more than {MOST_CELLS:,} cells; {_CURE}")
 
 
-def height_field(
+def build_height_field(
     heights_m: np.ndarray, cell_m: float, path: Path, sha256: str, boulders: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Mesh:
     """Return heights (row, col) [m] as a mesh, the part `ground`; and `boulders`, vertices [m] and facets, as another.

@@ -158,7 +158,7 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
             warnings.filterwarnings("error", message="string or file could not be read")
             scene = trimesh.load_scene(path, process=False, skip_materials=True)  # pictures beside it are not opened
             _check_count(path, blob, scene)
-            pieces = _placed(scene, single=suffix in (".stl", ".off", ".ply"))
+            pieces = _place_geometries(scene, single=suffix in (".stl", ".off", ".ply"))
     except (MeshError, MemoryError):
         raise
     except Exception:  # trimesh passes on any Python exception, whose message says nothing about the file
@@ -196,7 +196,7 @@ def _check_stl(path: Path, blob: bytes) -> None:
         raise MeshError(f"{path.name}: has no 'endsolid' at its end, so it is cut short; export it again")
 
 
-def _placed(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def _place_geometries(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Return the named geometries of trimesh's scene, each where its node puts it; a `single` one is the body."""
     pieces = []
     order = {name: number for number, name in enumerate(scene.geometry)}
@@ -227,7 +227,9 @@ def _check_count(path: Path, blob: bytes, scene: Any) -> None:
         raise MeshError(f"{path.name}: holds {found} of the {int(said[1])} facets its header says; export it again")
 
 
-def mended(mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()) -> Mesh:
+def normalize_mesh(
+    mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()
+) -> Mesh:
     """Return a mesh in metres, its y turned up to z where `mesh_axes` says so, without runs of facets of the file."""
     if scale == 1.0 and mesh_axes == "z_up" and not left_out:
         return mesh
@@ -253,14 +255,14 @@ def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
     return vectors
 
 
-def likely_units(largest_m: float) -> dict[str, float]:
+def guess_units(largest_m: float) -> dict[str, float]:
     """Return the units, with their metres, in which a mesh of this size would be a spacecraft; none where metres will do."""
-    if plausible(largest_m):
+    if is_plausible_size(largest_m):
         return {}
     return {unit: metres for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest_m * metres <= 120.0}
 
 
-def plausible(largest_m: float) -> bool:
+def is_plausible_size(largest_m: float) -> bool:
     """Return whether a spacecraft may be this large [m]."""
     return _SMALLEST_M <= largest_m <= _LARGEST_M
 
@@ -279,9 +281,9 @@ def warn_of_repairs(mesh: Mesh, name: str) -> None:
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
     """Warn where a mesh, once scaled to metres, cannot be in metres, and say which unit is likely."""
     largest = float(mesh.size_m.max()) * scale
-    if plausible(largest):
+    if is_plausible_size(largest):
         return
-    fits = list(likely_units(largest))
+    fits = list(guess_units(largest))
     guess = f"; it may be in {' or '.join(fits)} (scale = {_OTHER_UNITS[fits[0]] * scale:g})" if fits else ""
     warnings.warn(
         f"target {name}: {mesh.path.name} is {largest:.4g} m across{guess}; give scale or size_m",

@@ -50,7 +50,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
                 f"{path.name}: line {number}: cannot be read as OBJ ({line.strip()[:40]}); mend it"
             ) from None
     points = np.array(vertices, dtype=float).reshape(-1, 3)
-    return [(name, *_used(points, np.array(facets, dtype=np.int64).reshape(-1, 3))) for name, facets in runs]
+    return [(name, *_drop_unused(points, np.array(facets, dtype=np.int64).reshape(-1, 3))) for name, facets in runs]
 
 
 def _lines(path: Path, blob: bytes) -> Iterator[tuple[int, str]]:
@@ -80,7 +80,7 @@ def _index(word: str, count: int) -> int:
     return index
 
 
-def _used(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _drop_unused(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices that some facets use, and the facets in their numbers."""
     used, inverse = np.unique(facets, return_inverse=True)
     return points[used], inverse.reshape(facets.shape)

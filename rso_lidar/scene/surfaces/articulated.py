@@ -20,7 +20,7 @@ class Hinged:
     position_m: tuple[float, float, float]
 
 
-def articulated(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface, ...]:
+def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface, ...]:
     """Return the surfaces of a target: what stands still in its body axes first, then what each hinge carries.
 
     All have the numbers of parts, facets and materials of the whole, and the target's number.
@@ -46,15 +46,15 @@ def articulated(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface, ..
     if np.all(of_facet >= 0):
         raise ScenarioError(f"joint {hinged[0].axes}: no part is left that stands still; leave one out of the joints")
     return (
-        _some(surface, of_facet < 0, surface.name, np.zeros(3)),
+        _select_facets(surface, of_facet < 0, surface.name, np.zeros(3)),
         *(
-            _some(surface, of_facet == number, hinge.axes, np.array(hinge.position_m))
+            _select_facets(surface, of_facet == number, hinge.axes, np.array(hinge.position_m))
             for number, hinge in enumerate(hinged)
         ),
     )
 
 
-def _some(surface: Surface, which: np.ndarray, name: str, origin_m: np.ndarray) -> Surface:
+def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.ndarray) -> Surface:
     """Return the surface of some facets (a mask), in axes of that name at `origin_m` (xyz) of the surface's own."""
     mesh = surface.mesh
     fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])

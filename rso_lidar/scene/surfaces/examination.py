@@ -12,15 +12,15 @@ import numpy as np
 
 from rso_lidar.scene.meshes.components import (
     Component,
-    counted,
     describe_component,
     directed_edges,
-    helper_cube,
+    find_helper_cube,
+    format_count,
     merge_vertices,
     number_components,
     split_components,
 )
-from rso_lidar.scene.meshes.mesh import Mesh, likely_units, plausible
+from rso_lidar.scene.meshes.mesh import Mesh, guess_units, is_plausible_size
 from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 _DIRECTIONS = 60
@@ -67,16 +67,18 @@ class Examination:
         """Return what a person wants to know, a word and a sentence each."""
         x, y, z = self.size_m
         text = [f"size        {x:.4g} x {y:.4g} x {z:.4g} m, {self.area_m2:.4g} m2 of surface, hidden surface included"]
-        if not plausible(self.largest_m):
-            fits = likely_units(self.largest_m)
+        if not is_plausible_size(self.largest_m):
+            fits = guess_units(self.largest_m)
             guess = ", ".join(f"{unit} (--scale {metres:g})" for unit, metres in fits.items()) or "no common unit fits"
             text.append(f"unit        doubtful: no spacecraft is {self.largest_m:.4g} m across; perhaps {guess}")
         repaired = [f"{count:,} {what}" for count, what in self._repairs if count]
         text.append(
-            f"facets      {self.facets:,} in {counted(self.parts, 'part')}; {', '.join(repaired) or 'none dropped'}"
+            f"facets      {self.facets:,} in {format_count(self.parts, 'part')}; {', '.join(repaired) or 'none dropped'}"
         )
         if self.duplicates:
-            text.append(f"duplicates  {counted(self.duplicates, 'facet')} on another with the same corners: harmless")
+            text.append(
+                f"duplicates  {format_count(self.duplicates, 'facet')} on another with the same corners: harmless"
+            )
         text.append(f"components  {self.components:,}, by shared edges")
         text += [f"stray       {_at(piece)}, far off the rest: no part of the craft?" for piece in self.strays[:5]]
         if len(self.strays) > 5:
@@ -85,9 +87,9 @@ class Examination:
             text.append(
                 f"cube        {_at(self.cube)}: a helper cube of the drawing, most likely; in NASA's models it is 1 m"
             )
-        text.append(f"holes       {counted(self.boundary_edges, 'edge')} with one facet; {self._shell}")
+        text.append(f"holes       {format_count(self.boundary_edges, 'edge')} with one facet; {self._shell}")
         text.append(
-            f"winding     {self.front_share:.2%} of first hits face the ray, {counted(self.turned_edges, 'edge')} turned: "
+            f"winding     {self.front_share:.2%} of first hits face the ray, {format_count(self.turned_edges, 'edge')} turned: "
             "facets are two-sided here, so no light is lost"
         )
         text.append(
@@ -101,7 +103,7 @@ class Examination:
 
     @property
     def _shell(self) -> str:
-        over = f"{counted(self.nonmanifold_edges, 'edge')} with over two"
+        over = f"{format_count(self.nonmanifold_edges, 'edge')} with over two"
         return f"{over}; watertight" if not self.boundary_edges and not self.nonmanifold_edges else over
 
 
@@ -116,7 +118,7 @@ def examine(mesh: Mesh) -> Examination:
     component = number_components(number, len(facets))
     area = surface.areas_m2
     strays = _strays(surface.corners, component, area)
-    front_share, hidden = _looked_at(surface)
+    front_share, hidden = _probe_visibility(surface)
     x, y, z = (float(side) for side in mesh.size_m)
     return Examination(
         size_m=(x, y, z),
@@ -134,14 +136,14 @@ def examine(mesh: Mesh) -> Examination:
         hidden=int(np.count_nonzero(hidden)),
         hidden_area_share=float(area[hidden].sum() / area.sum()),
         area_m2=float(area.sum()),
-        cube=helper_cube(mesh),
+        cube=find_helper_cube(mesh),
     )
 
 
 def _at(piece: Component) -> str:
     x, y, z = piece.center_m
     about = ", ".join(f"{value + 0.0:.2f}" for value in (round(x, 2), round(y, 2), round(z, 2)))
-    facets = counted(piece.facets, "facet")
+    facets = format_count(piece.facets, "facet")
     return f"{facets} from facet {piece.first_facet} on, {piece.size_m:.4g} m across, about ({about}) m"
 
 
@@ -164,7 +166,7 @@ def _median(rising: np.ndarray, weight: np.ndarray) -> float:
     return float(rising[np.searchsorted(below, 0.5 * below[-1] * (1.0 - _TIE))])
 
 
-def _looked_at(surface: Surface) -> tuple[float, np.ndarray]:
+def _probe_visibility(surface: Surface) -> tuple[float, np.ndarray]:
     """Return the share of first hits that face their ray, and which facets (facet) cannot be seen from outside."""
     center, radius = surface.sphere
     corners = surface.corners
@@ -174,7 +176,7 @@ def _looked_at(surface: Surface) -> tuple[float, np.ndarray]:
     across = across[(across**2).sum(axis=1) <= 1.0] * radius
     facing = hits = 0
     seen = np.zeros(len(corners), dtype=bool)
-    directions = _all_around(_DIRECTIONS)
+    directions = _sphere_directions(_DIRECTIONS)
     for direction in directions:
         side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
         side /= np.linalg.norm(side)
@@ -202,7 +204,7 @@ def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarr
     return struck
 
 
-def _all_around(count: int) -> np.ndarray:
+def _sphere_directions(count: int) -> np.ndarray:
     """Return unit vectors (count, xyz) spread evenly over the sphere: a spiral of the golden angle."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k

@@ -13,7 +13,7 @@ import numpy as np
 from rso_lidar.kernels import kernel, packed
 from rso_lidar.scene.surfaces.surface import Surface
 
-_KEPT = 64  # geometries
+_MOST_GEOMETRIES = 64  # geometries
 _MOST = 128  # pieces looked at
 _BINS = 16  # places along each axis where a piece may be split
 _WORTH = 0.004  # of the whole hull's area: what a piece must save, or it costs more to draw than the rays it spares
@@ -42,12 +42,12 @@ _known: OrderedDict[str, Pieces] = OrderedDict()  # by the geometry's hash
 _lock = Lock()
 
 
-def pieces(surface: Surface) -> Pieces:
+def find_pieces(surface: Surface) -> Pieces:
     """Return the pieces of a surface, split once for each geometry: each facet lies in the hull of one of them."""
     with _lock:
         if surface.content not in _known:
             _known[surface.content] = _split(surface)
-            while len(_known) > _KEPT:
+            while len(_known) > _MOST_GEOMETRIES:
                 _known.popitem(last=False)
         _known.move_to_end(surface.content)
         return _known[surface.content]
@@ -58,7 +58,7 @@ def _split(surface: Surface) -> Pieces:
     low, high = corners.min(axis=1), corners.max(axis=1)
     root = _tree(low, high)
     _measure(root, surface)
-    hulls = [_rounded(hull) for hull in _kept(root, _WORTH * root.area)[1]]
+    hulls = [_simplify_hull(hull) for hull in _choose_pieces(root, _WORTH * root.area)[1]]
     starts = np.cumsum([0] + [len(hull) for hull in hulls])
     points = np.ascontiguousarray(np.concatenate(hulls))
     points.flags.writeable = starts.flags.writeable = False
@@ -73,7 +73,7 @@ def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
     number = 1
     while heap and number < _MOST:
         node = heapq.heappop(heap)[2]
-        beyond, before, behind = divided(low, high, packed(node.facets))
+        beyond, before, behind = find_cut(low, high, packed(node.facets))
         if not beyond.any():
             continue
         node.parts = _Node(node.facets[~beyond]), _Node(node.facets[beyond])
@@ -84,7 +84,7 @@ def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
 
 
 @kernel
-def divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
+def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
     """Return which of some facets lie beyond the cut, from the bounds (facet, xyz) of all, and half the area of both boxes.
 
     First that of the facets before the cut; where there is none, no facet lies beyond it.
@@ -115,13 +115,13 @@ def divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.n
             continue
         before[:3], before[3:] = np.inf, -np.inf
         for place in range(_BINS - 1, 0, -1):
-            joined(before, bounds[axis, place])
+            grow_box(before, bounds[axis, place])
             behind[place] = half_area(before)
         before[:3], before[3:] = np.inf, -np.inf
         for place in range(_BINS - 1):
             if bounds[axis, place, 0] > bounds[axis, place, 3]:
                 continue  # an empty bin
-            joined(before, bounds[axis, place])
+            grow_box(before, bounds[axis, place])
             area = half_area(before)
             if area + behind[place + 1] < least:
                 least, best, cut = area + behind[place + 1], axis, place
@@ -141,7 +141,7 @@ def bin_of(middle: float, first: float, last: float) -> int:
 
 
 @kernel
-def joined(box: np.ndarray, other: np.ndarray) -> None:
+def grow_box(box: np.ndarray, other: np.ndarray) -> None:
     """Grow a box, low x, y, z, high x, y, z, until it holds another."""
     for side in range(3):
         box[side] = min(box[side], other[side])
@@ -167,13 +167,13 @@ def _measure(node: _Node, surface: Surface) -> None:
     node.hull, node.area = _hull(points)
 
 
-def _kept(node: _Node, price: float) -> tuple[float, list[np.ndarray]]:
+def _choose_pieces(node: _Node, price: float) -> tuple[float, list[np.ndarray]]:
     """Return the least cost, areas and a price for each piece, of covering a node, and the hulls that cost it."""
     assert node.hull is not None
     whole = node.area + price
     if node.parts is None:
         return whole, [node.hull]
-    (cost, hulls), (other_cost, other_hulls) = (_kept(part, price) for part in node.parts)
+    (cost, hulls), (other_cost, other_hulls) = (_choose_pieces(part, price) for part in node.parts)
     return (cost + other_cost, hulls + other_hulls) if cost + other_cost < whole else (whole, [node.hull])
 
 
@@ -196,7 +196,7 @@ def _hull(points: np.ndarray) -> tuple[np.ndarray, float]:
         return points[[int(np.argmin(along)), int(np.argmax(along))]], 0.0
 
 
-def _rounded(hull: np.ndarray) -> np.ndarray:
+def _simplify_hull(hull: np.ndarray) -> np.ndarray:
     """Return corners whose hull holds that of the given ones: themselves, or some `_CORNERS` of a body slightly larger."""
     if len(hull) <= _CORNERS:
         return hull

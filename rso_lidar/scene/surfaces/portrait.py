@@ -46,7 +46,7 @@ def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, floa
     return np.array([right, np.cross(ahead, right), ahead])
 
 
-def portrait(
+def render_portrait(
     surface: Surface,
     toward: tuple[float, float, float],
     up: tuple[float, float, float],
@@ -72,7 +72,7 @@ def portrait(
     return Portrait(facet, cosine, side / cells)
 
 
-def top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+def find_top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     """Return the height [m] of the topmost facet over points, in body axes; NaN where there is none.
 
     Good to some 1e-7 of the surface's size, which is what float32 holds.

@@ -1,4 +1,4 @@
-"""Normals of what is curved in truth and flat in the mesh: averaged at the corners, interpolated over the facet."""
+"""Normals of what is curved in truth and flat in the mesh: averaged at the corners, interpolate_normals over the facet."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ _CREASE_COSINE = 0.5  # facets that meet at more than 60 degrees make an edge, n
 _SAME_PLACE = 1e-6  # of the surface's size: files write one vertex many times, and round it
 
 
-def corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
+def average_corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Return the unit normal (facet, corner, xyz) at each corner: the mean over the facets of its part that meet there.
 
     Each counts by its angle at the corner (Thürmer and Wüthrich 1998), turned to the side of the facet that asks, since
@@ -41,7 +41,7 @@ def corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.ndarray) -
     return unit.reshape(-1, 3, 3)
 
 
-def interpolated(corners: np.ndarray, normals: np.ndarray, point: np.ndarray) -> np.ndarray:
+def interpolate_normals(corners: np.ndarray, normals: np.ndarray, point: np.ndarray) -> np.ndarray:
     """Return the unit normals (hit, xyz) at points (hit, xyz) of facets with corners and normals (hit, corner, xyz)."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = point - corners[:, 0]

@@ -17,7 +17,7 @@ from rso_lidar.scene.embree.ray_by_ray import build_embreex
 from rso_lidar.scene.materials.phong import Lambertian
 from rso_lidar.scene.materials.scatterer import Material, Scatterer, complete
 from rso_lidar.scene.meshes.mesh import FARTHEST_M, Mesh, body_from_mesh
-from rso_lidar.scene.surfaces.shading import corner_normals, interpolated
+from rso_lidar.scene.surfaces.shading import average_corner_normals, interpolate_normals
 
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _held: WeakValueDictionary[str, Scene] = WeakValueDictionary()
@@ -167,14 +167,14 @@ class Surface:
         """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit), for the cosines that a material takes."""
         if all(material == self.materials[0] for material in self.materials):
             return self.materials[0].brdf_per_sr(cos_in, cos_out, cos_phase)
-        return self.by_material(
+        return self.evaluate_by_material(
             facet,
             lambda material, of: material.brdf_per_sr(
                 cos_in[of], None if cos_out is None else cos_out[of], None if cos_phase is None else cos_phase[of]
             ),
         )
 
-    def by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
+    def evaluate_by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
         """Return what `ask` says of a material and of the hits on it, for all hits on the facets numbered `facet` (hit)."""
         finish = self.finish[facet]
         answer = np.empty(len(facet))
@@ -201,7 +201,7 @@ class Surface:
         return is_retro
 
     @property
-    def bent(self) -> bool:
+    def has_own_normals(self) -> bool:
         """Return whether somewhere the normal that the BRDF gets is not the facet's."""
         return bool(self.smooth or self.crinkled)
 
@@ -210,7 +210,7 @@ class Surface:
         """Return the place of each facet among the smooth ones (facet), and their unit normals (smooth, corner, xyz)."""
         number = np.cumsum(self.is_smooth) - 1
         on = np.flatnonzero(self.is_smooth)
-        return number, corner_normals(self.corners[on], self.planes[:3, on].T, self.part[on])
+        return number, average_corner_normals(self.corners[on], self.planes[:3, on].T, self.part[on])
 
     def shading_normals(self, facet: np.ndarray, point: np.ndarray) -> np.ndarray:
         """Return the unit normals (hit, xyz) at points (hit, xyz) [m] of the facets numbered `facet` (hit), body axes.
@@ -222,7 +222,7 @@ class Surface:
         if len(curved):
             number, normals = self._corner_normals
             of = facet[curved]
-            normal[curved] = interpolated(self.corners[of], normals[number[of]], point[curved])
+            normal[curved] = interpolate_normals(self.corners[of], normals[number[of]], point[curved])
         return normal
 
 

@@ -20,7 +20,7 @@ from rso_lidar.scenario import Lidar, Scenario
 from rso_lidar.scenario.preview.geometry import preview_mission
 from rso_lidar.scenario.preview.silhouettes import cast_silhouettes
 from rso_lidar.scenario.tables.presets import load_presets
-from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, material_named
+from rso_lidar.scene import Lambertian, Material, Scatterer, TableBrdf, complete, find_material
 from rso_lidar.scene.library.catalogue import materials
 
 _RANGES = 121
@@ -173,7 +173,7 @@ def _find_material(given: str | float | Material, wavelength_m: float) -> tuple[
         return _name_material(whole, wavelength_m), whole.at(wavelength_m)
     if isinstance(given, str):
         if given in materials():
-            return given, material_named(given, wavelength_m)
+            return given, find_material(given, wavelength_m)
         if Path(given).suffix.lower() == ".csv":
             return Path(given).stem, _read_brdf_table(Path(given))
         if not _is_number(given):
@@ -219,7 +219,7 @@ def _is_number(text: str) -> bool:
 def _name_material(material: Scatterer, wavelength_m: float) -> str:
     """Return the catalogue's name of a material, or its type and reflectance."""
     for name in materials():
-        if material_named(name, wavelength_m) == material and name != "lambertian_30":
+        if find_material(name, wavelength_m) == material and name != "lambertian_30":
             return name
     reflectance = getattr(material, "reflectance", None)
     kind = str(getattr(material, "type", material.summarize()))

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 
-def outlined(
+def project_outlines(
     points: np.ndarray, starts: np.ndarray, translation: np.ndarray, matrix: np.ndarray
 ) -> tuple[bool, bool, np.ndarray, np.ndarray, np.ndarray]:
-    """Return what `scene.casting.extent.outlined` does; an outline starts at any of its corners."""
+    """Return what `scene.casting.extent.project_outlines` does; an outline starts at any of its corners."""
     x, y, z = (row[0] * points[:, 0] + row[1] * points[:, 1] + row[2] * points[:, 2] for row in matrix)
     x, y, z = x + translation[0], y + translation[1], z + translation[2]
     ahead = z > 1e-6 * (1.0 + max(float(np.abs(axis).max()) for axis in (x, y, z)))

@@ -9,7 +9,7 @@ from rso_lidar.records import Hits, Photons
 from rso_lidar.ties import EQUAL, find_first_greatest_of_each
 
 
-def spoken(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
+def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
     """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
     n_pixels, n_clusters = len(labels["range_m"]), len(photons.cluster_pixel)
     labels["photons"] = np.bincount(photons.pixel, photons.photons, n_pixels)

@@ -5,8 +5,8 @@ import numpy as np
 BINS = 16  # as in scene.surfaces.pieces
 
 
-def divided(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Return what `scene.surfaces.pieces.divided` does: the plane across an axis that leaves the least area of boxes."""
+def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Return what `scene.surfaces.pieces.find_cut` does: the plane across an axis that leaves the least area of boxes."""
     least, best, areas = np.inf, np.zeros(len(facets), bool), (np.inf, np.inf)
     low, high = low[facets], high[facets]
     for axis in range(3):

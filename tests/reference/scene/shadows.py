@@ -7,7 +7,7 @@ from rso_lidar.scene.casting.shadows import OFF_THE_FACET
 from rso_lidar.scene.surfaces.surface import Surface
 
 
-def find_shaded(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
+def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
     """Return the hits, of those asked for, from which a ray `toward` (xyz, hit) meets a surface within its reach [m]."""
     centre, radius = hits.surface.sphere
     off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))

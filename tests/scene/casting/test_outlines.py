@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rso_lidar import scene
 from rso_lidar.scene.casting import extent
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
-from tests.reference.scene.extent import outlined
+from tests.reference.scene.extent import project_outlines
 
 
 def area(outline):
@@ -18,7 +18,7 @@ def area(outline):
 
 
 def both(surfaces, truth):
-    with mock.patch.object(extent, "outlined", outlined):
+    with mock.patch.object(extent, "project_outlines", project_outlines):
         reference = scene.extent(surfaces, truth)
     return scene.extent(surfaces, truth), reference
 
@@ -70,4 +70,4 @@ def test_no_targets():
 
 def test_the_loops_are_compiled_once():
     both([surface("a", box(1, 1, 1))], truth_of(a=place((0, 0, 10))))
-    assert len(extent.outlined.dispatcher.signatures) == 1
+    assert len(extent.project_outlines.dispatcher.signatures) == 1

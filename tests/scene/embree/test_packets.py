@@ -67,7 +67,7 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
     assert got.range_m[one][same].tobytes() == expected.range_m[other][same].tobytes()
 
 
-def test_the_embree_that_embreex_brings_is_found():
+def test_the_embree_that_embreex_brings_is_find_engine():
     """The tests of packets are skipped where there are none: this one fails where there ought to be."""
     files = metadata.files("embreex") or []
     if platform.machine() not in ("x86_64", "AMD64") or not any("embree4" in file.name for file in files):
@@ -80,12 +80,12 @@ def test_without_the_library_embreex_does_the_work(tmp_path, monkeypatch):
     seen = see(surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900))))
     for found in ([], [tmp_path / "libembree4.so"], [tmp_path / "nothing.so"]):
         monkeypatch.setattr(packets, "_libraries", lambda found=found: found)
-        packets._found.cache_clear()
+        packets._find_engine.cache_clear()
         try:
             assert isinstance(packets.engine(), RayByRay)
             again = see(surface("sat", box(3, 4, 5)), truth_of(sat=place((0, 0, 900))))
         finally:
-            packets._found.cache_clear()
+            packets._find_engine.cache_clear()
         assert np.array_equal(again.hits.ray, seen.hits.ray)
         assert again.hits.range_m == pytest.approx(seen.hits.range_m, rel=1e-12)
 
@@ -153,11 +153,11 @@ def test_a_scene_that_cannot_be_built_says_so_and_leaves_nothing(answers, error)
 
 @needs_packets
 def test_frames_side_by_side_share_one_scene():
-    at_once = Barrier(4)
+    together = Barrier(4)
 
     def build(_):
         one = surface("sat", sphere(1.2345, 4))
-        at_once.wait()
+        together.wait()
         return one.scene(ENGINE)
 
     with ThreadPoolExecutor(4) as pool:

@@ -18,7 +18,7 @@ from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library.adding import Wanted, add_model, known_meshes, remove_model
 from rso_lidar.scene.library.catalogue import model, models, own_folder, own_models
 from rso_lidar.scene.library.material_names import materials_of
-from rso_lidar.scene.meshes.cad import tessellated
+from rso_lidar.scene.meshes.cad import tessellate
 from tests.scene.meshes.test_mesh import BOX, binary_stl, glb, obj
 
 SOLIDS = (
@@ -377,7 +377,7 @@ def test_solids_come_in_through_the_extra(name, library):
     top = corners[(corners[..., 2] > 3.4).all(axis=1)].reshape(-1, 3)
     radius = np.linalg.norm(top[:, :2] - [0.5, 1.0], axis=1)
     assert radius.max() == pytest.approx(0.3, abs=1e-5), "corners lie on the cylinder; float32 millimetres"
-    assert tomllib.loads((library / "index.toml").read_text())["model"][0]["source"].startswith("tessellated to 1 mm")
+    assert tomllib.loads((library / "index.toml").read_text())["model"][0]["source"].startswith("tessellate to 1 mm")
 
 
 def test_solids_that_are_none(tmp_path, monkeypatch):
@@ -385,9 +385,9 @@ def test_solids_that_are_none(tmp_path, monkeypatch):
     bad.write_bytes(b"ISO-10303-21;")
     if importlib.util.find_spec("cascadio") is not None:
         with pytest.raises(MeshError, match=r"bad\.step: cannot be read as STEP, or holds no solid; export it again"):
-            tessellated(bad)
+            tessellate(bad)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(
         MeshError, match=r"STEP and IGES need the extra 'step' \(pip install 'rso-lidar\[step\]'\); or export"
     ):
-        tessellated(bad)
+        tessellate(bad)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import MeshError
-from rso_lidar.scene.meshes.height_field import MOST_CELLS, height_field, load_height_field
-from rso_lidar.scene.surfaces.portrait import top_heights
+from rso_lidar.scene.meshes.height_field import MOST_CELLS, build_height_field, load_height_field
+from rso_lidar.scene.surfaces.portrait import find_top_heights
 from rso_lidar.scene.surfaces.surface import build_surface
 
 HEIGHTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])  # two rows from north to south, three columns from west to east
@@ -116,9 +116,9 @@ def test_heights_over_points(tmp_path):
     x = np.linspace(-50.0, 50.0, 101)
     plane = 0.1 * x[None, :] - 0.2 * x[:, None]  # rises to the east and to the north
     block = np.array([[-1.0, -1.0, 30.0], [1.0, -1.0, 30.0], [0.0, 2.0, 30.0]]), np.array([[0, 1, 2]])
-    mesh = height_field(plane[::-1][::-1], 1.0, tmp_path / "plane", "", block)
+    mesh = build_height_field(plane[::-1][::-1], 1.0, tmp_path / "plane", "", block)
     surface = build_surface("site", mesh)
-    found = top_heights(surface, [0.0, 10.3, -20.7, 80.0], [0.0, 40.2, -3.3, 0.0])
+    found = find_top_heights(surface, [0.0, 10.3, -20.7, 80.0], [0.0, 40.2, -3.3, 0.0])
     expected = [30.0, 0.1 * 10.3 + 0.2 * 40.2, -0.1 * 20.7 - 0.2 * 3.3]
     assert found[:3] == pytest.approx(expected, abs=1e-4)  # float32 of some 100 m
     assert np.isnan(found[3])

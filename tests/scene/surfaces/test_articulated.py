@@ -10,7 +10,7 @@ from rso_lidar import optics, scene
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.bodies.hinge import FixedAngle, FollowSun
 from rso_lidar.scenario.tables.hinges import Joint
-from rso_lidar.scene import Hinged, articulated
+from rso_lidar.scene import Hinged, split_at_hinges
 
 START = datetime.datetime(2026, 5, 7, tzinfo=datetime.UTC)
 NORTH = ("solar_array_north", "solar_substrate_north", "solar_yoke_north")
@@ -132,15 +132,15 @@ def test_a_hinge_in_the_way_hides_what_is_behind():
 )
 def test_bad_parts(hinged, words):
     with pytest.raises(ScenarioError, match=words):
-        articulated(scenario().surfaces[0], hinged)
+        split_at_hinges(scenario().surfaces[0], hinged)
 
 
 def test_something_has_to_stand_still():
     whole = scenario().surfaces[0]
     with pytest.raises(ScenarioError, match="no part is left that stands still"):
-        articulated(whole, [Hinged("a.x", whole.mesh.part_names, (0, 0, 0))])
+        split_at_hinges(whole, [Hinged("a.x", whole.mesh.part_names, (0, 0, 0))])
 
 
 def test_without_hinges_the_surface_is_itself():
     whole = replace(scenario().surfaces[0], target=3)
-    assert articulated(whole, ()) == (whole,)
+    assert split_at_hinges(whole, ()) == (whole,)

@@ -7,7 +7,7 @@ import pytest
 
 from rso_lidar.kernels import packed
 from rso_lidar.scene.surfaces import pieces as module
-from rso_lidar.scene.surfaces.pieces import divided
+from rso_lidar.scene.surfaces.pieces import find_cut
 from tests.optics.bench_for_tests import box, plate, sphere, surface
 from tests.reference.scene import pieces as reference
 
@@ -28,8 +28,8 @@ def test_the_cut_is_that_of_numpy(name):
         facets = np.flatnonzero(rng.random(len(corners)) < share)
         if not len(facets):
             continue
-        beyond, *areas = divided(*(packed(values) for values in (low, high, facets)))
-        expected, *expected_areas = reference.divided(low, high, facets)
+        beyond, *areas = find_cut(*(packed(values) for values in (low, high, facets)))
+        expected, *expected_areas = reference.find_cut(low, high, facets)
         assert np.array_equal(beyond, expected)
         assert areas == expected_areas  # to the last bit, so that pieces are the very same
         assert name == "same" or 0 < beyond.sum() < len(facets)
@@ -38,7 +38,7 @@ def test_the_cut_is_that_of_numpy(name):
 @pytest.mark.parametrize("name", SHAPES)
 def test_pieces_are_the_same_by_either(name):
     made = module._split(surface("target", SHAPES[name]))
-    with mock.patch.object(module, "divided", reference.divided):
+    with mock.patch.object(module, "find_cut", reference.find_cut):
         same = module._split(surface("target", SHAPES[name]))
     assert np.array_equal(made.points, same.points)
     assert np.array_equal(made.starts, same.starts)

@@ -8,8 +8,8 @@ import pytest
 from rso_lidar.errors import MeshError
 from rso_lidar.scene import load_mesh
 from rso_lidar.scene.library.catalogue import model
-from rso_lidar.scene.meshes.components import counted, helper_cube
-from rso_lidar.scene.meshes.mesh import mended
+from rso_lidar.scene.meshes.components import find_helper_cube, format_count
+from rso_lidar.scene.meshes.mesh import normalize_mesh
 from rso_lidar.scene.surfaces.examination import examine
 from tests.optics import bench_for_tests
 from tests.scene.meshes.test_mesh import binary_stl
@@ -102,7 +102,7 @@ def test_a_long_boom_is_no_stray(examined):
 def test_a_helper_cube_stands_about_the_origin(tmp_path, triangles, side):
     path = tmp_path / "cube.stl"
     path.write_bytes(binary_stl(np.concatenate([box(9.0, 8.0, 7.0) + 20, triangles])))
-    cube = helper_cube(load_mesh(path))
+    cube = find_helper_cube(load_mesh(path))
     assert (cube is None) if side is None else (cube.size_m == side and cube.first_facet == 12)
 
 
@@ -113,7 +113,7 @@ def test_a_size_that_no_spacecraft_has_is_doubted(examined):
 def test_left_out_facets_are_told(tmp_path):
     path = tmp_path / "two.stl"
     path.write_bytes(binary_stl(np.concatenate([box(1.0, 2.0, 3.0), box(4.0, 4.0, 4.0) + 9])))
-    found = examine(mended(load_mesh(path), 1.0, left_out=((12, 23),)))
+    found = examine(normalize_mesh(load_mesh(path), 1.0, left_out=((12, 23),)))
     assert (found.components, found.left_out, found.size_m) == (1, 12, (1.0, 2.0, 3.0))
     assert any("12 left out" in line for line in found.lines())
 
@@ -138,7 +138,7 @@ def test_real_spacecraft_have_the_holes_that_their_manifest_says(name, shared):
 
 
 def test_counts_are_words():
-    assert (counted(1, "facet"), counted(2000, "facet")) == ("1 facet", "2,000 facets")
+    assert (format_count(1, "facet"), format_count(2000, "facet")) == ("1 facet", "2,000 facets")
 
 
 def test_a_mesh_beyond_all_numbers_is_one_line(tmp_path):

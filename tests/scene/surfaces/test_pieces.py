@@ -4,7 +4,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from rso_lidar import scene
-from rso_lidar.scene.surfaces.pieces import pieces
+from rso_lidar.scene.surfaces.pieces import find_pieces
 from tests.optics.bench_for_tests import box, place, plate, sphere, surface, truth_of
 
 BAR = np.array([[[0, 0, 0], [1, 1e-3, 0], [1, 0, 1e-3]]], dtype=float)
@@ -19,7 +19,7 @@ SHAPES = {
 
 
 def hulls(surface_of):
-    found = pieces(surface_of)
+    found = find_pieces(surface_of)
     return [found.points[a:b] for a, b in zip(found.starts[:-1], found.starts[1:], strict=True)]
 
 
@@ -66,7 +66,7 @@ def test_what_is_apart_is_split_and_what_is_not_stays_whole():
 
 def test_a_round_body_has_few_corners_and_grows_little():
     """2562 corners become some 130 of a body a few per cent larger, in no direction smaller."""
-    found = pieces(surface("target", SHAPES["sphere"])).points
+    found = find_pieces(surface("target", SHAPES["sphere"])).points
     assert len(found) < 160
     directions = Rotation.random(500, rng=np.random.default_rng(1)).apply([1.0, 0.0, 0.0])
     reach = np.einsum("pi,di->dp", found, directions).max(axis=1)
@@ -76,4 +76,4 @@ def test_a_round_body_has_few_corners_and_grows_little():
 
 def test_pieces_are_found_once():
     target = surface("target", SHAPES["wings"])
-    assert pieces(target) is pieces(target)
+    assert find_pieces(target) is find_pieces(target)

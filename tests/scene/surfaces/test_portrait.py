@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rso_lidar.scene.surfaces.portrait import portrait, viewer_axes
+from rso_lidar.scene.surfaces.portrait import render_portrait, viewer_axes
 from tests.optics.bench_for_tests import box, sphere, surface
 
 BOX = surface("box", box(1.0, 2.0, 3.0) + np.array([5.0, -2.0, 1.0]))
@@ -19,14 +19,14 @@ BOX = surface("box", box(1.0, 2.0, 3.0) + np.array([5.0, -2.0, 1.0]))
     ],
 )
 def test_a_box_covers_what_its_faces_show(toward, up, area_m2):
-    seen = portrait(BOX, toward, up, cells=500)
+    seen = render_portrait(BOX, toward, up, cells=500)
     assert seen.area_m2 == pytest.approx(area_m2, abs=0.5 * 10.0 * seen.cell_m)  # half a cell along 10 m of outline
 
 
 def test_right_is_right_and_down_is_down():
     """From +x with z up: +y is to the right of the picture, and +z above."""
     triangles = [sphere(1.0, 3), sphere(0.2, 3) + np.array([0.0, 2.0, 0.0]), sphere(0.2, 3) + np.array([0.0, 0.0, 3.0])]
-    seen = portrait(surface("balls", np.concatenate(triangles)), (1, 0, 0), (0, 0, 1), side_m=8.0, cells=200)
+    seen = render_portrait(surface("balls", np.concatenate(triangles)), (1, 0, 0), (0, 0, 1), side_m=8.0, cells=200)
     large, small = len(triangles[0]), len(triangles[1])
     row, col = np.nonzero((seen.facet >= 0) & (seen.facet < large))
     rows, cols = np.nonzero(seen.facet >= large)
@@ -36,7 +36,7 @@ def test_right_is_right_and_down_is_down():
 
 
 def test_a_sphere_is_brightest_in_its_middle():
-    seen = portrait(surface("ball", sphere(1.0, 5)), (0.3, 0.2, 0.9), (0, 0, 1), cells=200)
+    seen = render_portrait(surface("ball", sphere(1.0, 5)), (0.3, 0.2, 0.9), (0, 0, 1), cells=200)
     assert seen.cosine.max() == pytest.approx(1.0, abs=1e-3)
     row, col = np.unravel_index(np.argmax(seen.cosine), seen.cosine.shape)
     assert abs(row - 99.5) < 6

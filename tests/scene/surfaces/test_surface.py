@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rso_lidar.errors import ScenarioError
-from rso_lidar.scene import Hinged, Lambertian, Phong, articulated
+from rso_lidar.scene import Hinged, Lambertian, Phong, split_at_hinges
 from rso_lidar.scene.materials.named import ByWavelength
 from rso_lidar.scene.materials.retro import RetroReflector
 from tests.optics.bench_for_tests import box, plate, sphere, surface
@@ -177,7 +177,7 @@ def test_single_facets_may_be_of_another_material():
     expected = np.where(np.isin(np.arange(12), (2, 3)), 0.8, 0.1) / np.pi
     assert sat.lambertian_per_sr == pytest.approx(expected)
     assert sat.brdf_per_sr(np.arange(12), np.ones(12)) == pytest.approx(expected)
-    still, turned = articulated(sat, [Hinged("sat.wing", ("wing",), (0.0, 0.0, 0.0))])
+    still, turned = split_at_hinges(sat, [Hinged("sat.wing", ("wing",), (0.0, 0.0, 0.0))])
     assert still.lambertian_per_sr == pytest.approx(expected[:8])
     assert turned.lambertian_per_sr == pytest.approx(expected[8:])
 
