@@ -1,4 +1,4 @@
-"""What was really there, pixel by pixel."""
+"""Labels: what was really in each pixel."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from rso_lidar.ties import EQUAL
 from rso_lidar.units import RANGE_PER_DELAY_M_S
 
 
-class Returns(NamedTuple):
+class ReturnColumns(NamedTuple):
     """Columns of `Photons` (return)."""
 
     pixel: np.ndarray
@@ -31,7 +31,7 @@ class HitColumns(NamedTuple):
 
 
 class LabelColumns(NamedTuple):
-    """The labels (pixel), which are written."""
+    """Columns of `Labels` (pixel)."""
 
     photons: np.ndarray
     range_m: np.ndarray
@@ -44,12 +44,17 @@ class LabelColumns(NamedTuple):
 
 
 def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
-    """Return the labels of one flash.
+    """Label the pixels of one flash.
 
-    The labels describe the cluster of a pixel that returns most photons; in it the part of a target that returns most, and
-    of that the brightest return. Of clusters equal to rounding the nearest counts, of parts and returns the first by
-    number. With `max_returns` over 1 the first clusters of each pixel are listed as well. Range is half the light's way
-    out and back.
+    A label describes the cluster of returns with most photons. In this cluster it names the part of a target with most
+    photons, and the brightest return from that part. Among clusters that are equal to rounding the nearest counts. Among
+    parts and returns the first by number counts. Range is half the light's path out and back.
+
+    Parameters
+    ----------
+    hits : where rays met surfaces.
+    photons : the light that came back, in clusters by delay.
+    max_returns : number of clusters of each pixel that are listed one by one, if over 1.
     """
     n_pixels = photons.shape[0] * photons.shape[1]
     sky: dict[str, Any] = {
@@ -76,12 +81,22 @@ def label(hits: Hits, photons: Photons, max_returns: int = 1) -> Labels:
 
 
 def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
+    """Write the labels of all pixels with returns.
+
+    Parameters
+    ----------
+    labels : arrays of the labels by name, filled for empty sky.
+    hits, photons : what was hit, and the light that came back.
+
+    Returns
+    -------
+    Mean range [m] and photons of each cluster.
+    """
     if photons.filled_fraction is not None:
         labels["filled_fraction"] = photons.filled_fraction.ravel()
     else:
         sum_weights(packed(hits.pixel), packed(hits.weight), labels["filled_fraction"])
-    returns = Returns(*(packed(getattr(photons, name)) for name in Returns._fields))
+    returns = ReturnColumns(*(packed(getattr(photons, name)) for name in ReturnColumns._fields))
     struck = HitColumns(*(packed(getattr(hits, name)) for name in HitColumns._fields))
     return label_pixels(
         returns, len(photons.cluster_pixel), struck, LabelColumns(*(labels[name] for name in LabelColumns._fields))
@@ -90,7 +105,13 @@ def _write_labels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple
 
 @kernel
 def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> None:
-    """Write the share of each pixel that rays hit; `pixel` never falls."""
+    """Sum the weights of hits pixel by pixel.
+
+    Parameters
+    ----------
+    pixel, weight : (hit), pixel in rising order, and share of its area.
+    fraction : (pixel), to which the sums are written.
+    """
     total = 0.0
     for k in range(len(pixel)):
         total += weight[k]
@@ -101,13 +122,25 @@ def sum_weights(pixel: np.ndarray, weight: np.ndarray, fraction: np.ndarray) -> 
 
 @kernel
 def label_pixels(
-    returns: Returns, n_clusters: int, struck: HitColumns, said: LabelColumns
+    returns: ReturnColumns, n_clusters: int, struck: HitColumns, written: LabelColumns
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Write the labels of the pixels that see something; return the mean range [m] and the photons of each cluster."""
+    """Write the labels of all pixels with returns.
+
+    Parameters
+    ----------
+    returns : the returns, by pixel.
+    n_clusters : number of clusters.
+    struck : what was hit.
+    written : the labels, to which is written.
+
+    Returns
+    -------
+    Mean range [m] and photons of each cluster.
+    """
     pixel, photons, delay_s, hit, cluster = returns
     weight, target, part, facet, cos_incidence = struck
     bright, mean_range_m, share = np.zeros(n_clusters), np.zeros(n_clusters), np.zeros(n_clusters)
-    # The parts of targets that the brightest cluster of a pixel shows: whose, how much light, and the most in a return.
+    # The parts of targets in the brightest cluster of a pixel: target, part, photons, and photons of the brightest return.
     kind_target, kind_part = np.empty(len(pixel), np.int16), np.empty(len(pixel), np.int16)
     kind_light, kind_most = np.empty(len(pixel)), np.empty(len(pixel))
     start, first = 0, 0
@@ -127,7 +160,7 @@ def label_pixels(
         kinds = 0
         for k in range(start, stop):
             c, h = cluster[k], hit[k]
-            # A black facet returns nothing and is there all the same: then area weighs instead of light.
+            # A black facet returns no light and is labelled all the same, weighted by area.
             light = photons[k] if bright[c] > 0.0 else weight[h]
             share[c] += light
             mean_range_m[c] += light * (delay_s[k] * RANGE_PER_DELAY_M_S)
@@ -146,27 +179,27 @@ def label_pixels(
         most = 0.0
         for kind in range(kinds):
             most = max(most, kind_light[kind])
-        speaks = -1
+        chosen_kind = -1
         for kind in range(kinds):
             if kind_light[kind] < most * (1.0 - EQUAL):
                 continue
-            earlier = 0 if speaks < 0 else kind_target[kind] - kind_target[speaks]
-            if speaks >= 0 and earlier == 0:
-                earlier = kind_part[kind] - kind_part[speaks]
-            if speaks < 0 or earlier < 0:
-                speaks = kind
-        enough, chosen = kind_most[speaks] * (1.0 - EQUAL), -1
+            earlier = 0 if chosen_kind < 0 else kind_target[kind] - kind_target[chosen_kind]
+            if chosen_kind >= 0 and earlier == 0:
+                earlier = kind_part[kind] - kind_part[chosen_kind]
+            if chosen_kind < 0 or earlier < 0:
+                chosen_kind = kind
+        enough, chosen = kind_most[chosen_kind] * (1.0 - EQUAL), -1
         for k in range(start, stop):
             h = hit[k]
-            if cluster[k] != best or target[h] != kind_target[speaks] or part[h] != kind_part[speaks]:
+            if cluster[k] != best or target[h] != kind_target[chosen_kind] or part[h] != kind_part[chosen_kind]:
                 continue
             light = photons[k] if bright[best] > 0.0 else weight[h]
             if light >= enough and (chosen < 0 or h < chosen):
                 chosen = h
-        said.photons[at] = total
-        said.range_m[at], said.first_range_m[at] = mean_range_m[best], mean_range_m[first]
-        said.cluster_count[at] = min(last + 1 - first, 255)
-        said.target[at], said.part[at] = kind_target[speaks], kind_part[speaks]
-        said.facet[at], said.cos_incidence[at] = facet[chosen], cos_incidence[chosen]
+        written.photons[at] = total
+        written.range_m[at], written.first_range_m[at] = mean_range_m[best], mean_range_m[first]
+        written.cluster_count[at] = min(last + 1 - first, 255)
+        written.target[at], written.part[at] = kind_target[chosen_kind], kind_part[chosen_kind]
+        written.facet[at], written.cos_incidence[at] = facet[chosen], cos_incidence[chosen]
         start, first = stop, last + 1
     return mean_range_m, bright

@@ -1,5 +1,5 @@
 """Limits of casting: the least range, and the rays that a thread casts in one call."""
 
-# What ranges are good to: a facet through the lidar's own place has no range, and would return light without end.
+# Accuracy of a range. A facet through the lidar's own position has no range, and its radiometry would diverge.
 NEAREST_M = 1e-6
-BAND_RAYS = 8_192  # half a millisecond of casting in packets: long against the hand-over to a thread
+BAND_RAYS = 8_192  # about 0.5 ms of casting, long compared with starting work on another thread

@@ -1,8 +1,8 @@
-"""Rays meet facets: embree finds which, float64 says where, materials say how bright.
+"""Casting: which facet each ray hits, where, and how bright it is there.
 
-Embree works in float32, so rays are moved into each target's axes, cast from a point near the target, and the range is
-taken from the facet's plane in float64. Rays are cast in bands on threads; what a band gives does not depend on how many
-there are.
+Embree works in float32. Rays are therefore moved into each target's axes and cast from a point near the target. The range
+is computed on the facet's plane in float64. Rays are cast in bands on threads, and the hits of a band do not depend on the
+number of bands.
 """
 
 from collections.abc import Sequence
@@ -31,12 +31,25 @@ def cast(
     sun: bool = False,
     aperture_m: float = 0.0,
 ) -> Hits:
-    """Return the first facet that each ray meets, over the surfaces of all targets.
+    """Cast rays and find the first facet that each of them hits, over the surfaces of all targets.
 
-    `threads` is the number of bands cast at once (None: one for each core); it does not change the result.
-    `laser_from_m` (xyz) is where the laser is, in lidar axes [m]; None, or zeros, is in the lens. Beside it, incidence is
-    the laser's, 0 in shadow, and the BRDF takes both directions. `sun` asks for the sunlight too. Lobes narrower than the
-    lens are averaged over its diameter `aperture_m` [m].
+    Parameters
+    ----------
+    rays : the rays of one flash, in lidar axes.
+    surfaces : the surfaces of all targets, each in its own axes.
+    truth : where the surfaces are, and the direction of the Sun.
+    threads : number of bands cast in parallel (None: one for each core). The result is the same to the bit.
+
+    Other Parameters
+    ----------------
+    laser_from_m : (xyz), position of the laser in lidar axes [m]; None or zeros is in the lens. With the laser beside the
+        lens the incidence is the laser's (0 in shadow), and the BRDF takes both directions.
+    sun : whether to compute the sunlight that the hits reflect toward the lidar.
+    aperture_m : diameter of the lens [m], over which lobes narrower than the lens are averaged.
+
+    Returns
+    -------
+    The hits, in the order of the rays. A ray that hits nothing has no row.
     """
     first = find_first_hits(rays, surfaces, truth, threads, engine())
     number, facet = first.number, first.facet
@@ -66,7 +79,7 @@ def _average_over_lens(
     laser_from_m: np.ndarray,
     aperture_m: float,
 ) -> Hits:
-    """Return the hits with the lobes of retro-reflectors averaged over the lens."""
+    """Average the lobes of retro-reflectors over the lens."""
     retros = [(n, k, m) for n, one in enumerate(surfaces) for k, m in enumerate(one.materials) if m.is_retro]
     if not retros:
         return hits
@@ -90,7 +103,7 @@ def _relight(
     *,
     sun: bool,
 ) -> Hits:
-    """Return the hits in the light of a laser beside the lens and of the Sun, curved parts shaded as curved."""
+    """Compute incidence and BRDF for a laser beside the lens, for sunlight, and for interpolated or tilted normals."""
     cosine, brdf = hits.cos_incidence.copy(), hits.brdf_per_sr.copy()
     sunlight = np.zeros(len(facet)) if sun else None
 

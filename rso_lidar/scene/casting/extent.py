@@ -1,4 +1,4 @@
-"""Where targets can be seen from the lidar."""
+"""Extent: where targets can be seen from the lidar."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -14,9 +14,9 @@ _Outlines = tuple[np.ndarray, ...]
 
 
 def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
-    """Return the bounds of each target, and the convex outlines of its pieces, in the tangent plane z = 1 of the lidar axes.
+    """Project each target's bounds, and the convex outlines of its pieces, into the tangent plane z = 1 of the lidar axes.
 
-    A target that reaches behind the lidar's plane has no finite bounds; one that is wholly behind has none at all.
+    A target that reaches behind the lidar's plane has infinite bounds. One that is entirely behind has empty bounds.
     """
     outlines: list[_Outlines | None] = [None] * len(surfaces)
     bounds = np.empty((len(surfaces), 4))
@@ -37,10 +37,19 @@ def extent(surfaces: Sequence[Surface], truth: Truth) -> Extent:
 def project_outlines(
     points: np.ndarray, starts: np.ndarray, translation: np.ndarray, matrix: np.ndarray
 ) -> tuple[bool, bool, np.ndarray, np.ndarray, np.ndarray]:
-    """Return whether any, and whether all points are ahead, their bounds, and the outlines of the pieces.
+    """Project the points of a surface into the tangent plane, and find the convex outline of each piece.
 
-    Bounds are low x, y, high x, y in the tangent plane; outlines are corners (corner, right_down), those of piece p from
-    ends[p] to ends[p + 1], rising in x along the lower side and falling along the upper.
+    Parameters
+    ----------
+    points : (point, xyz) f8, corners of the hulls of all pieces, in body axes [m].
+    starts : (piece + 1), the points of piece p are those from ``starts[p]`` to ``starts[p + 1]``.
+    translation, matrix : lidar_from_body.
+
+    Returns
+    -------
+    Whether any point, and whether every point, is in front of the lidar. The bounds low x, low y, high x, high y. The
+    corners of all outlines (corner, right_down), with x rising along the lower side and falling along the upper. Where
+    the outline of each piece ends among the corners (piece + 1), 0 first.
     """
     n = len(points)
     x, y, z = np.empty(n), np.empty(n), np.empty(n)
@@ -70,16 +79,16 @@ def project_outlines(
     made = 0
     for piece in range(len(starts) - 1):
         first, last = starts[piece], starts[piece + 1]
-        sort(x, y, first, last)
-        made = chain(x, y, first, last, 1, corners, made)
-        made = chain(x, y, first, last, -1, corners, made)
+        sort_points(x, y, first, last)
+        made = append_side(x, y, first, last, 1, corners, made)
+        made = append_side(x, y, first, last, -1, corners, made)
         ends[piece + 1] = made
     return some, every, bounds, corners[:made], ends
 
 
 @kernel
-def sort(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
-    """Sort the points from `first` to `last` by x, then y, in place (Shell's method)."""
+def sort_points(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
+    """Sort the points from `first` to `last` by x, then y, in place (shellsort)."""
     gap = 1
     while 3 * gap < last - first:
         gap = 3 * gap + 1
@@ -94,10 +103,20 @@ def sort(x: np.ndarray, y: np.ndarray, first: int, last: int) -> None:
 
 
 @kernel
-def chain(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, made: int) -> int:
-    """Write one side of the outline of sorted points behind `made` corners, its last point left out; return their number.
+def append_side(x: np.ndarray, y: np.ndarray, first: int, last: int, way: int, corners: np.ndarray, made: int) -> int:
+    """Append one side of the convex outline of sorted points, without its last point (Andrew's monotone chain).
 
-    `way` is 1 along the side of small y, -1 back along the other (Andrew's monotone chain).
+    Parameters
+    ----------
+    x, y : (point), the points; those from `first` to `last` are sorted.
+    first, last : the range of points.
+    way : 1 along the side of small y, -1 back along the other.
+    corners : (corner, 2), to which the side is written behind the first `made`.
+    made : number of corners so far.
+
+    Returns
+    -------
+    The number of corners now.
     """
     begin = made
     for step in range(last - first):

@@ -1,7 +1,8 @@
-"""First hits: embree finds which facet a ray meets first, float64 says where.
+"""First hits: embree finds which facet a ray hits first, and the facet's plane gives the range in float64.
 
-A block of rays that follow one another is asked of every target whose sphere it may touch, in packets of the rays that
-touch it; the nearest hit of each ray stands. Blocks begin at set places, so that threads do not change them.
+Rays are taken in blocks. Each block is tested against every target whose bounding sphere it may touch. The rays that touch
+it go to embree in packets, and the nearest hit of each ray is kept. Blocks begin at fixed places, so that the number of
+threads does not change them.
 """
 
 from collections.abc import Sequence
@@ -20,12 +21,12 @@ from rso_lidar.scene.embree.packets import ALONG, BEFORE, FACET, FAR, GEOMETRY, 
 from rso_lidar.scene.surfaces.surface import Surface
 
 BLOCK_RAYS = 256
-# Words of a placed target: the turn row by row, the lidar's place, the sphere as the lidar sees it, where rays start.
+# Layout of a placed target: rotation by rows, position of the lidar, bounding sphere as seen from there, start of rays.
 _ORIGIN, _CENTRE, _REACH, _START, _SLACK, _WORDS = 9, 12, 15, 16, 17, 18
 
 
 class FirstHits(NamedTuple):
-    """The first hits of rays, in their order: what `Hits` holds, and which surface and which of its facets (hit)."""
+    """The first hits of rays, in their order: the columns of `Hits`, and numbers of the surface and its facet (hit)."""
 
     ray: np.ndarray
     pixel: np.ndarray
@@ -42,7 +43,7 @@ class FirstHits(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scene, ...], Targets]":
-    """Return the surfaces of a scenario as the loops want them, once for all its frames, and the scenes that these name."""
+    """Return the acceleration structures of surfaces and the arrays that the kernel reads, once for all frames."""
     scenes = tuple(surface.scene(engine) for surface in surfaces)
     count = np.array([0] + [len(surface.facets) for surface in surfaces], dtype=np.int64)
 
@@ -62,7 +63,7 @@ def _targets(surfaces: tuple[Surface, ...], engine: Engine) -> "tuple[tuple[Scen
 
 
 def target_numbers(surfaces: Sequence[Surface]) -> np.ndarray:
-    """Return the number of the target of each surface."""
+    """Return the number of the target that each surface belongs to."""
     of = [k if surface.target is None else surface.target for k, surface in enumerate(surfaces)]
     return np.array(of, dtype=np.int16)
 
@@ -70,8 +71,17 @@ def target_numbers(surfaces: Sequence[Surface]) -> np.ndarray:
 def find_first_hits(
     rays: Rays, surfaces: Sequence[Surface], truth: Truth, threads: int | None, engine: Engine
 ) -> FirstHits:
-    """Return the first hits on all surfaces."""
-    _held, targets = _targets(tuple(surfaces), engine)  # scenes are good while they are held
+    """Find the first hit of each ray on all surfaces.
+
+    Parameters
+    ----------
+    rays : the rays, in lidar axes.
+    surfaces : the surfaces, each in its own axes.
+    truth : where the surfaces are.
+    threads : number of bands in parallel (None: one for each core).
+    engine : embree, or what answers in its place.
+    """
+    _held, targets = _targets(tuple(surfaces), engine)  # embree frees a scene that is not referenced
     origin, turn = np.empty((len(surfaces), 3)), np.empty((len(surfaces), 3, 3))
     for k, surface in enumerate(surfaces):
         origin[k], turn[k] = truth.poses.place(surface.name, "lidar")
@@ -96,7 +106,7 @@ def find_first_hits(
 
 
 def split_by_surface(number: np.ndarray, n_surfaces: int) -> list[tuple[int, np.ndarray]]:
-    """Return each surface that is hit, and its hits in their order."""
+    """Group hits by surface: return the number of each surface that is hit, and its hits in order."""
     if n_surfaces == 1:
         return [(0, np.arange(len(number)))] if len(number) else []
     order = np.argsort(number, kind="stable")
@@ -113,7 +123,7 @@ class Columns(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """All surfaces: scenes by address, spheres (target, centre and radius), numbers of targets; facets in one row."""
+    """All surfaces: addresses of scenes, bounding spheres (centre, radius), numbers of targets; then the facets of all."""
 
     scenes: np.ndarray
     sphere: np.ndarray
@@ -127,10 +137,10 @@ class Targets(NamedTuple):
 
 @kernel
 def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> np.ndarray:
-    """Return the words of targets (target, word), from target_from_lidar and the spheres about them.
+    """Compute how targets are placed before the lidar (target, word), from target_from_lidar and their bounding spheres.
 
-    Directions are compared by how far unit vectors end apart, which is exact for narrow cones where a cosine is not:
-    those within `_REACH` of the direction to the centre pass the sphere.
+    Directions are compared by the distance between the ends of unit vectors. This is exact for narrow cones, where a
+    cosine is not. Directions within `_REACH` of the direction to the centre meet the sphere.
     """
     words = np.empty((len(origin), _WORDS))
     for t in range(len(origin)):
@@ -154,7 +164,7 @@ def place_targets(origin: np.ndarray, turn: np.ndarray, sphere: np.ndarray) -> n
 
 @kernel
 def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, float, float, float]:
-    """Return the middle (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
+    """Return the centre (x, y, z) of the box about the ends of rays first to last, and half its diagonal."""
     x0 = y0 = z0 = np.inf
     x1 = y1 = z1 = -np.inf
     for i in range(first, last):
@@ -167,7 +177,7 @@ def bound_rays(direction: np.ndarray, first: int, last: int) -> tuple[float, flo
 
 @kernel
 def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> bool:
-    """Return whether any ray that ends within `half` of (x, y, z) may pass the sphere about a target."""
+    """Return whether a ray that ends within `half` of (x, y, z) may meet the bounding sphere of a target."""
     apart = (x - target[_CENTRE]) ** 2 + (y - target[_CENTRE + 1]) ** 2 + (z - target[_CENTRE + 2]) ** 2
     reach = half + target[_REACH]
     return bool(apart <= (1.0 + 1e-6) * reach * reach + 1e-24)
@@ -175,7 +185,7 @@ def may_touch(x: float, y: float, z: float, half: float, target: np.ndarray) -> 
 
 @kernel
 def order_by_distance(targets: np.ndarray) -> np.ndarray:
-    """Return the numbers of the targets in the order in which rays may meet them."""
+    """Return the numbers of the targets, nearest first."""
     order = np.arange(len(targets))
     for t in range(1, len(targets)):
         at = t
@@ -190,9 +200,15 @@ def order_by_distance(targets: np.ndarray) -> np.ndarray:
 def select_rays(
     direction: np.ndarray, first: int, last: int, target: np.ndarray, near: np.ndarray, chosen: np.ndarray
 ) -> int:
-    """Return how many of rays first to last pass the sphere about a target, and write which.
+    """Select those of rays first to last that meet the bounding sphere of a target; return how many.
 
-    Those that met something before where rays to this target start, in `near`, are done.
+    Parameters
+    ----------
+    direction : (xyz, ray) f8, unit vectors.
+    first, last : the range of rays.
+    target : the placed target.
+    near : (ray in the block), range of the nearest hit so far [m]. A ray with a hit nearer than the target is left out.
+    chosen : (ray in the block), to which the numbers of the selected rays are written.
     """
     count = 0
     x, y, z = target[_CENTRE], target[_CENTRE + 1], target[_CENTRE + 2]
@@ -216,10 +232,16 @@ def cast_rays(
     question: int,
     width: int,
 ) -> tuple[np.ndarray, ...]:
-    """Return the columns of `FirstHits` for rays first to last; the BRDF is NaN where the material is not matt.
+    """Cast rays first to last and return the columns of `FirstHits`; the BRDF is NaN where it depends on directions.
 
-    Targets stand at `origin` (target, xyz) [m] and `turn` (target, xyz, xyz), which is target_from_lidar; `question` is
-    rtcIntersect.
+    Parameters
+    ----------
+    rays : all rays.
+    first, last : the range of rays.
+    targets : the surfaces.
+    origin, turn : (target, xyz) [m] and (target, xyz, xyz), target_from_lidar.
+    question : address of rtcIntersect.
+    width : number of rays in a packet.
     """
     direction, pixel, weight = rays
     scenes, sphere, target_number, first_facet, planes, part, source_facet, matt_per_sr = targets
@@ -251,7 +273,7 @@ def cast_rays(
             if not alone and not may_touch(x, y, z, half, target):
                 continue
             start = target[_START]
-            if alone:  # the rays were made for it
+            if alone:  # the rays were made for this target
                 count = end - block
                 for j in range(count):
                     chosen[j] = block + j
@@ -263,7 +285,7 @@ def cast_rays(
                     i = chosen[p + k]
                     ahead[0, k], ahead[1, k], ahead[2, k] = direction[0, i], direction[1, i], direction[2, i]
                     far[k] = near[i - block] - start + target[_SLACK]
-                for axis in range(3):  # all columns, used or not: so the processor does them at once
+                for axis in range(3):  # all columns, used or not, so that the compiler vectorises the loop
                     a, b, c, o = target[3 * axis], target[3 * axis + 1], target[3 * axis + 2], target[_ORIGIN + axis]
                     for k in range(width):
                         along = a * ahead[0, k] + b * ahead[1, k] + c * ahead[2, k]
@@ -282,9 +304,9 @@ def cast_rays(
                     )
                     exact = (plane[3] - before) / c
                     rough = start + np.float64(values[BEFORE + FAR * width + k])
-                    # Seen edge-on, a facet's plane says nothing about range: there, and only there, embree's own distance
-                    # stands. That is good to some 1e-6 of the target's size; a thousand times that apart, the ray is
-                    # within 1e-3 rad of the plane.
+                    # Seen edge-on, a facet's plane does not determine the range, and embree's own distance is used. It is
+                    # good to some 1e-6 of the target's size. Where the two differ by a thousand times that, the
+                    # ray is within 1e-3 rad of the plane.
                     distance = exact if abs(exact - rough) <= target[_SLACK] else rough
                     j = chosen[p + k] - block
                     if not distance > NEAREST_M:

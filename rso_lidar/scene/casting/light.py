@@ -1,4 +1,4 @@
-"""Light that does not come from the lens: a laser beside it, the Sun, and what stands in their way."""
+"""Light that does not come from the lens: a laser beside it, and the Sun."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rso_lidar.scene.casting.shadows import find_shadowed
 from rso_lidar.scene.materials.crinkle import masking_shadowing
 from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, Scatterer
 
-_TIE = 1e-6  # components of a direction that differ by less are equal, whatever rounding says
+_TIE = 1e-6  # components of a direction that differ by less count as equal, so that rounding decides nothing
 
 
 def compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return cos α and BRDF [1/sr] of hits that a laser at `laser_from_m` [m] in lidar axes lights.
+    """Compute cos α and BRDF [1/sr] of hits lit by a laser at `laser_from_m` [m] in lidar axes.
 
-    cos α is 0 where the laser is on the facet's other side from the lens, or something stands between. Cube corners have the
-    BRDF toward the laser, of which `RetroReflector.average_over_lens` gives the mean over the lens.
+    cos α is 0 where the laser is on the far side of the facet, or in shadow. Cube corners get the BRDF toward the laser,
+    which `RetroReflector.average_over_lens` averages over the lens.
     """
     (origin, turn) = hits.target_from_lidar
     laser = (origin + rotate_vectors(turn, laser_from_m))[:, None] - hits.point
@@ -28,21 +28,21 @@ def compute_laser_light(hits: LocalHits, laser_from_m: np.ndarray) -> tuple[np.n
     cos_in[find_shadowed(hits, cos_in > 0.0, to_laser, distance_m)] = 0.0
     cos_phase = np.clip(dot(to_laser, hits.to_viewer), -1.0, 1.0)
     on = hits.crinkled
-    met = cos_in.copy()  # on crinkled foil, the cosine at which light meets the cell
+    met = cos_in.copy()  # cosine of incidence on the cell, where foil is crinkled
     met[on] = np.where(cos_in[on] > 0.0, np.clip(dot(hits.normal[:, on], to_laser[:, on]), 0.0, 1.0), 0.0)
     lobe = np.where(hits.surface.is_retro[hits.facet], 1.0, cos_phase)
     brdf = hits.surface.brdf_per_sr(hits.facet, met, hits.cos_out, lobe)
-    brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.shown[on]
+    brdf[on] *= met[on] / np.maximum(cos_in[on], 1e-9) * hits.projected_area[on]
     brdf[on] *= masking_shadowing(cos_in[on], hits.base_cos_out[on], cos_phase[on], hits.slope[on])
     return cos_in, brdf
 
 
 def compute_sunlight(hits: LocalHits) -> np.ndarray:
-    """Return BRDF times cosine of incidence [1/sr] of the Sun's light toward the lidar, times the free share of its disc.
+    """Compute BRDF times cosine of incidence [1/sr] of sunlight toward the lidar, times the sunlit share of the Sun's disc.
 
-    Over lobes that change within the disc the product is averaged, by two rings of six points (Gauss in the square of the
-    radius: exact for polynomials of degree five in the offset): good to a few per cent for lobes down to half the disc.
-    The shadow's edge is sharp: the ray goes to the middle of the disc.
+    A lobe that changes within the disc is averaged over two rings of six points. This is Gauss quadrature in the square
+    of the radius, exact for polynomials of degree five in the offset. It is good to a few per cent for lobes down to half
+    the disc. Shadows have a sharp edge: the shadow ray goes to the centre of the disc.
     """
     lit = np.zeros(len(hits.facet))
     sun = np.asarray(hits.truth.sun_direction, dtype=float)
@@ -67,7 +67,9 @@ def compute_sunlight(hits: LocalHits) -> np.ndarray:
         slope = hits.slope[on[of]]
         if material.rms_slope > 0.0:
             cos_in, cos_phase = dot(hits.base[:, on[of]], to_sun), dot(to_viewer, to_sun)
-            total *= hits.shown[on[of]] * masking_shadowing(cos_in, hits.base_cos_out[on[of]], cos_phase, slope)
+            total *= hits.projected_area[on[of]] * masking_shadowing(
+                cos_in, hits.base_cos_out[on[of]], cos_phase, slope
+            )
         return total / len(points)
 
     lit[on] = share * hits.surface.evaluate_by_material(hits.facet[on], ask)

@@ -1,4 +1,4 @@
-"""Hits on one surface in its own axes: how they face the lidar."""
+"""Hits on one surface, expressed in the axes of the surface."""
 
 from __future__ import annotations
 
@@ -15,12 +15,21 @@ from rso_lidar.scene.surfaces.surface import Surface
 
 @dataclass(frozen=True)
 class LocalHits:
-    """What the lidar sees of one surface, hit by hit, in the surface's axes.
+    """The hits on one surface, in the surface's axes.
 
-    `point`, `to_viewer`, `facing` (the facet's normal), `base` (on smooth parts the interpolated one) and `normal` (the one
-    that the BRDF gets, on crinkled foil a cell's) are (xyz, hit); all are on the viewer's side, with cosines `base_cos_out`
-    and `cos_out` from the last two. `slope` is that of crinkled foil, 0 elsewhere. `number` is the surface's place among
-    all `surfaces`.
+    Vectors are (xyz, hit). All normals are on the viewer's side.
+
+    Attributes
+    ----------
+    surfaces, number : all surfaces, and which of them is hit.
+    truth : where they are.
+    target_from_lidar : position and rotation of the lidar in these axes.
+    facet : number of the facet (hit).
+    point, to_viewer : where the hit is [m], and the unit vector from there to the lidar.
+    facing : normal of the facet.
+    base, base_cos_out : normal, interpolated on smooth parts, and its cosine with the direction to the viewer.
+    normal, cos_out : the normal that the BRDF gets, on crinkled foil that of a cell, and its cosine.
+    slope : rms slope of the cells of crinkled foil, 0 elsewhere (hit).
     """
 
     surfaces: Sequence[Surface]
@@ -39,29 +48,29 @@ class LocalHits:
 
     @property
     def surface(self) -> Surface:
-        """Return the surface that is seen."""
+        """The surface that is hit."""
         return self.surfaces[self.number]
 
     @cached_property
     def crinkled(self) -> np.ndarray:
-        """Return which hits are on crinkled foil."""
+        """Hits on crinkled foil."""
         return np.flatnonzero(self.slope > 0.0)
 
     @cached_property
-    def shown(self) -> np.ndarray:
-        """Return by how much (hit) more a cell shows to the viewer than a flat piece would; 1 where nothing is crinkled."""
-        shown = np.ones(len(self.facet))
+    def projected_area(self) -> np.ndarray:
+        """Projected area of a cell toward the viewer over that of a flat piece (hit); 1 where nothing is crinkled."""
+        area = np.ones(len(self.facet))
         on = self.crinkled
         cos_tilt = dot(self.normal[:, on], self.base[:, on])
-        shown[on] = self.cos_out[on] / np.maximum(self.base_cos_out[on] * cos_tilt, 1e-9)
-        return shown
+        area[on] = self.cos_out[on] / np.maximum(self.base_cos_out[on] * cos_tilt, 1e-9)
+        return area
 
     def own_brdf_per_sr(self) -> np.ndarray:
-        """Return the BRDF [1/sr] (hit) for light from the lens: what the lens sees of a cell, light from there meets."""
+        """Return the BRDF [1/sr] (hit) for light that comes from the lens."""
         brdf = self.surface.brdf_per_sr(self.facet, self.cos_out)
         on = self.crinkled
         cosine = self.base_cos_out[on]
-        brdf[on] *= self.shown[on] * self.cos_out[on] / np.maximum(cosine, 1e-9)
+        brdf[on] *= self.projected_area[on] * self.cos_out[on] / np.maximum(cosine, 1e-9)
         brdf[on] *= masking_shadowing(cosine, cosine, 1.0, self.slope[on])
         return brdf
 
@@ -75,9 +84,17 @@ def localize_hits(
     range_m: np.ndarray,
     cosine: np.ndarray,
 ) -> LocalHits:
-    """Return how the hits of rays `direction` (hit, xyz) on one surface face the lidar.
+    """Express hits on one surface in its own axes.
 
-    `cosine` is that of the facet; on smooth parts it gives way to that of the interpolated normal, 0 where that turns away.
+    Parameters
+    ----------
+    surfaces, number : all surfaces, and which of them is hit.
+    truth : where they are.
+    direction : (hit, xyz), unit vectors of the rays in lidar axes.
+    facet : (hit), number of the facet.
+    range_m : (hit), range [m].
+    cosine : (hit), cosine of incidence on the facet. On smooth parts that of the interpolated normal replaces it, 0 where
+        that normal points away.
     """
     surface = surfaces[number]
     target_from_lidar = truth.poses.place(surface.name, "lidar")

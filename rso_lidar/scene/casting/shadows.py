@@ -1,4 +1,4 @@
-"""Shadows: from which points a surface stands between them and the light."""
+"""Shadows: points from which a surface hides the light."""
 
 import numpy as np
 
@@ -7,11 +7,19 @@ from rso_lidar.scene.casting.local_hits import LocalHits
 from rso_lidar.scene.embree.engine import engine
 from rso_lidar.scene.embree.packets import ALONG, BEFORE, FAR, START, ask, make_packet
 
-OFF_THE_FACET = 1e-5  # of the surface's size: a hundred steps of float32, so that no facet shades itself
+OFF_THE_FACET = 1e-5  # of the surface's size: a hundred float32 steps, so that no facet shades itself
 
 
 def find_shadowed(hits: LocalHits, asked: np.ndarray, toward: np.ndarray, reach_m: np.ndarray) -> np.ndarray:
-    """Return the hits, of those asked for, from which a ray `toward` (xyz, hit) meets a surface within its reach [m]."""
+    """Find the hits in shadow: those from which a ray toward the light meets a surface.
+
+    Parameters
+    ----------
+    hits : the hits on one surface.
+    asked : (hit), which hits to test.
+    toward : (xyz, hit), unit vectors to the light, in the surface's axes.
+    reach_m : (hit), distance of the light [m].
+    """
     centre, radius = hits.surface.sphere
     off_m = OFF_THE_FACET * (radius + float(np.linalg.norm(centre)))
     embree = engine()
@@ -44,11 +52,23 @@ def mark_shadowed(
     scene: int,
     width: int,
 ) -> None:
-    """Set in `met` (ray) which of the rays `asked` for meet a surface within their reach [m].
+    """Mark the rays that meet a surface within their reach.
 
-    They start `off` [m] along `facing` from `point` and go `toward`, all (xyz, ray) in one surface's axes, of which
-    `origin` [m] and `turn` make the other's; `sphere` is centre and radius [m] of one that holds the other. As the lidar's
-    rays do, these start just before it, where float32 is fine.
+    Like the lidar's rays, these start just before the bounding sphere, where float32 is fine enough.
+
+    Parameters
+    ----------
+    met : (ray) bool, in which rays that meet the surface are set. Rays already set are not tested again.
+    asked : (ray) bool, which rays to test.
+    point, facing, toward : (xyz, ray), where rays start [m], the facet's normal there, and their direction, in the axes of
+        the surface that is lit.
+    off : how far along `facing` rays start from the point [m].
+    reach : (ray), length of the rays [m].
+    origin, turn : pose of those axes in the axes of the surface that is tested.
+    sphere : centre and radius of its bounding sphere [m].
+    question : address of rtcOccluded.
+    scene : address of the surface's acceleration structure.
+    width : number of rays in a packet.
     """
     words = make_packet(width)
     values = words.view(np.float32)[BEFORE:]
@@ -81,5 +101,5 @@ def mark_shadowed(
         if count == width or (i == n - 1 and count > 0):
             ask(question, scene, words, width, count)
             for k in range(count):
-                met[rays[k]] = values[FAR * width + k] < 0.0  # embree's word for "something": minus infinity
+                met[rays[k]] = values[FAR * width + k] < 0.0  # embree reports an occluder by minus infinity
             count = 0

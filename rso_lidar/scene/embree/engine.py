@@ -1,9 +1,9 @@
-"""Embree without the wrapper: scenes for packets of rays, from the library that comes inside embreex's wheel.
+"""Embree by ctypes: acceleration structures for packets of rays, from the library inside embreex's wheel.
 
-embreex asks embree for one ray after another. Rays through neighbouring pixels meet neighbouring facets, and asked for
-together, 16, 8 or 4 as the processor is wide, they cost a third. Where that library is not found, or is not Embree 4,
-there are no packets and embreex does the work. Prototypes and numbers are those of the headers of Embree 4.4
-(rtcore_device.h, rtcore_scene.h, rtcore_geometry.h, rtcore_buffer.h).
+embreex passes one ray after another to embree. Rays through neighbouring pixels hit neighbouring facets. In packets of 16,
+8 or 4, whichever the processor has instructions for, they take a third of the time. Where the library is not found, or is
+not Embree 4, embreex answers ray by ray. Prototypes and constants are those of the headers of Embree 4.4 (rtcore_device.h,
+rtcore_scene.h, rtcore_geometry.h, rtcore_buffer.h).
 """
 
 import ctypes
@@ -21,7 +21,7 @@ from rso_lidar.scene.embree.ray_by_ray import EmbreexScene, RayByRay
 
 _VERSION_MAJOR = 4
 _PROPERTY_VERSION = 0
-_PROPERTY_NATIVE = {16: 34, 8: 33, 4: 32}  # packets of so many rays that the processor does at once, widest first
+_PROPERTY_NATIVE = {16: 34, 8: 33, 4: 32}  # packet widths that the processor has instructions for, widest first
 _TRIANGLES, _BUFFER_INDEX, _BUFFER_VERTEX = 0, 0, 1
 _FORMAT_UINT3, _FORMAT_FLOAT3 = 0x5003, 0x9003
 _ROBUST = 4  # no ray slips between two facets, at a cost of 5 %
@@ -47,7 +47,7 @@ _finding = Lock()
 
 
 class Embree(NamedTuple):
-    """Embree as found: its functions, a device, how many rays go together, and where its two questions are called."""
+    """Embree: its functions, a device, the number of rays in a packet, and the addresses of its two queries."""
 
     library: Any
     device: int
@@ -57,19 +57,19 @@ class Embree(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """How rays are asked for, in words for a recording."""
+        """How rays are cast, in words for a recording."""
         return f"packets of {self.width} rays"
 
     def build(self, triangles: np.ndarray) -> "PacketScene":
-        """Return the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
         return PacketScene(self, triangles)
 
     def check(self) -> None:
-        """Raise what went wrong while a kernel asked: nothing does."""
+        """Raise an error that occurred during a query. Embree's queries have none."""
 
 
 class PacketScene:
-    """The facets of one surface in embree, committed; `address` is good for as long as this object is held."""
+    """The committed acceleration structure of one surface; `address` is valid while this object is referenced."""
 
     def __init__(self, engine: Embree, triangles: np.ndarray) -> None:
         """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
@@ -77,7 +77,7 @@ class PacketScene:
         corners = np.ascontiguousarray(triangles.reshape(-1, 3), dtype=np.float32)
         index = np.arange(len(corners), dtype=np.uint32)
         self.address: int = call.rtcNewScene(device) or _raise_error(engine)
-        finalize(self, call.rtcReleaseScene, self.address).atexit = False  # the process's end frees all at once
+        finalize(self, call.rtcReleaseScene, self.address).atexit = False  # the end of the process frees everything
         call.rtcSetSceneFlags(self.address, _ROBUST)
         geometry = call.rtcNewGeometry(device, _TRIANGLES) or _raise_error(engine)
         try:
@@ -85,7 +85,7 @@ class PacketScene:
                 (_BUFFER_VERTEX, _FORMAT_FLOAT3, corners),
                 (_BUFFER_INDEX, _FORMAT_UINT3, index.reshape(-1, 3)),
             ):
-                # Embree makes the room, and pads it as it reads it.
+                # Embree allocates the buffer, with the padding that it reads.
                 room = call.rtcSetNewGeometryBuffer(geometry, kind, 0, form, 12, len(values)) or _raise_error(engine)
                 ctypes.memmove(room, values.ctypes.data, values.nbytes)
             call.rtcCommitGeometry(geometry)
@@ -98,7 +98,7 @@ class PacketScene:
 
 
 def _raise_error(engine: Embree, code: int | None = None) -> int:
-    """Raise what embree's error says."""
+    """Raise embree's error as an exception."""
     code = engine.library.rtcGetDeviceError(engine.device) if code is None else code
     if code == _OUT_OF_MEMORY:
         raise MemoryError("embree: no memory left for the acceleration structure of a mesh")
@@ -110,7 +110,7 @@ Scene = PacketScene | EmbreexScene
 
 
 def engine() -> Engine:
-    """Return what answers for rays: embree for packets, with a device for this process; without it, embreex ray by ray."""
+    """Return embree with a device for this process, or where it is not found, what casts ray by ray."""
     with _finding:
         return _find_engine()
 
@@ -126,15 +126,17 @@ def _find_engine() -> Engine:
 
 
 def open_engine(path: Path, isa: str = "") -> Embree:
-    """Return embree from a library's file, on the processor's own instructions or those of `isa`, such as "avx2".
+    """Load embree from a library's file, for the processor's own instructions or those of `isa`, such as "avx2".
 
-    Raises OSError, AttributeError or ValueError where it is not a library, not embree, or not one that will do.
+    Raises
+    ------
+    OSError, AttributeError, ValueError : the file is no library, not embree, or an embree that does not fit.
     """
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in _PROTOTYPES.items():
         function: Callable[..., Any] = getattr(library, name)
         function.restype, function.argtypes = result, arguments  # type: ignore[attr-defined]
-    # One thread builds: the same structure each time, and nothing that a forked process would wait for.
+    # One thread builds. The structure is then always the same, and a forked process waits for no thread.
     device = library.rtcNewDevice(("threads=1" + (f",isa={isa}" if isa else "")).encode())
     if not device:
         raise ValueError("embree makes no device")
@@ -152,7 +154,7 @@ def _address(library: Any, name: str) -> int:
 
 
 def _libraries() -> list[Path]:
-    """Return the files that may be the embree that embreex has loaded, where wheels keep them."""
+    """Return the files in which wheels keep the embree that embreex has loaded."""
     import embreex
     import embreex.rtcore_scene  # loads embree, and what embree itself needs
 

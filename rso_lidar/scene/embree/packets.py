@@ -1,8 +1,8 @@
-"""Packets of rays as embree lays them out, and the two questions asked of them: what is met first, and whether anything.
+"""Packets of rays in embree's layout, and its two queries: the first hit, and whether there is any hit.
 
 A packet is a table of 4-byte words, one row for each quantity and one column for each ray (rtcore_ray.h, Embree 4.4:
-RTCRayHit4, 8 and 16 differ in the columns only). Before it stand the words of RTCIntersectArguments, behind it which columns
-hold a ray.
+RTCRayHit4, 8 and 16 differ in the columns only). The words of RTCIntersectArguments precede it. A mask of the columns that
+hold a ray follows it.
 """
 
 import ctypes
@@ -13,26 +13,26 @@ import numpy as np
 
 from rso_lidar.kernels import kernel
 
-# Rows of a ray that are not left 0 (three of START, three of ALONG) ...
+# Rows of a ray that are not 0 (three of START, three of ALONG) ...
 START, ALONG, FAR, MASK = 0, 4, 8, 9
-# ... and of its hit. Behind come the numbers of instances, which some builds of embree keep on more levels than others.
+# ... and of its hit. Instance numbers follow, on more levels in some builds of embree than in others.
 FACET, GEOMETRY, ROWS = 17, 18, 40
 BEFORE = 16  # words before the packet: flags, features, and pointers to nothing
 _ALIGNED = 64  # bytes
 NOTHING = np.uint32(0xFFFFFFFF)
-_COHERENT = np.uint32(1 << 16)  # rays side by side meet the same facets: embree follows them down together
+_COHERENT = np.uint32(1 << 16)  # neighbouring rays hit the same facets: embree traverses them together
 
 
 class _CallAddress:
-    """Call the C function at an address with four pointers: compiled, this is an intrinsic of numba."""
+    """Calls the C function at an address with four pointers. In a compiled kernel this is an intrinsic of numba."""
 
     def __call__(self, address: int, *pointers: int) -> None:
-        """Call it from Python, where kernels are not compiled."""
+        """Call the function from Python, where kernels are not compiled."""
         ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(int(address))(*map(int, pointers))
 
     @cached_property
     def _numba_type_(self) -> Any:
-        """The type of an intrinsic, made when a kernel that calls it is compiled."""
+        """Type of the intrinsic, which is made when a kernel that calls it is compiled."""
         from llvmlite import ir
         from numba import types
         from numba.core.registry import cpu_target
@@ -49,7 +49,7 @@ class _CallAddress:
 
         known = cpu_target.typing_context
         made = intrinsic(call)
-        known.refresh()  # the compiler has begun: it looks again at what there is
+        known.refresh()  # the compiler is running: it has to see the new intrinsic
         return known.resolve_value_type(made)
 
 
@@ -58,7 +58,7 @@ _call = _CallAddress()
 
 @kernel
 def make_packet(width: int) -> np.ndarray:
-    """Return the words of an empty packet, aligned, with what stands before and behind it."""
+    """Make an empty, aligned packet, with what precedes and follows it."""
     size = BEFORE + (ROWS + 1) * width
     room = np.zeros(size + _ALIGNED // 4, np.uint32)
     first = (_ALIGNED - room.ctypes.data % _ALIGNED) % _ALIGNED // 4
@@ -72,7 +72,16 @@ def make_packet(width: int) -> np.ndarray:
 
 @kernel
 def ask(question: int, scene: int, words: np.ndarray, width: int, count: int) -> None:
-    """Ask embree, at the address `question`, about the first `count` rays of a packet."""
+    """Query embree about the first rays of a packet.
+
+    Parameters
+    ----------
+    question : address of the query.
+    scene : address of the acceleration structure.
+    words : the packet, in which embree writes its answer.
+    width : number of rays that the packet has room for.
+    count : number of rays in it.
+    """
     used = BEFORE + ROWS * width
     for k in range(width):
         words[used + k] = NOTHING if k < count else np.uint32(0)

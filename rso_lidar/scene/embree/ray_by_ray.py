@@ -1,7 +1,7 @@
-"""The questions of packets answered by embreex, one ray after another: where embree itself is not found.
+"""Queries answered by embreex, one ray after another, where embree's library is not found.
 
-Kernels call embree at an address. Here the address is that of a Python function, which reads the packet, asks embreex, and
-writes the answer where embree would. It takes some three times as long.
+Kernels call embree at an address. Here that address belongs to a Python function, which reads the packet, calls embreex,
+and writes the answer where embree would. It takes some three times as long.
 """
 
 import ctypes
@@ -14,12 +14,12 @@ import numpy as np
 
 from rso_lidar.scene.embree.packets import ALONG, FACET, FAR, GEOMETRY, ROWS, START
 
-_WIDTH = 256  # rays handed over at once: long against the way from a kernel to Python
+_WIDTH = 256  # rays in a packet: many, because each call from a kernel to Python costs some 20 us
 _Question = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 
 
 class EmbreexScene:
-    """The facets of one surface in embreex; `address` is the number by which kernels name it while this object is held."""
+    """The acceleration structure of one surface in embreex; `address` is its number while this object is referenced."""
 
     def __init__(self, triangles: np.ndarray) -> None:
         """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
@@ -33,7 +33,7 @@ _numbers = itertools.count(1)
 
 
 def build_embreex(triangles: np.ndarray) -> Any:
-    """Return embreex's scene of triangles (facet, corner, xyz) [m], committed."""
+    """Build embreex's acceleration structure of triangles (facet, corner, xyz) [m], and commit it."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -46,28 +46,28 @@ def build_embreex(triangles: np.ndarray) -> Any:
 
 
 class RayByRay:
-    """Stands for embree: the same questions of the same packets, answered by embreex."""
+    """The queries of `Embree`, for the same packets, answered by embreex."""
 
     width = _WIDTH
     summary = "one ray at a time"
 
     def __init__(self) -> None:
-        # A C function cannot raise: what goes wrong in it is kept, and raised when the kernel has returned.
+        # A C function cannot raise. An error is kept, and raised when the kernel has returned.
         self._errors: list[BaseException] = []
         self._functions = tuple(_Question(self._guard(answer)) for answer in (_find_first, _find_any))
         self.intersect, self.occluded = (ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._functions)
 
     def build(self, triangles: np.ndarray) -> EmbreexScene:
-        """Return the acceleration structure of triangles (facet, corner, xyz) [m]."""
+        """Build the acceleration structure of triangles (facet, corner, xyz) [m]."""
         return EmbreexScene(triangles)
 
     def check(self) -> None:
-        """Raise what went wrong while a kernel asked."""
+        """Raise an error that occurred during a query."""
         if self._errors:
             raise self._errors.pop()
 
     def _guard(self, answer: Callable[[EmbreexScene, np.ndarray, int], None]) -> Callable[[int, int, int, int], None]:
-        def guarded(used: int, scene: int, packet: int, arguments: int) -> None:
+        def answer_packet(used: int, scene: int, packet: int, arguments: int) -> None:
             try:
                 count = int(np.count_nonzero((ctypes.c_uint32 * _WIDTH).from_address(used)))
                 words = np.ctypeslib.as_array((ctypes.c_float * (ROWS * _WIDTH)).from_address(packet))
@@ -75,11 +75,11 @@ class RayByRay:
             except BaseException as error:
                 self._errors.append(error)
 
-        return guarded
+        return answer_packet
 
 
 def _rays(packet: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where rays start (ray, xyz), along what (ray, xyz), and how far they reach (ray), as embreex takes them."""
+    """Return origins (ray, xyz), directions (ray, xyz) and lengths (ray) of rays, as embreex takes them."""
     start, along = (np.ascontiguousarray(packet[row : row + 3].T) for row in (START, ALONG))
     return start, along, np.ascontiguousarray(packet[FAR])
 

@@ -1,4 +1,4 @@
-"""A mesh brought into the user's own library, and taken out again: known files mended as known, others guessed aloud."""
+"""Adding meshes to the user's own library, and removing them. Guesses about an unknown file are reported."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the user says of a mesh; what is None or empty is known, guessed, or left to a default.
+    """What the user says about a mesh. What is None or empty is known for the file, guessed, or a default.
 
     `scale` is the metres in one unit of the file, `size_m` the longest side [m]; `material` is for all parts,
     `part_materials` for some by name; `taxonomy` holds the fields of `Taxonomy` that are known.
@@ -75,15 +75,29 @@ class Wanted:
 
 @functools.cache
 def known_meshes() -> Mapping[str, Mapping[str, Any]]:
-    """Return what is known of NASA's printable files by SHA-256: name, units_per_metre, left_out, taxonomy."""
+    """Return what is known about NASA's printable files by SHA-256: name, units_per_metre, left_out, taxonomy."""
     entries = read_table(shipped("models") / "known_meshes.toml", "install the package again")["mesh"]
     return MappingProxyType({entry["sha256"]: MappingProxyType(entry) for entry in entries})
 
 
 def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False) -> tuple[ModelEntry, list[str]]:
-    """Return the new entry of the user's library, and what was known, guessed and assumed, a line each.
+    """Add a mesh to the user's library.
 
-    The file is copied as it stands; of STEP and IGES the triangles are kept, as GLB.
+    The file is copied unchanged. Of STEP and IGES the triangles are kept, as GLB.
+
+    Parameters
+    ----------
+    path : the mesh file.
+    wanted : what the user says about it.
+    overwrite : whether to replace a model of the same name.
+
+    Returns
+    -------
+    The new entry, and what was known, guessed and assumed, a line each.
+
+    Raises
+    ------
+    MeshError, ScenarioError : the file cannot be read, or what the user says does not fit it.
     """
     path = Path(path)
     _check_numbers(wanted)
@@ -92,7 +106,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
         suffix, kind = ".glb", f"tessellate to {CHORD_MM:g} mm from {path.name}"
         source = f"{kind}, SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()}"
     else:
-        load_mesh(path)  # a bad file is told by its own name
+        load_mesh(path)  # an error names the user's file
         blob, suffix, unit_m, source = path.read_bytes(), path.suffix.lower(), None, path.name
         if suffix == ".gltf" and b'"uri"' in blob and not re.search(rb'"uri"\s*:\s*"data:', blob):
             raise MeshError(f"{path.name}: keeps its data in other files; export it as one .glb")
@@ -127,7 +141,7 @@ def add_model(path: Path, wanted: Wanted = Wanted(), *, overwrite: bool = False)
 
 
 def remove_model(name: str) -> Path:
-    """Return the mesh file that was taken out of the user's library, with its entry."""
+    """Remove a model from the user's library, with its entry; return the path of its mesh file."""
     folder = own_folder()
     with _lock_library(folder) if folder.is_dir() else nullcontext():
         own, tables = own_models(), read_own_index(folder / "index.toml")
@@ -142,13 +156,13 @@ def remove_model(name: str) -> Path:
 
 
 def _lock_library(folder: Path) -> AbstractContextManager[None]:
-    """Return, as a context, the lock of a library: whoever changes the index has read what others wrote."""
+    """Return a context that locks a library, so that changes of its index by several processes are all kept."""
     busy = f"{folder}: another process is changing this library; try again when it is done"
     return hold_lock(folder / ".index.lock", wait_s=_WAIT_S, busy=busy)
 
 
 def _unlink(place: Path, folder: Path) -> None:
-    """Take a mesh file away, if it lies in the library: an index mended by hand may name another."""
+    """Delete a mesh file if it is inside the library; an index edited by hand may name another."""
     if place.resolve().parent == folder.resolve():
         place.unlink(missing_ok=True)
 
@@ -175,7 +189,15 @@ def _check_name(name: str) -> None:
 def _table(
     mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the index table of a mesh, and what was decided on the way."""
+    """Return the index table of a mesh, and a report of what was decided.
+
+    Parameters
+    ----------
+    mesh : the mesh as it was read.
+    known : what is known about the file.
+    wanted : what the user says.
+    unit_m : metres in the unit that the file states, None where it states none.
+    """
     said: list[str] = []
     left_out = tuple((first, last) for first, last in known.get("left_out", ()))
     if known:
@@ -225,7 +247,15 @@ def _table(
 
 
 def _report_known(fields: dict[str, Any], known: Mapping[str, Any], wanted: Wanted, said: list[str]) -> None:
-    """Say which words of the taxonomy nobody gave, and how to give them."""
+    """Report which words of the taxonomy are missing, and how to give them.
+
+    Parameters
+    ----------
+    fields : words of the taxonomy.
+    known : what is known about the file.
+    wanted : what the user says.
+    said : lines of the report, to which is appended.
+    """
     options = {
         "object_class": "--class", "subclass": "--subclass", "shape_family": "--shape", "stabilisation": "--stabilisation",
     }  # fmt: skip
@@ -236,7 +266,16 @@ def _report_known(fields: dict[str, Any], known: Mapping[str, Any], wanted: Want
 
 
 def _scale(mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float | None, said: list[str]) -> float:
-    """Return the metres in one unit of the file, and say who says so."""
+    """Return the metres in one unit of the file, and report where the number comes from.
+
+    Parameters
+    ----------
+    mesh : the mesh as it was read.
+    known : what is known about the file.
+    wanted : what the user says.
+    unit_m : metres in the unit that the file states, None where it states none.
+    said : lines of the report, to which is appended.
+    """
     longest = float(mesh.size_m.max())
     if wanted.size_m is not None:
         return wanted.size_m / longest
@@ -265,7 +304,14 @@ def _scale(mesh: Mesh, known: Mapping[str, Any], wanted: Wanted, unit_m: float |
 
 
 def _materials(parts: tuple[str, ...], wanted: Wanted, said: list[str]) -> dict[str, str]:
-    """Return the material of every part."""
+    """Return the material of every part.
+
+    Parameters
+    ----------
+    parts : names of the parts.
+    wanted : what the user says.
+    said : lines of the report, to which is appended.
+    """
     for name in (*([wanted.material] if wanted.material else []), *wanted.part_materials.values()):
         if name not in materials():
             guess = did_you_mean(name, materials())

@@ -1,4 +1,4 @@
-"""The catalogue of models and materials: those that travel with the package, in models/, and a user's own models."""
+"""The catalogue of models and materials: those shipped in models/, and a user's own models."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ class ModelEntry:
     center_of_mass_m
         In mesh coordinates [m], estimated.
     mass_kg
-        Estimated [kg]; None where nobody has, as of a user's own model.
+        Estimated [kg]; None where there is no estimate, as for a user's own model.
     inertia_kg_m2
         Rows of the tensor about the centre of mass, in the axes of the mesh [kg m2], estimated; or None.
     parts
         Name of the material by name of the part.
     taxonomy
-        Class, shape, size and how it turns.
+        Class, shape, size and rotation.
     hinges
-        What turns about what, in mesh coordinates.
+        Parts that turn, and their axes, in mesh coordinates.
     path
-        Where the mesh file lies.
+        Path of the mesh file.
     scale, mesh_axes, left_out
-        What turns the file into the mesh that all of the above speaks of: metres in one unit of the file, "z_up" or
-        "y_up", and the first and the last facet (numbers in the file) of each run that is no part of the craft.
+        How the file becomes the mesh that the other fields describe: metres in one unit of the file, "z_up" or "y_up".
+        First and last facet (numbers in the file) of each run that does not belong to the craft.
     own
-        Whether it is of the user's own library.
+        Whether the model is from the user's own library.
     """
 
     name: str
@@ -85,7 +85,7 @@ class ModelEntry:
 
     @property
     def mesh(self) -> Mesh:
-        """Return the mesh in metres and in the model's axes, without what is left out."""
+        """Mesh in metres and in the model's axes, without the facets that are left out."""
         mesh = load_mesh(self.path)
         if self.own and mesh.sha256 != self.sha256:
             raise MeshError(f"{self.path}: is not the file that was added as '{self.name}'; add it again (--overwrite)")
@@ -102,7 +102,7 @@ def models() -> dict[str, ModelEntry]:
 
 
 def model(name: str) -> ModelEntry:
-    """Return the model of that name.
+    """Find a model by name.
 
     >>> model("plate").size_m
     (0.002, 4.0, 4.0)
@@ -124,7 +124,7 @@ def model(name: str) -> ModelEntry:
 
 
 def _tell_of_shadow(name: str) -> None:
-    """Warn, once a process, that a shipped model hides one of the user's own; an index that is broken hides none."""
+    """Warn, once a process, that a shipped model hides one of the user's own of the same name."""
     place = own_folder(), name
     if place in _told_of or not has_warnings_enabled():
         return
@@ -138,7 +138,7 @@ def _tell_of_shadow(name: str) -> None:
 
 
 def own_folder() -> Path:
-    """Return the folder of the user's own library: `RSO_LIDAR_MODELS`, else where the platform keeps such data."""
+    """Return the folder of the user's own library: `RSO_LIDAR_MODELS`, else the platform's folder for user data."""
     if said := os.environ.get("RSO_LIDAR_MODELS"):
         return Path(said).expanduser()
     from platformdirs import user_data_path
@@ -149,7 +149,7 @@ def own_folder() -> Path:
 def own_models() -> dict[str, ModelEntry]:
     """Return the models of the user's own library by name, none where there is no library.
 
-    An entry that cannot be read is left out, and told of once; who asks for it gets the reason.
+    An entry that cannot be read is left out, with one warning. `model` raises the reason for it.
     """
     good, broken = _own()
     for reason in broken.values():
@@ -183,12 +183,12 @@ def _own_models(path: Path, _stamp: tuple[int, int, int]) -> tuple[Mapping[str, 
 
 
 def own_entry(path: Path, table: dict[str, Any]) -> ModelEntry:
-    """Return the entry that a table of the user's index at `path` makes, or raise `MeshError` with the cure."""
+    """Return the entry of one table of the user's index at `path`, or raise `MeshError` with the cure."""
     return _entry(path, table, _OWN_CURE, own=True)
 
 
 def read_own_index(path: Path) -> list[dict[str, Any]]:
-    """Return the tables of a user's index, none where there is none yet."""
+    """Read the tables of a user's index; none where there is no index."""
     if not path.exists():
         return []
     tables = read_table(path, "mend it").get("model", [])
@@ -198,12 +198,12 @@ def read_own_index(path: Path) -> list[dict[str, Any]]:
 
 
 def materials() -> dict[str, dict[str, Any]]:
-    """Return every material of the catalogue by name: the fields of its BRDF, where they come from, how it looks."""
+    """Return every material of the catalogue by name: the fields of its BRDF, their source, and a display colour."""
     return {name: dict(table) for name, table in _shipped_materials().items()}
 
 
 def read_models(folder: Path) -> dict[str, ModelEntry]:
-    """Return the models that the index in `folder` lists, by name."""
+    """Read the models that the index in `folder` lists, by name."""
     path = folder / "index.toml"
     entries = read_table(path).get("model", [])
     if not isinstance(entries, list) or not entries:
@@ -212,7 +212,7 @@ def read_models(folder: Path) -> dict[str, ModelEntry]:
 
 
 def read_materials(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the materials that `folder` lists, by name."""
+    """Read the materials that `folder` lists, by name."""
     path = folder / "materials.toml"
     tables = read_table(path)
     for name, table in tables.items():
@@ -234,7 +234,7 @@ def _shipped_materials() -> Mapping[str, dict[str, Any]]:
 def read_table(
     path: Path, cure: str = "install the package again or run `python -m rso_lidar.shapes.write`"
 ) -> dict[str, Any]:
-    """Return what a TOML file of a catalogue holds, or raise `MeshError` with the cure."""
+    """Read a TOML file of a catalogue, or raise `MeshError` with the cure."""
     try:
         return parse_toml(read_text(path, MOST_BYTES, MeshError, "index (.toml)"), f"{path}", MeshError)
     except MeshError as error:
@@ -243,7 +243,7 @@ def read_table(
 
 
 class _Table(BaseModel):
-    """One [[model]] of an index as it is written, and what its values may be."""
+    """One [[model]] of an index, and the values that its keys may have."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True)
 

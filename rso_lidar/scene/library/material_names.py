@@ -1,4 +1,4 @@
-"""What groups of a mesh file are made of, by their names: models/material_names.toml, and the user's own table."""
+"""Materials of the groups of a mesh file, by the groups' names: models/material_names.toml, and the user's own table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TABLE = "material_names.toml"
 
 
 def materials_of(groups: Iterable[str]) -> dict[str, str]:
-    """Return the material of each group that some table knows by its name; the user's table is asked first.
+    """Match groups to materials by name, first in the user's table; return the material of each group that matches.
 
     >>> materials_of(["foil_gold.001", "tex_01", "osr"])
     {'foil_gold.001': 'mli_gold', 'osr': 'osr'}

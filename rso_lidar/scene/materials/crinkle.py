@@ -1,4 +1,4 @@
-"""Crinkled foil: a surface whose small cells are each tilted by an angle of their own, the same in every frame."""
+"""Crinkled foil: a surface of small cells, each tilted by a fixed angle of its own."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ _OFF_THE_GRID = np.array([0.3819660, 0.2679492, 0.7320508])  # of a cell: faces 
 
 
 class Crinkled(MaterialPart):
-    """Foil of many flat pieces: Phong (seed eq. 10) on cells of `cell_mm`, each tilted, so that glints sparkle as it turns.
+    """Crinkled foil: Phong (Fuller et al., eq. 10) on cells of `cell_mm`, each tilted, so that glints sparkle as it turns.
 
-    The slopes of a cell along two directions of the surface are normal, each with the standard deviation tan(`tilt_deg`);
-    `pattern` picks another set. A cell's light counts by the area that it shows to light and viewer, cos θᵢ' cos θₒ' over
-    cos θᵢ cos θₒ cos τ (τ its tilt), less what its neighbours hide (Smith 1967, normal slopes); light that meets the foil
-    twice is lost. Range and labels are those of the facet. A ray meets one cell: where a ray's share of a pixel is much
-    wider than a cell, frames sparkle more than they should, and Phong with a lower exponent is the mean.
+    The slopes of a cell along two directions of the surface are normally distributed, each with the standard deviation
+    tan(`tilt_deg`). `pattern` picks another set of slopes. A cell's light is weighted by its area as light and viewer see
+    it, cos θᵢ' cos θₒ' / (cos θᵢ cos θₒ cos τ). Here τ is its tilt. Neighbouring cells shadow and mask it (Smith
+    1967, normal slopes). Light that meets the foil twice is lost. Range and labels are those of the facet.
+
+    A ray meets one cell. Where a ray's share of a pixel is much wider than a cell, frames sparkle too much. Phong with a
+    lower exponent is then the better model, because it is the mean over cells.
     """
 
     type: Literal["crinkled"] = "crinkled"
@@ -53,16 +55,16 @@ class Crinkled(MaterialPart):
 
     @property
     def rms_slope(self) -> float:
-        """Return the standard deviation of a cell's slope along any direction of the surface."""
+        """Standard deviation of a cell's slope along any direction of the surface."""
         return math.tan(self.tilt_deg * units.DEG)
 
     @property
     def is_narrow(self) -> bool:
-        """Return True: a cell's lobe may change over the Sun's disc."""
+        """Whether the lobe of a cell may change over the Sun's disc."""
         return self.specular > 0.0
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Return the unit normals of the cells that hold points [m] of a surface with normals, all (xyz, hit)."""
+        """Tilt normals (xyz, hit) of a surface to those of the cells that hold points [m] (xyz, hit)."""
         along, across = _slopes(point, self)
         first = np.cross(normal.T, _farthest_axis(normal)).T
         first /= np.sqrt(np.einsum("ih,ih->h", first, first))
@@ -74,14 +76,14 @@ class Crinkled(MaterialPart):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr] of the foil itself, for cosines from the normal of one cell."""
+        """Return the BRDF [1/sr] of one cell, for cosines from the normal of the cell."""
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)
 
     def mean_brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr] of many cells, by quadrature over their slopes (Gauss and Hermite)."""
+        """Return the mean BRDF [1/sr] over many cells, by Gauss-Hermite quadrature over their slopes."""
         shape = np.shape(cos_in)
         given = np.broadcast_arrays(*complete_cosines(cos_in, cos_out, cos_phase))
         cos_in, cos_out, phase = (np.reshape(one, (-1, 1)) for one in given)
@@ -102,7 +104,7 @@ class Crinkled(MaterialPart):
 
 @functools.cache
 def _nodes() -> tuple[np.ndarray, np.ndarray]:
-    """Return places and weights for the mean over a normal number."""
+    """Return nodes and weights of the mean over a standard normal variable."""
     node, weight = np.polynomial.hermite_e.hermegauss(_NODES)
     return node, weight / weight.sum()
 
@@ -112,9 +114,16 @@ def masking_shadowing(
 ) -> np.ndarray:
     """Return the share of cells that neighbours hide neither from the light nor from the viewer.
 
-    Smith 1967 for normal slopes, 1 / (1 + Λ), with what hides from the one also hiding from the other as far as their
-    azimuths agree: 1 / (1 + max Λ + λ min Λ), λ = 4.41 φ / (4.41 φ + 1) (van Ginneken, Stavridi and Koenderink 1998).
-    From one and the same place it is Smith's share for that place, from opposite sides nearly the product.
+    For one direction this is Smith's share for normal slopes, 1 / (1 + Λ) (Smith 1967). Cells that are hidden from the one
+    direction are also hidden from the other, the more so the smaller the azimuth φ between the two. The share of both is
+    1 / (1 + max Λ + λ min Λ). Here λ is 4.41 φ / (4.41 φ + 1) (van Ginneken, Stavridi and Koenderink 1998). It equals
+    Smith's share where light and viewer are in one place. It is nearly the product where they are on opposite sides.
+
+    Parameters
+    ----------
+    cos_in, cos_out : cosines from the mean normal to the light and to the viewer.
+    cos_phase : cosine of the angle between the directions to the two.
+    slope : rms slope of the cells.
     """
     cos_in, cos_out = np.clip(cos_in, 1e-9, 1.0), np.clip(cos_out, 1e-9, 1.0)
     flat = np.sqrt(np.maximum(1.0 - cos_in**2, 1e-18) * np.maximum(1.0 - cos_out**2, 1e-18))
@@ -125,7 +134,7 @@ def masking_shadowing(
 
 
 def _smith_lambda(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
-    """Return Smith's Λ for a direction at that cosine."""
+    """Return Smith's Λ for a direction with that cosine from the normal."""
     from scipy.special import erf
 
     a = cosine / (np.sqrt(np.maximum(1.0 - cosine**2, 1e-18)) * math.sqrt(2.0) * slope)
@@ -135,14 +144,14 @@ def _smith_lambda(cosine: np.ndarray, slope: np.ndarray | float) -> np.ndarray:
 
 
 def _farthest_axis(normal: np.ndarray) -> np.ndarray:
-    """Return the coordinate axis (hit, xyz) that each normal (xyz, hit) is farthest from, the first of equal ones."""
+    """Return the coordinate axis (hit, xyz) farthest from each normal (xyz, hit), the first of equal ones."""
     slant = np.abs(normal)
     axis: np.ndarray = np.eye(3)[np.argmax(slant < slant.min(axis=0) + _TIE, axis=0)]
     return axis
 
 
 def _slopes(point: np.ndarray, material: Crinkled) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two slopes (hit) of the cells that hold points (xyz, hit): normal numbers drawn from the cell's place."""
+    """Return the two slopes (hit) of the cells that hold points (xyz, hit): normal numbers, derived from the position."""
     cell = np.floor(point.T / (material.cell_mm * units.MM) + _OFF_THE_GRID).astype(np.int64).view(np.uint64)
     key = np.full(len(cell), np.uint64(material.pattern % 2**63))
     for axis in range(3):
@@ -153,7 +162,7 @@ def _slopes(point: np.ndarray, material: Crinkled) -> tuple[np.ndarray, np.ndarr
 
 
 def _mix_bits(key: np.ndarray) -> np.ndarray:
-    """Return 64 bits (hit) with each bit of the key spread over all of them (the finaliser of SplitMix64, Steele 2014)."""
+    """Mix 64 bits of a key (hit), so that each affects all others (the finaliser of SplitMix64, Steele 2014)."""
     key = key + np.uint64(0x9E3779B97F4A7C15)
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

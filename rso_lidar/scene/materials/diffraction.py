@@ -1,8 +1,8 @@
-"""The pattern of light that a round aperture sends back, in the near and the far field, averaged over a lens.
+"""Diffraction: the pattern of light that a round aperture sends back, near and far, averaged over a lens.
 
-Lengths across the pattern are in optical units (Born and Wolf, Principles of Optics, section 8.8): v = π D s / λ for an
-angle whose sine is s, and the defocus u = π D² (1/R₁ + 1/R₂) / (2 λ), with D the diameter of the aperture, R₁ and R₂ the
-distances of the point source and of the lens. In the far field u is 0 and the pattern is Airy's.
+Lengths across the pattern are in optical units (Born and Wolf, Principles of Optics, section 8.8). For an angle whose sine
+is s, v = π D s / λ, with D the diameter of the aperture. The defocus is u = π D² (1/R₁ + 1/R₂) / (2 λ). R₁ and R₂
+are the distances of the point source and of the lens. In the far field u is 0, and the pattern is Airy's.
 """
 
 from __future__ import annotations

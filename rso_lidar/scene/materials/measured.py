@@ -1,4 +1,4 @@
-"""A BRDF as somebody measured it: a table over the angle of incidence, the detector beside the laser."""
+"""Measured BRDF: a table over the angle of incidence, with the detector beside the laser."""
 
 import functools
 import math
@@ -11,16 +11,16 @@ from rso_lidar.part import NotNegative
 from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
-_COARSE_DEG = 2.5  # wider steps of the table are cut for the sum over the hemisphere
+_COARSE_DEG = 2.5  # wider steps of the table are divided for the integral over the hemisphere
 _Incidence = Annotated[float, Strict(), Field(ge=0, le=90)]
 
 
 class TableBrdf(MaterialPart):
     """A BRDF measured with light and viewer in one place, linear in the angle, and constant beyond its ends.
 
-    `measured_per_sr` belongs to `incidence_deg`. Of two directions the table is read at the angle between the normal and
-    the direction half way between them: reciprocal, and the measurement itself where the two are one. A table that would
-    send back more light than comes in, at any incidence, is refused.
+    `measured_per_sr` belongs to `incidence_deg`. For two different directions the table is read at the angle between the
+    normal and the half vector. This is reciprocal, and gives the measurement itself where the two directions are one. A
+    table that reflects more light than comes in, at any incidence, is an error.
     """
 
     type: Literal["table"] = "table"
@@ -45,7 +45,7 @@ class TableBrdf(MaterialPart):
 
     @property
     def is_narrow(self) -> bool:
-        """Return whether the lobe may change over the Sun's disc."""
+        """Whether the lobe may change over the Sun's disc."""
         return True
 
     def brdf_per_sr(
@@ -60,16 +60,16 @@ class TableBrdf(MaterialPart):
 
 @functools.lru_cache(maxsize=64)
 def _greatest_reflectance(incidence_deg: tuple[float, ...], measured_per_sr: tuple[float, ...]) -> tuple[float, float]:
-    """Return the greatest directional-hemispherical reflectance of a table, and the incidence [deg] where it is.
+    """Return the greatest directional-hemispherical reflectance of a table, and its angle of incidence [deg].
 
-    Summed over half-way directions, dω = 4 cos(half, light) dω_half: there the table's steps lie, however fine, and
-    Gauss's points between them.
+    The integral is over half vectors, dω = 4 cos(half, light) dω_half, because the table is a function of those. Gauss
+    points lie between the table's steps, however fine these are.
     """
     knots = np.union1d(np.clip(incidence_deg, 0.0, 90.0), np.arange(0.0, 90.1, _COARSE_DEG)) * DEG
     point, share = np.polynomial.legendre.leggauss(4)
     width = np.diff(knots)[:, None]
     theta = (knots[:-1, None] + 0.5 * width * (1.0 + point)).ravel()
-    azimuth = (np.arange(48) + 0.5) * math.pi / 48  # half of the circle: the other is its image
+    azimuth = (np.arange(48) + 0.5) * math.pi / 48  # half of the circle; the other half is symmetric
     brdf = np.interp(theta / DEG, incidence_deg, measured_per_sr)
     weight = (0.5 * width * share).ravel() * np.sin(theta) * brdf * (2.0 * math.pi / 48)
     across = np.sin(theta)[:, None] * np.cos(azimuth)

@@ -1,4 +1,4 @@
-"""Rough surfaces as fields of small facets: matt ones (Oren-Nayar) and mirrors (GGX)."""
+"""Microfacet models of rough surfaces: matt facets (Oren-Nayar) and mirror facets (GGX)."""
 
 import math
 from typing import Annotated, Literal, Self
@@ -10,15 +10,15 @@ from rso_lidar.part import Fraction
 from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, half_vector_cosines
 from rso_lidar.units import DEG
 
-_NARROW_ROUGHNESS = 0.1  # above it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
+_NARROW_ROUGHNESS = 0.1  # rougher lobes hardly change over the Sun's disc: 0.5 % at the peak
 
 
 class OrenNayar(MaterialPart):
-    """A rough matt surface, facets of which are Lambertian: flatter over the disc and brighter at full phase.
+    """A rough matt surface of Lambertian facets: flatter over the disc and brighter at full phase than Lambert's.
 
-    The qualitative model of Oren and Nayar (SIGGRAPH 1994, eq. 30), ρ₀/π (A + B max(0, cos Δφ) sin α tan β) with
-    A = 1 - 0.5 σ²/(σ² + 0.33) and B = 0.45 σ²/(σ² + 0.09). `reflectance` is ρ₀ of a facet, `roughness_deg` σ, the
-    standard deviation of their slope angles; at 0 the surface is Lambertian.
+    This is the qualitative model of Oren and Nayar (SIGGRAPH 1994, eq. 30), ρ₀/π (A + B max(0, cos Δφ) sin α tan β).
+    Its coefficients are A = 1 - 0.5 σ²/(σ² + 0.33) and B = 0.45 σ²/(σ² + 0.09). `reflectance` is ρ₀ of a facet.
+    `roughness_deg` is σ, the standard deviation of the slope angles. With 0 the surface is Lambertian.
     """
 
     type: Literal["oren_nayar"] = "oren_nayar"
@@ -29,7 +29,7 @@ class OrenNayar(MaterialPart):
 
     @model_validator(mode="after")
     def _conserve_energy(self) -> Self:
-        # What returns of light at grazing incidence, where most does: ρ₀ (A + B/2), by integrating the model.
+        # Reflectance is greatest at grazing incidence, where the integral of the model is ρ₀ (A + B/2).
         flat, rough = self._a_b
         most = flat + 0.5 * rough
         if self.reflectance * most > 1.0 + 1e-3:
@@ -58,10 +58,10 @@ class OrenNayar(MaterialPart):
 class Ggx(MaterialPart):
     """A rough mirror over a matt ground: D F G / (4 cos θᵢ cos θₒ) + (k_d/π) (1 - S(θᵢ)) (1 - S(θₒ)).
 
-    D is the GGX distribution of facet normals and G Smith's shadowing, separable (Walter et al., EGSR 2007, eqs. 33 and
-    34); F is Schlick's Fresnel reflectance (1994), F₀ + (1 - F₀) S, S = (1 - cos)⁵. `specular` is F₀, `roughness` Walter's
-    α_g, `diffuse` k_d: the ground gets what the mirror lets through on the way in and out, which keeps the model
-    reciprocal, and conserves energy for k_d + F₀ up to 1.
+    D is the GGX distribution of facet normals and G Smith's separable shadowing (Walter et al., EGSR 2007, eqs. 33 and
+    34). F is Schlick's Fresnel reflectance (1994), F₀ + (1 - F₀) S, with S = (1 - cos)⁵. `specular` is F₀, `roughness` is
+    Walter's α_g, and `diffuse` is k_d. The ground gets what the mirror transmits on the way in and out. The model is
+    therefore reciprocal, and it conserves energy for k_d + F₀ up to 1.
     """
 
     type: Literal["ggx"] = "ggx"
@@ -80,7 +80,7 @@ class Ggx(MaterialPart):
 
     @property
     def is_narrow(self) -> bool:
-        """Return whether the lobe changes over the Sun's disc."""
+        """Whether the lobe changes over the Sun's disc."""
         return self.roughness < _NARROW_ROUGHNESS
 
     def brdf_per_sr(

@@ -16,7 +16,7 @@ from rso_lidar.scene.materials.phong import Lambertian, Phong
 from rso_lidar.scene.materials.retro import RetroReflector
 from rso_lidar.scene.materials.scatterer import Material, MaterialPart, Scatterer
 
-_NEAR_FRACTION = 0.05  # of the wavelength: materials hold so far
+_NEAR_FRACTION = 0.05  # of the wavelength: how far off a material may be used
 
 
 OneMaterial = Annotated[
@@ -26,9 +26,9 @@ OneMaterial = Annotated[
 
 
 class ByWavelength(MaterialPart):
-    """One material for each of several wavelengths; the laser's picks the nearest, within 5 %.
+    """One material for each of several wavelengths. The one nearest to the laser's wavelength is used, within 5 %.
 
-    `wavelength_nm` and `materials` go in pairs.
+    `wavelength_nm` and `materials` have one entry each for every material.
     """
 
     type: Literal["by_wavelength"] = "by_wavelength"
@@ -60,7 +60,7 @@ class ByWavelength(MaterialPart):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Refuse: which material it is, only a wavelength says."""
+        """Raise `ScenarioError`: only a wavelength decides which material it is."""
         raise ScenarioError("by_wavelength: has no BRDF of its own; choose one by at(wavelength_m)")
 
 
@@ -93,13 +93,13 @@ class Named(MaterialPart):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Refuse: which material it is, only a wavelength says."""
+        """Raise `ScenarioError`: only a wavelength decides which material it is."""
         raise ScenarioError(f"{self.name}: has no BRDF of its own; choose one by at(wavelength_m)")
 
 
 _Described = Annotated[OneMaterial | ByWavelength | Named, Field(discriminator="type")]
 _ONE: TypeAdapter[Scatterer] = TypeAdapter(OneMaterial)
-_BETWEEN_M = 1.29e-6  # midway, in ratio, between 1064 and 1570 nm
+_BETWEEN_M = 1.29e-6  # geometric mean of 1064 and 1570 nm
 _REMARKS = ("what", "source", "confidence", "display_rgb", "at_1570_nm")
 
 
@@ -112,7 +112,12 @@ AnyMaterial = Annotated[_Described | Material, Seam(_ByTable, Material)]
 
 
 def find_material(name: str, wavelength_m: float) -> Scatterer:
-    """Return a material of the catalogue by name, of the two wavelengths that it knows the nearer one."""
+    """Find a material of the catalogue by name, at the nearer of its two wavelengths.
+
+    Raises
+    ------
+    MeshError : the catalogue has no material of that name, or its entry is wrong.
+    """
     fields = catalogue.materials().get(name)
     if fields is None:
         raise MeshError(f"models/materials.toml: no material '{name}'; add it, or name another in models/index.toml")

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from rso_lidar.part import Fraction, NotNegative
 from rso_lidar.scene.materials.scatterer import MaterialPart, complete_cosines, phong_per_sr
 
-_NARROW_EXPONENT = 100.0  # below it the mean over the Sun's disc is that of its centre, to 0.5 % at the peak
+_NARROW_EXPONENT = 100.0  # broader lobes hardly change over the Sun's disc: 0.5 % at the peak
 
 
 class Lambertian(MaterialPart):
@@ -42,8 +42,8 @@ class Lambertian(MaterialPart):
 class Phong(MaterialPart):
     """The modified Phong surface ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ (Fuller et al., eq. 10; Lafortune and Willems 1994).
 
-    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength; k_d + k_s may not exceed 1, or the
-    surface would send back more than it gets. φ is the angle between the mirror's direction and the viewer.
+    `diffuse` is k_d, `specular` k_s and `exponent` n, at the laser's wavelength. k_d + k_s may not exceed 1, so that energy
+    is conserved. φ is the angle between the mirror direction and the viewer.
     """
 
     type: Literal["phong"] = "phong"
@@ -62,12 +62,12 @@ class Phong(MaterialPart):
 
     @property
     def is_narrow(self) -> bool:
-        """Return whether the lobe changes over the Sun's disc."""
+        """Whether the lobe changes over the Sun's disc."""
         return self.specular > 0.0 and self.exponent > _NARROW_EXPONENT
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr]; cos φ = 2 cos θᵢ cos θₒ - cos Δ, in monostatic geometry φ = 2α; cos φ < 0 counts 0."""
+        """Return the BRDF [1/sr], with cos φ = 2 cos θᵢ cos θₒ - cos Δ, at least 0. In monostatic geometry φ = 2α."""
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         return phong_per_sr(self.diffuse, self.specular, self.exponent, cos_in, cos_out, phase)

@@ -1,4 +1,4 @@
-"""Cube corners, seen as a surface that sends light back where it came from."""
+"""Retro-reflectors: a surface of cube corners, which reflect light back to its source."""
 
 import math
 from typing import Annotated, Literal, Self
@@ -14,17 +14,16 @@ from rso_lidar.scene.materials.scatterer import SUN_RADIUS_RAD, MaterialPart, Sc
 
 
 class RetroReflector(MaterialPart):
-    """Round cube corners of one size side by side, diffraction limited, as the BRDF of the surface they stand on.
+    """Round, diffraction-limited cube corners of one size side by side, as the BRDF of the surface that they stand on.
 
-    Each sends an Airy pattern back; its peak at normal incidence is the cross-section σ = ρ π³ D⁴ / (4 λ²) (Degnan,
-    Millimeter Accuracy Satellite Laser Ranging, 1993), its first dark ring at 1.22 λ/D. Off the normal the peak falls by
-    the square of the area that is active (Degnan's η), in reciprocal form η(θᵢ) η(θₒ); the broader pattern that goes with
-    that is not modelled, so such cubes return less than they could. A lens gets the mean over its disc, in the near field
-    too.
+    Each reflects an Airy pattern. Its peak at normal incidence is the cross-section σ = ρ π³ D⁴ / (4 λ²) (Degnan,
+    Millimeter Accuracy Satellite Laser Ranging, 1993). Its first dark ring is at 1.22 λ/D. Off the normal the peak falls
+    with the square of the active area (Degnan's η), in reciprocal form η(θᵢ) η(θₒ). The pattern also widens there, which
+    is not modelled, so such cubes return less than they could. A lens gets the mean over its disc, in the near field too.
 
-    `diameter_mm` is D, `reflectance` ρ of all three faces together, `fill_fraction` the share of the surface that is cube,
-    `refractive_index` that of the glass (1 for a hollow cube), `diffuse` the reflectance of what lies between. The pattern
-    depends on `wavelength_nm`, the laser's, which `at` writes in.
+    `diameter_mm` is D and `reflectance` is ρ of all three faces together. `fill_fraction` is the share of the surface that
+    is cube, and `diffuse` the reflectance of the rest. `refractive_index` is that of the glass, 1 for a hollow cube. The
+    pattern depends on the laser's `wavelength_nm`, which `at` fills in.
     """
 
     type: Literal["retro_reflector"] = "retro_reflector"
@@ -41,7 +40,7 @@ class RetroReflector(MaterialPart):
 
     @property
     def is_retro(self) -> bool:
-        """Return True: the lobe points back at the light."""
+        """Whether the lobe points back at the light: it does."""
         return True
 
     @model_validator(mode="after")
@@ -54,13 +53,13 @@ class RetroReflector(MaterialPart):
         return self
 
     def at(self, wavelength_m: float) -> Scatterer:
-        """Return the same cubes with the wavelength of the light [m] written in."""
+        """Return the same cubes at the wavelength of the light [m]."""
         return self.replace(wavelength_nm=round(wavelength_m / units.NM, 6))
 
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the far field's BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ."""
+        """Return the far-field BRDF [1/sr]: ρ F A η(θᵢ) η(θₒ) / (λ² cos θᵢ cos θₒ) (2 J₁(x)/x)², x = π D sin Δ / λ."""
         from scipy.special import j1
 
         if self.wavelength_nm is None:
@@ -81,12 +80,12 @@ class RetroReflector(MaterialPart):
         laser_from_m: np.ndarray,
         aperture_m: float,
     ) -> np.ndarray:
-        """Return the mean BRDF [1/sr] (hit) over a round lens, by the shifted, defocused Airy pattern of each cube.
+        """Return the mean BRDF [1/sr] (hit) over a round lens: the shifted, defocused Airy pattern of each cube.
 
-        A cube corner is a mirror whose pupil is turned by half a turn. Light from a point at R₁ arrives at R₂ with the phase
-        k r² (1/R₁ + 1/R₂)/2 over the cube's face: the pattern of the far field, out of focus. Near the lidar the pattern is
-        therefore broader than Airy's, and never narrower than the cube. Off the axis the lens counts as a disc of the solid
-        angle that the cube sees. The laser is taken as a point, as a single-mode source is.
+        A cube corner acts as a mirror whose pupil is rotated by half a turn. Light from a point at R₁ arrives at R₂ with
+        the phase k r² (1/R₁ + 1/R₂)/2 over the cube's face. That is the far-field pattern out of focus. Near the lidar
+        the pattern is therefore broader than Airy's, and never narrower than the cube. Off the axis the lens counts as a
+        disc of the solid angle that the cube sees. The laser is a point, like a single-mode source.
 
         Parameters
         ----------
@@ -113,7 +112,7 @@ class RetroReflector(MaterialPart):
         return result
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] in sunlight: the pattern, far narrower than the Sun's disc, spread evenly over it."""
+        """Return the BRDF [1/sr] in sunlight: the pattern, spread evenly over the Sun's disc, which is far wider."""
         within = cos_phase >= math.cos(SUN_RADIUS_RAD)
         disc_sr = 2.0 * math.pi * (1.0 - math.cos(SUN_RADIUS_RAD))
         return self._around(within / disc_sr, cos_in, cos_out)

@@ -1,4 +1,4 @@
-"""What a surface's material answers: how bright it is from one direction, lit from another."""
+"""Materials: how bright a surface is from one direction, lit from another."""
 
 import math
 from abc import ABC, abstractmethod
@@ -18,9 +18,9 @@ SUN_RADIUS_RAD = math.asin(units.SUN_RADIUS_M / units.ASTRONOMICAL_UNIT_M)
 class Material(Protocol):
     """What a Python object needs to stand where a scenario takes a material.
 
-    One method is enough. Every other member of `Scatterer` that the object has is used too: `at(wavelength_m)`, for
-    instance, or `is_narrow`. What it lacks is that of a plain material, the same at all wavelengths. The method is called
-    from several threads at once, so it must not change the object. `examples/seams/own_material.py` flies one.
+    One method is enough. Every other member of `Scatterer` that the object has is used too, such as `at(wavelength_m)` or
+    `is_narrow`. For what it lacks, the defaults of `Scatterer` apply. Several threads call the method in parallel, so it
+    must not change the object. `examples/seams/own_material.py` flies one.
     """
 
     def brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
@@ -40,7 +40,7 @@ class Material(Protocol):
 
 
 class Scatterer(ABC):
-    """A material with everything that the scene asks of it; what it does not say itself is that of a plain one."""
+    """A material with everything that the scene reads of it. The defaults are those of a plain, broad lobe."""
 
     @property
     def is_retro(self) -> bool:
@@ -63,7 +63,7 @@ class Scatterer(ABC):
         return 0.0
 
     def tilt_normals(self, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Return the unit normals (xyz, hit) of the cells that hold points [m], given the surface's, both (xyz, hit)."""
+        """Tilt normals (xyz, hit) of a surface to those of the cells that hold points [m] (xyz, hit)."""
         return normal
 
     def average_over_lens(
@@ -74,7 +74,16 @@ class Scatterer(ABC):
         laser_from_m: np.ndarray,
         aperture_m: float,
     ) -> np.ndarray:
-        """Return the mean of the BRDF [1/sr] over a lens, given the BRDF toward the light: for broad lobes, itself."""
+        """Return the mean of the BRDF [1/sr] over a lens. A broad lobe has the same BRDF everywhere on it.
+
+        Parameters
+        ----------
+        peak_per_sr : (hit) f8, BRDF toward the light [1/sr].
+        direction : (hit, xyz) f8, unit vectors to the hits in lidar axes.
+        range_m : (hit) f8, their range [m].
+        laser_from_m : (xyz) f8, position of the laser in lidar axes [m].
+        aperture_m : diameter of the lens [m].
+        """
         return peak_per_sr
 
     def at(self, wavelength_m: float) -> "Scatterer":
@@ -104,11 +113,11 @@ class Scatterer(ABC):
     def mean_brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return the BRDF [1/sr] of a piece that holds all of the surface's structure: without any, the BRDF itself."""
+        """Return the BRDF [1/sr] of an area much larger than the structure of the surface."""
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
     def sunlight_brdf_per_sr(self, cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray) -> np.ndarray:
-        """Return the BRDF [1/sr] in sunlight, in which no lobe is narrower than the Sun's disc."""
+        """Return the BRDF [1/sr] in sunlight, where the Sun's disc widens every lobe."""
         return self.brdf_per_sr(cos_in, cos_out, cos_phase)
 
 
@@ -123,12 +132,12 @@ class MaterialPart(Part, Scatterer):
 
 
 def complete(material: Material) -> Scatterer:
-    """Return a material with everything that the scene asks of it: a `MaterialPart` is, another object is wrapped."""
+    """Return a material with everything that the scene reads of it. An object that is no `MaterialPart` is wrapped."""
     return material if isinstance(material, MaterialPart | _Completed) else _Completed(material)
 
 
 class _Completed(Scatterer):
-    """An object with the protocol `Material`, and the answers of a plain material for what it lacks."""
+    """An object with the protocol `Material`, and the defaults of `Scatterer` for what it lacks."""
 
     def __init__(self, material: Material) -> None:
         self._material = material
@@ -152,7 +161,7 @@ class _Completed(Scatterer):
     def brdf_per_sr(
         self, cos_in: np.ndarray, cos_out: np.ndarray | None = None, cos_phase: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return what the object says [1/sr], once it is one finite number from 0 up for each hit."""
+        """Return the object's BRDF [1/sr], after checking that it is one finite number from 0 up for each hit."""
         cos_in, cos_out, phase = complete_cosines(cos_in, cos_out, cos_phase)
         cosines = np.broadcast_arrays(cos_in, cos_out, phase)
         brdf = np.asarray(self._material.brdf_per_sr(*cosines), dtype=float)
@@ -166,7 +175,7 @@ class _Completed(Scatterer):
                 f"{self.summarize()}: brdf_per_sr returns {brdf[~((brdf >= 0.0) & (brdf < np.inf))].flat[0]:g}; "
                 "a BRDF is finite and at least 0"
             )
-        return np.array(np.broadcast_to(brdf, cosines[0].shape))  # a copy: the object may hand back what it was given
+        return np.array(np.broadcast_to(brdf, cosines[0].shape))  # a copy, because the object may return its argument
 
 
 def _short(value: Any) -> str:
@@ -176,7 +185,12 @@ def _short(value: Any) -> str:
 def complete_cosines(
     cos_in: np.ndarray, cos_out: np.ndarray | None, cos_phase: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | float]:
-    """Return the three cosines, those left out filled in with the viewer where the light is."""
+    """Return the three cosines as arrays. Those left out are the ones of a viewer where the light is.
+
+    Parameters
+    ----------
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    """
     cos_in = np.asarray(cos_in, dtype=float)
     return cos_in, cos_in if cos_out is None else cos_out, 1.0 if cos_phase is None else cos_phase
 
@@ -184,7 +198,12 @@ def complete_cosines(
 def half_vector_cosines(
     cos_in: np.ndarray, cos_out: np.ndarray, cos_phase: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray | float]:
-    """Return the cosines of the half-way direction's angles from the normal and from the light."""
+    """Return the cosines of the half vector's angles from the normal and from the light.
+
+    Parameters
+    ----------
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    """
     length = np.sqrt(np.maximum(2.0 + 2.0 * np.asarray(cos_phase), 1e-30))  # of the sum of the two unit vectors
     return np.minimum((cos_in + cos_out) / length, 1.0), np.minimum(0.5 * length, 1.0)
 
@@ -197,7 +216,13 @@ def phong_per_sr(
     cos_out: np.ndarray,
     cos_phase: np.ndarray | float,
 ) -> np.ndarray:
-    """Return ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ [1/sr] (seed eq. 10), cos φ = 2 cos θᵢ cos θₒ - cos Δ; cos φ < 0 counts 0."""
+    """Return ρ = k_d/π + k_s (n+2)/(2π) cosⁿφ [1/sr] (Fuller et al., eq. 10), cos φ = 2 cos θᵢ cos θₒ - cos Δ ≥ 0.
+
+    Parameters
+    ----------
+    diffuse, specular, exponent : k_d, k_s and n.
+    cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+    """
     cos_phi = np.clip(2.0 * (cos_in * cos_out) - cos_phase, 0.0, 1.0)
     brdf: np.ndarray = diffuse / math.pi + specular * (exponent + 2.0) / (2.0 * math.pi) * cos_phi**exponent
     return brdf

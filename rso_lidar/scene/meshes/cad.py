@@ -1,4 +1,4 @@
-"""STEP and IGES: solids made into triangles by Open CASCADE, through the extra `step`."""
+"""STEP and IGES: solids tessellated by Open CASCADE, which the extra `step` installs."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rso_lidar.errors import MeshError
 from rso_lidar.interruption import make_temporary_folder, remove_on_signal
 from rso_lidar.scene.meshes.mesh import CAD_SUFFIXES, checked_file
 
-CHORD_MM, TURN_RAD = 1.0, 0.2  # how far a facet may leave the surface, and turn against the next
+CHORD_MM, TURN_RAD = 1.0, 0.2  # greatest distance of a facet from the surface, and angle between neighbours
 _MM = 1e-3
 _LONGEST_S = 180
 _MOST_MEMORY = 8 * 2**30
 
-# In a process of its own: a broken solid may take it down, or never end, and its library talks to the terminal.
+# In a process of its own: on a broken solid the library may crash or never return, and it prints to the terminal.
 _TESSELLATE = """
 import sys
 from pathlib import Path
@@ -33,12 +33,15 @@ Path(out).write_bytes(blob)
 
 
 def is_cad(path: Path) -> bool:
-    """Return whether a file is STEP or IGES by its name."""
+    """Return whether a file is STEP or IGES, by its name."""
     return path.suffix.lower() in CAD_SUFFIXES
 
 
 def tessellate(path: Path) -> tuple[bytes, float]:
-    """Return a STEP or IGES file as GLB, and the metres of its unit: STEP says its unit, IGES comes in millimetres."""
+    """Tessellate a STEP or IGES file; return it as GLB, with the metres of its unit.
+
+    STEP names its unit. IGES is in millimetres.
+    """
     checked_file(path, CAD_SUFFIXES)
     if importlib.util.find_spec("cascadio") is None:
         raise MeshError(

@@ -1,4 +1,4 @@
-"""Colours of facets, as a mesh's file gives them: a way to tell materials apart where nothing is named."""
+"""Colours of facets in a mesh's file, which tell materials apart where parts have no names."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ SUFFIXES = (".glb", ".ply")
 
 
 def read_facet_colours(mesh: Mesh) -> np.ndarray:
-    """Return the colour (facet in the file, rgb) of each facet as bytes, counted as `Mesh.source_facet` counts them.
+    """Read the colours (facet in the file, rgb) of facets as bytes, numbered like `Mesh.source_facet`.
 
-    GLB gives a colour to each group (its base colour, as it stands, without textures), PLY to facets or to vertices, of
-    which a facet's is the mean.
+    GLB gives a base colour to each group; textures are ignored. PLY gives colours to facets, or to vertices, of which a
+    facet gets the mean.
     """
     import trimesh
 
@@ -63,7 +63,7 @@ def _of(piece: Any, path: Path) -> np.ndarray:
 
 
 def format_colours(colours: np.ndarray) -> np.ndarray:
-    """Return colours (…, rgb) as texts such as ``#a29225``."""
+    """Format colours (…, rgb) as texts such as ``#a29225``."""
     numbers = (colours.astype(np.int64) * np.array([65536, 256, 1])).sum(axis=-1)
     distinct, place = np.unique(numbers, return_inverse=True)
     texts: np.ndarray = np.array([f"#{number:06x}" for number in distinct.tolist()], dtype=object)[place]

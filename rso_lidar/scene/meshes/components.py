@@ -1,4 +1,4 @@
-"""Connected components of a mesh: the facets that hang together by shared edges."""
+"""Connected components of a mesh: facets that share edges."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rso_lidar.scene.meshes.mesh import Mesh
 
 @dataclass(frozen=True)
 class Component:
-    """A component: how many facets, the first of them in the file, its middle (xyz) and its largest side [m]."""
+    """A component: its number of facets, the first of them in the file, its centre (xyz) and its longest side [m]."""
 
     facets: int
     first_facet: int
@@ -20,7 +20,7 @@ class Component:
 
 
 def find_helper_cube(mesh: Mesh) -> Component | None:
-    """Return the component of twelve facets that is a cube along the axes about the origin, or None."""
+    """Find a component of twelve facets that is a cube along the axes about the origin; None where there is none."""
     facets = merge_vertices(mesh)
     _, number = np.unique(np.sort(directed_edges(facets), axis=1), axis=0, return_inverse=True)
     component = number_components(number.reshape(-1), len(facets))
@@ -36,24 +36,24 @@ def find_helper_cube(mesh: Mesh) -> Component | None:
 
 
 def format_count(count: int, what: str) -> str:
-    """Return a count in words, such as "1 facet" or "2,000 facets"."""
+    """Format a count with its noun, such as "1 facet" or "2,000 facets"."""
     return f"{count:,} {what}{'s' * (count != 1)}"
 
 
 def merge_vertices(mesh: Mesh) -> np.ndarray:
-    """Return the facets (facet, 3) by places instead of vertices: equal corners have one number."""
+    """Return the facets (facet, 3) with one number for vertices in the same place."""
     _, place = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
     merged: np.ndarray = place.reshape(-1)[mesh.facets]
     return merged
 
 
 def directed_edges(facets: np.ndarray) -> np.ndarray:
-    """Return the directed edges (3 * facet, 2), those of a facet one after the other."""
+    """Return the directed edges (3 * facet, 2), three for each facet."""
     return np.stack([facets, np.roll(facets, -1, axis=1)], axis=-1).reshape(-1, 2)
 
 
 def number_components(edge: np.ndarray, facets: int) -> np.ndarray:
-    """Return the component of each facet (facet), from the number of each of its three edges."""
+    """Number the components: return that of each facet (facet), from the numbers of its three edges."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -66,14 +66,14 @@ def number_components(edge: np.ndarray, facets: int) -> np.ndarray:
 
 
 def split_components(component: np.ndarray, wanted: np.ndarray) -> list[np.ndarray]:
-    """Return the facets of each component of some."""
+    """Return the facets of each wanted component."""
     of = np.flatnonzero(np.isin(component, wanted))
     of = of[np.argsort(component[of], kind="stable")]
     return np.split(of, np.flatnonzero(np.diff(component[of])) + 1) if len(of) else []
 
 
 def describe_component(mesh: Mesh, of: np.ndarray) -> Component:
-    """Return what is to be said of the component that some facets make."""
+    """Describe the component that some facets make."""
     points = mesh.vertices[mesh.facets[of]].reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     x, y, z = (float(value) for value in 0.5 * (low + high))

@@ -1,4 +1,4 @@
-"""What a glTF file says of itself, looked at before anything is made of it: nothing that a few words make boundless."""
+"""glTF: checks of a file before it is read, so that no small file can ask for boundless memory."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from urllib.parse import unquote
 
 from rso_lidar.errors import MeshError
 
-MOST_FACETS = 20_000_000  # of one target, all instances counted: some 2 GB as they are cast at
+MOST_FACETS = 20_000_000  # of one target, all instances counted: some 2 GB of acceleration structure
 _MOST_PRIMITIVES, _MOST_NODES, _DEEPEST = 50_000, 50_000, 1_000
-_MOST_COMMAS = 5_000_000  # a list of empty lists takes twenty times the memory that it takes as a file
+_MOST_COMMAS = 5_000_000  # a list of empty lists takes twenty times its size in memory
 _MAGIC, _JSON = b"glTF", 0x4E4F534A  # glTF 2.0, section 4.4
 _TRIANGLES = (4, 5, 6)  # modes: triangles, strip, fan
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -22,7 +22,7 @@ _PACKED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt
 
 
 def check_gltf(path: Path, blob: bytes) -> None:
-    """Raise `MeshError` for a GLB or glTF whose counts, tree of nodes or outside files cannot be trusted."""
+    """Check the counts, node tree and external files of a GLB or glTF; raise `MeshError` where they are unsafe to read."""
     where = path.name
     tree = _tree(where, blob)
     packed = sorted(set(_PACKED) & set(map(str, _list(where, tree, "extensionsRequired", str))))
@@ -34,7 +34,7 @@ def check_gltf(path: Path, blob: bytes) -> None:
 
 
 def _tree(where: str, blob: bytes) -> Mapping[str, Any]:
-    """Return the JSON of a file."""
+    """Read the JSON of a file."""
     text = blob
     if blob[:4] == _MAGIC:
         if len(blob) < 20:
@@ -77,7 +77,7 @@ def _entry(where: str, entries: list[Any], number: int, what: str) -> Any:
 
 
 def _check_outside(path: Path, uri: Any) -> None:
-    """Refuse data outside the file that is not a plain file in its folder."""
+    """Raise `MeshError` for external data that are not a plain file in the same folder."""
     if uri is None or (isinstance(uri, str) and uri.startswith("data:")):
         return
     cure = "export it as one .glb"
@@ -95,7 +95,7 @@ def _check_outside(path: Path, uri: Any) -> None:
 
 
 def _facets(where: str, tree: Mapping[str, Any]) -> list[int]:
-    """Return how many triangles each mesh has, once its accessors lie within their buffers."""
+    """Return the number of triangles of each mesh, after checking that its accessors are within their buffers."""
     accessors, views = _list(where, tree, "accessors"), _list(where, tree, "bufferViews")
     buffers = _list(where, tree, "buffers")
     primitives, counts = 0, []
@@ -121,7 +121,7 @@ def _facets(where: str, tree: Mapping[str, Any]) -> list[int]:
 
 
 def _corners(where: str, accessor: Mapping[str, Any], views: list[Any], buffers: list[Any]) -> int:
-    """Return the count of an accessor whose data are all there."""
+    """Return the count of an accessor, after checking that its data are complete."""
     count = _whole(where, accessor, "count")
     if "sparse" in accessor or "bufferView" not in accessor:
         raise MeshError(f"{where}: has geometry that is sparse or without data, which is not read; export it again")
@@ -139,7 +139,7 @@ def _corners(where: str, accessor: Mapping[str, Any], views: list[Any], buffers:
 
 
 def _check_tree(where: str, tree: Mapping[str, Any], facets: list[int]) -> None:
-    """Refuse nodes that go round in a circle, or that repeat a mesh beyond all bounds."""
+    """Raise `MeshError` for nodes that form a cycle, or that repeat a mesh too often."""
     nodes = _list(where, tree, "nodes")
     if len(nodes) > _MOST_NODES:
         raise MeshError(f"{where}: has over {_MOST_NODES:,} nodes; join some and export it again")

@@ -1,4 +1,4 @@
-"""Height fields: heights on an even grid, from a file or made, as a mesh."""
+"""Height fields: terrain heights on a regular grid, as a mesh."""
 
 import hashlib
 import struct
@@ -14,16 +14,25 @@ from rso_lidar.errors import MeshError
 from rso_lidar.scene.meshes.mesh import Mesh
 
 SUFFIXES = (".npy", ".npz", ".png")
-MOST_CELLS = 4_000_000  # two facets each; the acceleration structure of so many takes some 2 GB
+MOST_CELLS = 4_000_000  # two facets each; the acceleration structure takes some 2 GB
 _CURE = "crop or thin it"
 
 
 def load_height_field(path: Path, cell_m: float, height_scale_m: float) -> Mesh:
-    """Return the mesh of a file of heights: a .npy, a .npz of one array, or a grey .png of 8 or 16 bits.
+    """Load the mesh of a file of heights: a .npy, a .npz of one array, or a grey .png of 8 or 16 bits.
 
-    Rows run from north to south and columns from west to east, `cell_m` [m] apart, about the origin; x is east, y north
-    and z up. A value times `height_scale_m` is the height [m]. Where a value is NaN there is no ground. Raises
-    `MeshError` for a file that is missing or that holds no such grid.
+    Rows run from north to south and columns from west to east, about the origin. x is east, y north and z up. Where a
+    value is NaN there is no ground.
+
+    Parameters
+    ----------
+    path : the file.
+    cell_m : distance between neighbouring heights [m].
+    height_scale_m : metres of height for one unit of the file.
+
+    Raises
+    ------
+    MeshError : the file is missing, or holds no such grid.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(
@@ -44,7 +53,7 @@ def _load_cached(path: Path, cell_m: float, height_scale_m: float, _stamp: tuple
 
 
 def _array(path: Path) -> np.ndarray:
-    """Return the numbers (row, col) of a .npy, or of a .npz that holds one array."""
+    """Read the numbers (row, col) of a .npy, or of a .npz that holds one array."""
     limit = 16 * MOST_CELLS  # bytes, of the widest numbers
     try:
         if path.suffix.lower() == ".npz":
@@ -59,7 +68,7 @@ def _array(path: Path) -> np.ndarray:
         else:
             if path.stat().st_size > limit:
                 raise MeshError(f"{path.name}: is of more than {MOST_CELLS:,} cells; {_CURE}")
-            values = np.load(path, allow_pickle=False, mmap_mode="r")  # says how many there are before any is read
+            values = np.load(path, allow_pickle=False, mmap_mode="r")  # gives the shape before the numbers are read
     except MeshError:
         raise
     except (OSError, ValueError, EOFError, KeyError, SyntaxError, zipfile.BadZipFile, zlib.error):
@@ -71,7 +80,7 @@ def _array(path: Path) -> np.ndarray:
 
 
 def _image(path: Path) -> np.ndarray:
-    """Return the grey values (row, col) of a PNG."""
+    """Read the grey values (row, col) of a PNG."""
     from PIL import Image
 
     try:
@@ -98,10 +107,17 @@ def _check_shape(path: Path, shape: tuple[int, ...]) -> None:
 def build_height_field(
     heights_m: np.ndarray, cell_m: float, path: Path, sha256: str, boulders: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Mesh:
-    """Return heights (row, col) [m] as a mesh, the part `ground`; and `boulders`, vertices [m] and facets, as another.
+    """Build the mesh of terrain from its heights.
 
-    Each cell is two facets that face up, cut from its north-west corner to its south-east; a cell with a NaN corner is
-    left out. `path` and `sha256` say where the heights come from.
+    Each cell is two facets that face up, divided from its north-west to its south-east corner. A cell with a NaN corner
+    is left out.
+
+    Parameters
+    ----------
+    heights_m : (row, col), heights [m], which become the part ``ground``.
+    cell_m : distance between neighbouring heights [m].
+    path, sha256 : where the heights come from.
+    boulders : vertices [m] and facets of a second part, ``boulders``.
     """
     if np.isinf(heights_m).any():
         raise MeshError(f"{path.name}: has heights that are not finite; write NaN where there is none")

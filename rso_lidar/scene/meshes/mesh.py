@@ -1,4 +1,4 @@
-"""Meshes from files: triangles in metres, by named parts, with what was repaired."""
+"""Meshes: triangles in named parts, read from a file and repaired."""
 
 import hashlib
 import logging
@@ -21,22 +21,29 @@ from rso_lidar.scene.meshes.obj import read_obj
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off")
 CAD_SUFFIXES = (".step", ".stp", ".iges", ".igs")
 
-# The ISS is 109 m across and a marble-sized target is not a spacecraft: outside these sizes metres are doubtful.
+# The ISS is 109 m across, and no spacecraft is as small as a marble: beyond these sizes the unit is doubtful.
 _LARGEST_M, _SMALLEST_M = 250.0, 0.02
 _MOST_PARTS = 32_767  # labels number them in 16 bits
 _MOST_BYTES = 2**29  # ten million facets as STL; a reader takes some eight times as much memory
 FARTHEST_M = 1e7  # float32 still resolves a metre there
 _OTHER_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
-_told_of: set[tuple[Path, str]] = set()  # files, with their SHA-256, of whose repairs it has been said
+_told_of: set[tuple[Path, str]] = set()  # files, with their SHA-256, whose repairs have been reported
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """The triangles of one file, in its own coordinates.
 
-    `vertices` (vertex, xyz) f8; `facets` (facet, 3) indices of vertices; `part` (facet) index into `part_names`;
-    `source_facet` (facet) the number that the facet has in the file, counted over its parts in order. `degenerate` facets
-    of the file have no area and were dropped, `left_out` ones are no part of the craft.
+    Attributes
+    ----------
+    path, sha256 : the file, and its hash.
+    vertices : (vertex, xyz) f8.
+    facets : (facet, 3), indices of vertices.
+    part, part_names : index of each facet's part (facet), and the names of the parts.
+    source_facet : (facet), number of the facet in the file, counted over its parts in order.
+    source_facets : number of facets in the file.
+    degenerate : number of facets that have no area and were dropped.
+    left_out : number of facets that do not belong to the craft and were dropped.
     """
 
     path: Path
@@ -52,7 +59,7 @@ class Mesh:
 
     @property
     def size_m(self) -> np.ndarray:
-        """Return the sides (xyz) of the box about the mesh, in its own unit (metres once it is scaled)."""
+        """Sides (xyz) of the box about the mesh, in its own unit."""
         used = self.vertices[np.unique(self.facets)]
         sides: np.ndarray = used.max(axis=0) - used.min(axis=0)
         return sides
@@ -64,10 +71,13 @@ def _read_cached(path: Path, _stamp: tuple[int, int]) -> Mesh:
 
 
 def load_mesh(path: Path) -> Mesh:
-    """Return the mesh of an STL, OBJ, PLY, GLB, glTF or OFF file; each named geometry in it is a part.
+    """Load the mesh of an STL, OBJ, PLY, GLB, glTF or OFF file. Each named geometry in it is a part.
 
-    Facets without area are dropped and counted. Raises `MeshError` for a file that is missing, unreadable, empty, or
-    that holds vertices that are not finite.
+    Facets without area are dropped and counted.
+
+    Raises
+    ------
+    MeshError : the file is missing, unreadable or empty, or holds vertices that are not finite.
     """
     path = Path(path)
     status = checked_file(path, SUFFIXES).stat()
@@ -80,7 +90,7 @@ def load_mesh(path: Path) -> Mesh:
 
 
 def checked_file(path: Path, suffixes: tuple[str, ...]) -> Path:
-    """Return `path` once it is a plain file of one of these suffixes, and of a size that can be read."""
+    """Check that a path is a plain file of one of some suffixes, of a size that can be read, and return it."""
     if path.suffix.lower() not in suffixes:
         known = ", ".join(suffixes)
         cad = " (STEP and IGES come in through `rso-lidar models add`)" if path.suffix.lower() in CAD_SUFFIXES else ""
@@ -140,10 +150,10 @@ def _read(path: Path) -> Mesh:
 
 
 def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Return name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
+    """Read name, vertices (f8) and facets of each named geometry of a file, in the file's order."""
     suffix = path.suffix.lower()
     if suffix == ".obj":
-        return read_obj(path, blob, _MOST_PARTS)  # trimesh splits groups too, but loses the order that labels count in
+        return read_obj(path, blob, _MOST_PARTS)  # trimesh loses the order of facets, by which labels number them
     if suffix in (".glb", ".gltf"):
         check_gltf(path, blob)
     if suffix == ".stl":
@@ -153,15 +163,15 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
     broken = f"{path.name}: cannot be read as {suffix[1:].upper()}: it is cut short or damaged; export it again"
     try:
         with silence_trimesh() as problems, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy's complaints about a broken file become our one line below
-            # NumPy may stop at text that is no number and keep what it has read.
+            warnings.simplefilter("ignore")  # a broken file is reported below in one line
+            # NumPy may stop at text that is no number, and keep what it has read so far.
             warnings.filterwarnings("error", message="string or file could not be read")
-            scene = trimesh.load_scene(path, process=False, skip_materials=True)  # pictures beside it are not opened
+            scene = trimesh.load_scene(path, process=False, skip_materials=True)  # without opening textures
             _check_count(path, blob, scene)
             pieces = _place_geometries(scene, single=suffix in (".stl", ".off", ".ply"))
     except (MeshError, MemoryError):
         raise
-    except Exception:  # trimesh passes on any Python exception, whose message says nothing about the file
+    except Exception:  # trimesh raises any Python exception, with a message that does not name the file
         raise MeshError(broken) from None
     if problems:  # trimesh skipped what it could not read
         raise MeshError(broken)
@@ -172,7 +182,7 @@ def _pieces(path: Path, blob: bytes) -> list[tuple[str, np.ndarray, np.ndarray]]
 
 @contextmanager
 def silence_trimesh() -> Iterator[list[str]]:
-    """Collect what trimesh logs as warnings or errors inside the context, and keep it off the terminal."""
+    """Collect the warnings and errors that trimesh logs inside the context, instead of printing them."""
     problems: list[str] = []
 
     class Kept(logging.Handler):
@@ -190,14 +200,14 @@ def silence_trimesh() -> Iterator[list[str]]:
 
 
 def _check_stl(path: Path, blob: bytes) -> None:
-    """Refuse a truncated ASCII STL: trimesh reads the facets before the end and does not complain."""
+    """Raise `MeshError` for a truncated ASCII STL, of which trimesh reads the facets that are there."""
     is_binary = len(blob) >= 84 and 84 + 50 * int.from_bytes(blob[80:84], "little") <= len(blob)
     if not is_binary and blob.lstrip()[:5].lower() == b"solid" and b"endsolid" not in blob[-1000:].lower():
         raise MeshError(f"{path.name}: has no 'endsolid' at its end, so it is cut short; export it again")
 
 
 def _place_geometries(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Return the named geometries of trimesh's scene, each where its node puts it; a `single` one is the body."""
+    """Return the named geometries of trimesh's scene, placed by its nodes. A `single` one is named ``body``."""
     pieces = []
     order = {name: number for number, name in enumerate(scene.geometry)}
     for node in sorted(scene.graph.nodes_geometry, key=lambda node: order[scene.graph[node][1]]):
@@ -214,7 +224,7 @@ def _place_geometries(scene: Any, *, single: bool) -> list[tuple[str, np.ndarray
 
 
 def _check_count(path: Path, blob: bytes, scene: Any) -> None:
-    """Refuse a PLY or OFF that holds fewer facets than its header says: trimesh reads what is there, and is silent."""
+    """Raise `MeshError` for a PLY or OFF with fewer facets than its header says, which trimesh reads without a word."""
     if path.suffix.lower() == ".ply":
         head, _, _ = blob.partition(b"end_header")
         said = re.search(rb"element\s+face\s+(\d{1,18})", head)
@@ -230,7 +240,15 @@ def _check_count(path: Path, blob: bytes, scene: Any) -> None:
 def normalize_mesh(
     mesh: Mesh, scale: float, mesh_axes: str = "z_up", left_out: tuple[tuple[int, int], ...] = ()
 ) -> Mesh:
-    """Return a mesh in metres, its y turned up to z where `mesh_axes` says so, without runs of facets of the file."""
+    """Scale a mesh to metres, turn it to z up, and drop runs of facets.
+
+    Parameters
+    ----------
+    mesh : the mesh as it was read.
+    scale : metres in one unit of the file.
+    mesh_axes : "z_up" or "y_up".
+    left_out : first and last facet of each run to drop, by number in the file.
+    """
     if scale == 1.0 and mesh_axes == "z_up" and not left_out:
         return mesh
     kept = np.ones(len(mesh.facets), dtype=bool)
@@ -249,26 +267,26 @@ def normalize_mesh(
 
 
 def body_from_mesh(vectors: np.ndarray, mesh_axes: str) -> np.ndarray:
-    """Return vectors (…, xyz) of a mesh's own axes in body axes: "z_up" as they stand, "y_up" with the file's y up."""
+    """Convert vectors (…, xyz) from a mesh's axes to body axes: "z_up" unchanged, "y_up" with the file's y up."""
     if mesh_axes == "y_up":
         return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
     return vectors
 
 
 def guess_units(largest_m: float) -> dict[str, float]:
-    """Return the units, with their metres, in which a mesh of this size would be a spacecraft; none where metres will do."""
+    """Return the units, with their metres, in which a mesh of this size is a spacecraft; none where metres fit."""
     if is_plausible_size(largest_m):
         return {}
     return {unit: metres for unit, metres in _OTHER_UNITS.items() if 0.3 <= largest_m * metres <= 120.0}
 
 
 def is_plausible_size(largest_m: float) -> bool:
-    """Return whether a spacecraft may be this large [m]."""
+    """Return whether a spacecraft may be of this size [m]."""
     return _SMALLEST_M <= largest_m <= _LARGEST_M
 
 
 def warn_of_repairs(mesh: Mesh, name: str) -> None:
-    """Warn, once a process for each file, of what was dropped of a mesh when it was loaded."""
+    """Warn, once a process for each file, of facets that were dropped when the mesh was loaded."""
     if not mesh.degenerate or not has_warnings_enabled() or (mesh.path, mesh.sha256) in _told_of:
         return
     _told_of.add((mesh.path, mesh.sha256))
@@ -279,7 +297,7 @@ def warn_of_repairs(mesh: Mesh, name: str) -> None:
 
 
 def warn_of_size(mesh: Mesh, scale: float, name: str) -> None:
-    """Warn where a mesh, once scaled to metres, cannot be in metres, and say which unit is likely."""
+    """Warn where the size of a scaled mesh shows that its unit is not the metre, and name the likely unit."""
     largest = float(mesh.size_m.max()) * scale
     if is_plausible_size(largest):
         return

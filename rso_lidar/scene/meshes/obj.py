@@ -13,10 +13,20 @@ _LONGEST = 1_000_000  # characters of a line: a polygon of 100,000 corners
 
 
 def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Return name, vertices (vertex, xyz) and facets (facet, 3) of each run of facets under one group or object.
+    """Read the groups of an OBJ file.
 
-    A polygon becomes a fan of triangles, counted one by one. Of the rest of the format nothing bears on range and
-    intensity: textures, normals, smoothing and materials are passed over.
+    A polygon becomes a fan of triangles, numbered one by one. Textures, normals, smoothing groups and materials do not
+    bear on range and intensity, and are ignored.
+
+    Parameters
+    ----------
+    path : name of the file, for messages.
+    blob : its contents.
+    most_parts : the greatest number of groups.
+
+    Returns
+    -------
+    Name, vertices (vertex, xyz) and facets (facet, 3) of each run of facets under one group or object.
     """
     vertices = array("d")
     runs: list[tuple[str, array]] = []
@@ -54,7 +64,7 @@ def read_obj(path: Path, blob: bytes, most_parts: int) -> list[tuple[str, np.nda
 
 
 def _lines(path: Path, blob: bytes) -> Iterator[tuple[int, str]]:
-    """Return the lines of a file by number, those that end in a backslash joined to the next, one at a time."""
+    """Yield the numbered lines of a file. A line that ends in a backslash is joined to the next."""
     start, number, held = 0, 0, b""
     blob = blob.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in blob else blob
     while start < len(blob):
@@ -72,7 +82,7 @@ def _lines(path: Path, blob: bytes) -> Iterator[tuple[int, str]]:
 
 
 def _index(word: str, count: int) -> int:
-    """Return the vertex that a corner names: from 1, or from the last backwards, before the first slash."""
+    """Return the vertex that a corner refers to: from 1 up, or negative from the last, before the first slash."""
     number = int(word.partition("/")[0])
     index = number - 1 if number > 0 else count + number
     if not 0 <= index < count:
@@ -81,6 +91,6 @@ def _index(word: str, count: int) -> int:
 
 
 def _drop_unused(points: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices that some facets use, and the facets in their numbers."""
+    """Drop unused vertices; return the others and the facets renumbered."""
     used, inverse = np.unique(facets, return_inverse=True)
     return points[used], inverse.reshape(facets.shape)

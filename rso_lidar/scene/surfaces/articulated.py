@@ -1,4 +1,4 @@
-"""Targets whose parts turn about hinges: one surface for what is fixed, and one for what each hinge carries."""
+"""Articulated targets: one surface for the fixed parts, and one for the parts on each hinge."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rso_lidar.scene.surfaces.surface import Surface
 
 @dataclass(frozen=True)
 class Hinged:
-    """The parts that one hinge carries: `axes` is the name of its axes, `position_m` (xyz) their origin in the body's."""
+    """The parts on one hinge: `axes` is the name of its axes, `position_m` (xyz) their origin in body axes."""
 
     axes: str
     parts: tuple[str, ...]
@@ -21,9 +21,9 @@ class Hinged:
 
 
 def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface, ...]:
-    """Return the surfaces of a target: what stands still in its body axes first, then what each hinge carries.
+    """Split a surface into the fixed parts in body axes, and the parts on each hinge in its axes.
 
-    All have the numbers of parts, facets and materials of the whole, and the target's number.
+    All keep the numbers of parts, facets and materials of the whole, and the number of the target.
     """
     if not hinged:
         return (surface,)
@@ -55,7 +55,15 @@ def split_at_hinges(surface: Surface, hinged: Sequence[Hinged]) -> tuple[Surface
 
 
 def _select_facets(surface: Surface, which: np.ndarray, name: str, origin_m: np.ndarray) -> Surface:
-    """Return the surface of some facets (a mask), in axes of that name at `origin_m` (xyz) of the surface's own."""
+    """Select some facets of a surface.
+
+    Parameters
+    ----------
+    surface : the whole.
+    which : (facet) bool, the facets to keep.
+    name : name of the new axes.
+    origin_m : (xyz), their origin in the surface's axes [m].
+    """
     mesh = surface.mesh
     fewer = replace(mesh, facets=mesh.facets[which], part=mesh.part[which], source_facet=mesh.source_facet[which])
     material_of = None if surface.material_of is None else surface.material_of[which]

@@ -1,6 +1,6 @@
-"""A mesh examined: units, components, holes, winding, what lies hidden inside, and what was done to it on loading.
+"""Examination of a mesh: unit, components, holes, winding, hidden facets, and what was repaired on loading.
 
-Nothing here changes a mesh. A visual mesh with holes and mixed winding flies as it is: facets are two-sided.
+Nothing here changes a mesh. A mesh with holes and mixed winding is cast as it is, because facets are two-sided.
 """
 
 from __future__ import annotations
@@ -25,20 +25,27 @@ from rso_lidar.scene.surfaces.surface import Surface, build_surface
 
 _DIRECTIONS = 60
 _GRID = 96  # rays along each side of the square that they are cast from
-_GRAZING = 0.05  # cosine below which a facet is not looked at: a ray would start inside its own rounding
-_TIE = 1e-9  # of the weight: a sum that comes so near to half of it is half
+_GRAZING = 0.05  # cosine below which a facet is not probed: float32 could start the ray behind it
+_TIE = 1e-9  # of the weight: a sum this near to half of it counts as half
 _STRAY = 2.0  # times as far from the middle as 95 % of the surface
 
 
 @dataclass(frozen=True)
 class Examination:
-    """What a look at a mesh found; lengths are in metres where the mesh is.
+    """What the examination of a mesh found. Lengths are in metres where the mesh is.
 
-    `facets` of the file, of them `degenerate` without area and `left_out` by the library; `duplicates` lie on another
-    facet with the same corners. `components` hang together by edges. A boundary edge has one facet, a non-manifold edge
-    over two; across a turned edge two facets wind against each other. `front_share` of the first hits of rays from all
-    around face the ray by winding. `hidden` facets no ray reaches or leaves; `hidden_area_share` is theirs of all area.
-    `cube` is a helper cube about the origin, the root of the rig in which some models were drawn.
+    Attributes
+    ----------
+    size_m, area_m2 : sides of the box about the mesh, and its area.
+    facets, degenerate, left_out : facets of the file; those without area; those left out by the library.
+    duplicates : facets with the same corners as another.
+    parts, components : named parts; sets of facets connected by edges.
+    strays : components far from the rest.
+    boundary_edges, nonmanifold_edges : edges with one facet, and with over two.
+    turned_edges : edges across which the winding of two facets disagrees.
+    front_share : share of first hits, of rays from all around, on the side that the winding makes the front.
+    hidden, hidden_area_share : facets that no ray reaches, and their share of the area.
+    cube : a helper cube about the origin, the root of the rig in some models.
     """
 
     size_m: tuple[float, float, float]
@@ -60,11 +67,11 @@ class Examination:
 
     @property
     def largest_m(self) -> float:
-        """Return the longest side [m]."""
+        """Longest side [m]."""
         return max(self.size_m)
 
     def lines(self) -> list[str]:
-        """Return what a person wants to know, a word and a sentence each."""
+        """Return the findings as lines of text, each with a keyword."""
         x, y, z = self.size_m
         text = [f"size        {x:.4g} x {y:.4g} x {z:.4g} m, {self.area_m2:.4g} m2 of surface, hidden surface included"]
         if not is_plausible_size(self.largest_m):
@@ -89,8 +96,8 @@ class Examination:
             )
         text.append(f"holes       {format_count(self.boundary_edges, 'edge')} with one facet; {self._shell}")
         text.append(
-            f"winding     {self.front_share:.2%} of first hits face the ray, {format_count(self.turned_edges, 'edge')} turned: "
-            "facets are two-sided here, so no light is lost"
+            f"winding     {self.front_share:.2%} of first hits face the ray, "
+            f"{format_count(self.turned_edges, 'edge')} turned: facets are two-sided here, so no light is lost"
         )
         text.append(
             f"hidden      {self.hidden:,} facets ({self.hidden_area_share:.1%} of the area) are never hit from outside"
@@ -108,8 +115,8 @@ class Examination:
 
 
 def examine(mesh: Mesh) -> Examination:
-    """Return what is to be said of a mesh (in metres, where units are to make sense)."""
-    surface = build_surface("mesh", mesh)  # first: it refuses what reaches beyond all numbers
+    """Examine a mesh, which should be in metres."""
+    surface = build_surface("mesh", mesh)  # first, because it raises an error for coordinates that are too large
     facets = merge_vertices(mesh)
     edges, ends = np.sort(directed_edges(facets), axis=1), directed_edges(facets)
     _, number, count = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
@@ -148,7 +155,14 @@ def _at(piece: Component) -> str:
 
 
 def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Return the components that lie wholly beyond twice the radius that holds 95 % of the surface."""
+    """Find components that lie wholly beyond twice the radius that holds 95 % of the surface.
+
+    Parameters
+    ----------
+    corners : (facet, corner, xyz) [m].
+    component : (facet), number of the component.
+    area : (facet) [m²].
+    """
     middle = corners.mean(axis=1)
     order = np.argsort(middle, axis=0)
     center = np.array([_median(middle[order[:, k], k], area[order[:, k]]) for k in range(3)])
@@ -161,13 +175,13 @@ def _strays(corners: np.ndarray, component: np.ndarray, area: np.ndarray) -> np.
 
 
 def _median(rising: np.ndarray, weight: np.ndarray) -> float:
-    """Return the weighted median of rising values; where rounding would choose between two, the lower one."""
+    """Return the weighted median of rising values; of two between which rounding would decide, the lower one."""
     below = np.cumsum(weight)
     return float(rising[np.searchsorted(below, 0.5 * below[-1] * (1.0 - _TIE))])
 
 
 def _probe_visibility(surface: Surface) -> tuple[float, np.ndarray]:
-    """Return the share of first hits that face their ray, and which facets (facet) cannot be seen from outside."""
+    """Return the share of first hits on front faces, and which facets (facet) cannot be seen from outside."""
     center, radius = surface.sphere
     corners = surface.corners
     normal = surface.planes[:3].T
@@ -199,13 +213,13 @@ def _probe_visibility(surface: Surface) -> tuple[float, np.ndarray]:
 
 
 def _first(embree: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return the facet that each ray meets first, -1 where none."""
+    """Return the facet that each ray hits first, -1 where none."""
     struck: np.ndarray = embree.run(origins.astype(np.float32), np.ascontiguousarray(directions, dtype=np.float32))
     return struck
 
 
 def _sphere_directions(count: int) -> np.ndarray:
-    """Return unit vectors (count, xyz) spread evenly over the sphere: a spiral of the golden angle."""
+    """Return unit vectors (count, xyz) spread evenly over the sphere, on a golden-angle spiral."""
     k = np.arange(count) + 0.5
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
     flat = np.sqrt(1.0 - z**2)

@@ -1,6 +1,6 @@
-"""Pieces of a surface, each with the few points of its convex hull.
+"""Pieces of a surface, each with the corners of its convex hull.
 
-Seen from the lidar they cover the target more closely than one hull of the whole, so that fewer rays are made in vain.
+Projected, they cover the target more closely than one hull of the whole, so that fewer rays miss it.
 """
 
 import heapq
@@ -14,10 +14,10 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.scene.surfaces.surface import Surface
 
 _MOST_GEOMETRIES = 64  # geometries
-_MOST = 128  # pieces looked at
-_BINS = 16  # places along each axis where a piece may be split
-_WORTH = 0.004  # of the whole hull's area: what a piece must save, or it costs more to draw than the rays it spares
-_CORNERS = 128  # of one hull; a rounder one is replaced by a slightly larger one of so many
+_MOST = 128  # pieces that are considered
+_BINS = 16  # places along each axis where a piece may be divided
+_WORTH = 0.004  # of the whole hull's area: what a piece must save to be worth its projection
+_CORNERS = 128  # of one hull; a hull with more is replaced by a slightly larger one with so many
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Pieces:
 
 @dataclass(eq=False)
 class _Node:
-    """Some facets, and how they are split; `area` [m²] is that of their hull, four times its mean shadow (Cauchy)."""
+    """Some facets, and how they are divided; `area` [m²] is that of their hull, four times its mean projection (Cauchy)."""
 
     facets: np.ndarray
     parts: "tuple[_Node, _Node] | None" = None
@@ -43,7 +43,7 @@ _lock = Lock()
 
 
 def find_pieces(surface: Surface) -> Pieces:
-    """Return the pieces of a surface, split once for each geometry: each facet lies in the hull of one of them."""
+    """Return the pieces of a surface, found once for each geometry. Each facet is inside the hull of one of them."""
     with _lock:
         if surface.content not in _known:
             _known[surface.content] = _split(surface)
@@ -66,7 +66,7 @@ def _split(surface: Surface) -> Pieces:
 
 
 def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
-    """Return the facets, given by their bounds (facet, xyz), split box by box, the largest first, into at most `_MOST`."""
+    """Divide facets, given by their bounds (facet, xyz), box by box, the largest first, into at most `_MOST`."""
     low, high = packed(low), packed(high)
     root = _Node(np.arange(len(low)))
     heap: list[tuple[float, int, _Node]] = [(0.0, 0, root)]
@@ -85,9 +85,17 @@ def _tree(low: np.ndarray, high: np.ndarray) -> _Node:
 
 @kernel
 def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Return which of some facets lie beyond the cut, from the bounds (facet, xyz) of all, and half the area of both boxes.
+    """Find the plane across an axis that leaves the least area of boxes about the facets on its two sides.
 
-    First that of the facets before the cut; where there is none, no facet lies beyond it.
+    Parameters
+    ----------
+    low, high : (facet, xyz), bounds of all facets.
+    facets : numbers of the facets to divide.
+
+    Returns
+    -------
+    Which of the facets are beyond the plane, none where there is no such plane. Half the area of the box about those
+    before it, and of the box about those beyond it.
     """
     n = len(facets)
     beyond = np.zeros(n, dtype=np.bool_)
@@ -136,13 +144,13 @@ def find_cut(low: np.ndarray, high: np.ndarray, facets: np.ndarray) -> tuple[np.
 
 @kernel
 def bin_of(middle: float, first: float, last: float) -> int:
-    """Return the bin of a middle between the first and the last."""
+    """Return the bin of a centre on an axis on which centres lie between the first and the last."""
     return min(int(_BINS * ((middle - first) / (last - first))), _BINS - 1)
 
 
 @kernel
 def grow_box(box: np.ndarray, other: np.ndarray) -> None:
-    """Grow a box, low x, y, z, high x, y, z, until it holds another."""
+    """Grow a box (low x, y, z, high x, y, z) until it holds another."""
     for side in range(3):
         box[side] = min(box[side], other[side])
         box[3 + side] = max(box[3 + side], other[3 + side])
@@ -157,7 +165,7 @@ def half_area(box: np.ndarray) -> float:
 
 
 def _measure(node: _Node, surface: Surface) -> None:
-    """Find the hulls of a node and of all below it: of a whole, from those of its parts."""
+    """Compute the hulls of a node and of all nodes below it; the hull of a whole from those of its parts."""
     if node.parts is None:
         points = surface.vertices[np.unique(surface.facets[node.facets])]
     else:
@@ -168,7 +176,7 @@ def _measure(node: _Node, surface: Surface) -> None:
 
 
 def _choose_pieces(node: _Node, price: float) -> tuple[float, list[np.ndarray]]:
-    """Return the least cost, areas and a price for each piece, of covering a node, and the hulls that cost it."""
+    """Choose the pieces that cover a node at the least cost, their areas and a price for each; return cost and hulls."""
     assert node.hull is not None
     whole = node.area + price
     if node.parts is None:
@@ -178,7 +186,7 @@ def _choose_pieces(node: _Node, price: float) -> tuple[float, list[np.ndarray]]:
 
 
 def _hull(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the corners of the convex hull of points (point, xyz) and its area [m²]; of a flat sheet both sides'."""
+    """Return the corners of the convex hull of points (point, xyz) and its area [m²], both sides of a flat one."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -197,14 +205,14 @@ def _hull(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _simplify_hull(hull: np.ndarray) -> np.ndarray:
-    """Return corners whose hull holds that of the given ones: themselves, or some `_CORNERS` of a body slightly larger."""
+    """Return corners whose hull holds that of the given ones: the same, or some `_CORNERS` of a slightly larger body."""
     if len(hull) <= _CORNERS:
         return hull
     from scipy.spatial import ConvexHull, QhullError
 
     middle = 0.5 * (hull.min(axis=0) + hull.max(axis=0))
     size = np.maximum(hull.max(axis=0) - middle, 1e-300)
-    even = (hull - middle) / size  # a thin body is judged as a round one
+    even = (hull - middle) / size  # scale each axis, so that a thin body is treated like a round one
     chosen = np.unique([int(np.argmax(_along(even, direction))) for direction in _spread(_CORNERS // 3)])
     while True:
         try:

@@ -1,4 +1,4 @@
-"""A surface seen from far away, without perspective: which facet stands where, for pictures and outlines."""
+"""Orthographic views of a surface, for pictures, silhouettes and heights."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _ABOVE_M = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Portrait:
-    """A surface as seen along a direction: what a grid of parallel rays meets, rows downward and columns rightward.
+    """An orthographic view of a surface: what a grid of parallel rays hits, rows downward and columns rightward.
 
-    `facet` (row, col) is -1 where there is nothing; `cosine` (row, col) is that between the facet's normal and the viewer;
-    a cell is `cell_m` [m] wide.
+    `facet` (row, col) is -1 where there is nothing. `cosine` (row, col) is that of the angle between the facet's normal
+    and the viewer. A cell is `cell_m` [m] wide.
     """
 
     facet: np.ndarray
@@ -25,20 +25,20 @@ class Portrait:
 
     @property
     def covered(self) -> np.ndarray:
-        """Return where the surface is (row, col): its silhouette."""
+        """Silhouette: where the surface is (row, col)."""
         covered: np.ndarray = self.facet >= 0
         return covered
 
     @property
     def area_m2(self) -> float:
-        """Return the area of the silhouette [m²]."""
+        """Area of the silhouette [m²]."""
         return float(self.covered.sum()) * self.cell_m**2
 
 
 def viewer_axes(toward: tuple[float, float, float], up: tuple[float, float, float]) -> np.ndarray:
-    """Return the unit vectors right, down and ahead (3, xyz) of who looks from the direction `toward`, `up` upward.
+    """Return the unit vectors right, down and ahead (3, xyz) of a viewer in the direction `toward`, with `up` upward.
 
-    They are the rows of the turn lidar_from_body of a lidar that looks so.
+    They are the rows of the rotation lidar_from_body of a lidar with that view.
     """
     ahead = -np.asarray(toward, dtype=float) / np.linalg.norm(toward)
     right = np.cross(ahead, np.asarray(up, dtype=float))
@@ -54,9 +54,15 @@ def render_portrait(
     side_m: float | None = None,
     cells: int = 400,
 ) -> Portrait:
-    """Return a surface as one sees it from the direction `toward` (xyz, its own axes), `up` upward in the picture.
+    """Render an orthographic view of a surface, centred on its bounds.
 
-    The picture is a square of `side_m` [m] (None: what holds the surface from everywhere) about the middle of its bounds.
+    Parameters
+    ----------
+    surface : the surface.
+    toward : (xyz), direction from the surface to the viewer, in the surface's axes.
+    up : (xyz), direction that is upward in the picture.
+    side_m : side of the square picture [m]; None holds the surface from any direction.
+    cells : number of rows and of columns.
     """
     right, down, ahead = viewer_axes(toward, up)
     centre, radius = surface.sphere
@@ -73,9 +79,14 @@ def render_portrait(
 
 
 def find_top_heights(surface: Surface, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Return the height [m] of the topmost facet over points, in body axes; NaN where there is none.
+    """Find the height [m] of the topmost facet over points, in body axes; NaN where there is none.
 
-    Good to some 1e-7 of the surface's size, which is what float32 holds.
+    The height is good to some 1e-7 of the surface's size, the precision of float32.
+
+    Parameters
+    ----------
+    surface : the surface.
+    x_m, y_m : coordinates of the points [m], which are broadcast.
     """
     x, y = np.broadcast_arrays(np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float))
     above = float(surface.corners[..., 2].max()) + _ABOVE_M

@@ -1,16 +1,16 @@
-"""Normals of what is curved in truth and flat in the mesh: averaged at the corners, interpolate_normals over the facet."""
+"""Shading normals of curved parts whose mesh is flat: averaged at corners, interpolated over facets."""
 
 import numpy as np
 
-_CREASE_COSINE = 0.5  # facets that meet at more than 60 degrees make an edge, not a curve
-_SAME_PLACE = 1e-6  # of the surface's size: files write one vertex many times, and round it
+_CREASE_COSINE = 0.5  # facets that meet at more than 60 degrees are an edge of the craft, not a curved part
+_SAME_PLACE = 1e-6  # of the surface's size: files repeat a vertex, and round it
 
 
 def average_corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return the unit normal (facet, corner, xyz) at each corner: the mean over the facets of its part that meet there.
+    """Average the unit normals (facet, corner, xyz) at each corner over the facets of its part that meet there.
 
-    Each counts by its angle at the corner (Thürmer and Wüthrich 1998), turned to the side of the facet that asks, since
-    winding is mixed; those more than 60 degrees off do not count.
+    Each is weighted by its angle at the corner (Thürmer and Wüthrich 1998). Because winding is mixed, it is turned to the
+    side of the facet whose corner it is. Normals more than 60 degrees off are left out.
 
     Parameters
     ----------
@@ -42,7 +42,13 @@ def average_corner_normals(corners: np.ndarray, normals: np.ndarray, part: np.nd
 
 
 def interpolate_normals(corners: np.ndarray, normals: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return the unit normals (hit, xyz) at points (hit, xyz) of facets with corners and normals (hit, corner, xyz)."""
+    """Interpolate unit normals (hit, xyz) over facets.
+
+    Parameters
+    ----------
+    corners, normals : (hit, corner, xyz), corners of the facet that is hit, and normals there.
+    point : (hit, xyz), points on the facets.
+    """
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     p = point - corners[:, 0]
     aa, ab, bb = (np.einsum("hi,hi->h", *pair) for pair in ((a, a), (a, b), (b, b)))
@@ -57,7 +63,7 @@ def interpolate_normals(corners: np.ndarray, normals: np.ndarray, point: np.ndar
 
 
 def _vertices(corners: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return a number for each corner (facet * 3 + corner), the same for corners of one part in one place."""
+    """Number the corners (facet * 3 + corner): corners of one part in one place have the same number."""
     size = max(float(np.ptp(corners.reshape(-1, 3), axis=0).max()), 1e-300)
     cell = np.rint(corners.reshape(-1, 3) / (_SAME_PLACE * size)).astype(np.int64)
     keyed = np.column_stack([np.repeat(part, 3), cell])

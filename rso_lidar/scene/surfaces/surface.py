@@ -22,18 +22,22 @@ from rso_lidar.scene.surfaces.shading import average_corner_normals, interpolate
 _scenes: OrderedDict[str, Any] = OrderedDict()
 _held: WeakValueDictionary[str, Scene] = WeakValueDictionary()
 _scenes_lock = Lock()
-_SCENES_KEPT = 64  # targets of a scenario or a study; more are built again when they come back
+_SCENES_KEPT = 64  # targets of a scenario or a study; beyond that the least recently used are built again
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The facets of one target, in its body axes, metres about the centre of mass; facets are two-sided.
+    """The facets of one target in its body axes, in metres about the centre of mass. Facets are two-sided.
 
-    `vertices` (vertex, xyz) f8 [m] replace the mesh's own; `materials` holds one for each of its parts, then those that
-    only single facets are of; `material_of` (facet) says by index which facet is of which (None: that of its part). `smooth`
-    are the numbers of parts that are curved in truth: their normals are interpolated over the facets. `target` is the
-    target's number (None: the place among all surfaces); `name` are the axes that the surface is in: the target's, or
-    those of a hinge, ``tdrs.array``.
+    Attributes
+    ----------
+    name : axes that the surface is in: the target's, or those of a hinge, such as ``tdrs.array``.
+    mesh : parts and facets.
+    vertices : (vertex, xyz) f8 [m], which replace the mesh's own.
+    materials : one for each part, then those of single facets.
+    smooth : numbers of the parts that are curved, whose normals are interpolated over the facets.
+    target : number of the target (None: the position among all surfaces).
+    material_of : (facet), index of the material of each facet (None: that of its part).
     """
 
     name: str
@@ -46,35 +50,35 @@ class Surface:
 
     @property
     def body(self) -> str:
-        """Return the name of the target."""
+        """Name of the target."""
         return self.name.partition(".")[0]
 
     @property
     def facets(self) -> np.ndarray:
-        """Return the vertex indices (facet, 3)."""
+        """Vertex indices (facet, 3)."""
         return self.mesh.facets
 
     @property
     def part(self) -> np.ndarray:
-        """Return the part of each facet."""
+        """Part of each facet (facet)."""
         return self.mesh.part
 
     @property
     def finish(self) -> np.ndarray:
-        """Return the index of each facet's material (facet)."""
+        """Index of the material of each facet (facet)."""
         return self.part if self.material_of is None else self.material_of
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """Return the corners (facet, 3, xyz) f8 [m]."""
+        """Corners (facet, 3, xyz) f8 [m]."""
         corners: np.ndarray = self.vertices[self.facets]
         return corners
 
     @cached_property
     def planes(self) -> np.ndarray:
-        """Return the facets' planes (4, facet) f8: unit normal x, y, z by winding, and n · p [m].
+        """Planes of the facets (4, facet) f8: unit normal x, y, z by winding, and n · p [m].
 
-        Which side of a facet is out, a visual mesh does not know.
+        Winding is mixed in many meshes, so the normal may point inward.
         """
         corners = self.corners
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -84,7 +88,7 @@ class Surface:
 
     @property
     def areas_m2(self) -> np.ndarray:
-        """Return the areas (facet) [m²]."""
+        """Areas (facet) [m²]."""
         corners = self.corners
         double = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas: np.ndarray = 0.5 * np.linalg.norm(double, axis=1)
@@ -92,24 +96,24 @@ class Surface:
 
     @property
     def area_m2(self) -> float:
-        """Return the area of all facets [m²], one side of each."""
+        """Area of all facets [m²], one side of each."""
         return float(self.areas_m2.sum())
 
     @cached_property
     def sphere(self) -> tuple[np.ndarray, float]:
-        """Return centre (xyz) and radius [m] of a sphere that holds the surface."""
+        """Centre (xyz) and radius [m] of a sphere that holds the surface."""
         used = self.corners.reshape(-1, 3)
         centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
         return centre, float(np.linalg.norm(used - centre, axis=1).max())
 
     @cached_property
     def radius_m(self) -> float:
-        """Return the distance [m] of the farthest point from the body's origin."""
+        """Distance [m] of the farthest point from the body's origin."""
         return float(np.linalg.norm(self.corners.reshape(-1, 3), axis=1).max())
 
     @cached_property
     def outline(self) -> np.ndarray:
-        """Return the points (point, xyz) of the convex hull: no facet is seen outside their projection."""
+        """Points (point, xyz) of the convex hull, which bounds the projection of the surface."""
         from scipy.spatial import ConvexHull, QhullError
 
         used = np.unique(self.vertices[np.unique(self.facets)], axis=0)
@@ -121,12 +125,12 @@ class Surface:
 
     @cached_property
     def content(self) -> str:
-        """Return a hash of the geometry, under which its acceleration structure is kept."""
+        """Hash of the geometry, the key of its acceleration structure."""
         return hashlib.sha256(self.corners.astype(np.float32).tobytes()).hexdigest()
 
     @property
     def embree(self) -> Any:
-        """Return embree's scene of this surface in body axes, built once for each geometry and committed."""
+        """Acceleration structure in embreex of this surface in body axes, built once for each geometry."""
         with _scenes_lock:
             if self.content not in _scenes:
                 _scenes[self.content] = build_embreex(self.corners)
@@ -143,7 +147,7 @@ class Surface:
             _scenes[key] = _held[key] = scene = scene or engine.build(self.corners)
             _scenes.move_to_end(key)
             while len(_scenes) > _SCENES_KEPT:
-                _scenes.popitem(last=False)  # whoever still casts at it holds it
+                _scenes.popitem(last=False)  # a cast in progress keeps its own reference
             return scene
 
     @cached_property
@@ -164,7 +168,13 @@ class Surface:
         cos_out: np.ndarray | None = None,
         cos_phase: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the BRDF [1/sr] of hits on the facets numbered `facet` (hit), for the cosines that a material takes."""
+        """Return the BRDF [1/sr] of hits.
+
+        Parameters
+        ----------
+        facet : (hit), number of the facet.
+        cos_in, cos_out, cos_phase : as in `Scatterer.brdf_per_sr`.
+        """
         if all(material == self.materials[0] for material in self.materials):
             return self.materials[0].brdf_per_sr(cos_in, cos_out, cos_phase)
         return self.evaluate_by_material(
@@ -175,7 +185,7 @@ class Surface:
         )
 
     def evaluate_by_material(self, facet: np.ndarray, ask: Callable[[Scatterer, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return what `ask` says of a material and of the hits on it, for all hits on the facets numbered `facet` (hit)."""
+        """Evaluate hits on the facets numbered `facet` (hit) material by material: `ask` gets a material and its hits."""
         finish = self.finish[facet]
         answer = np.empty(len(facet))
         for number, material in enumerate(self.materials):
@@ -186,7 +196,7 @@ class Surface:
 
     @cached_property
     def is_smooth(self) -> np.ndarray:
-        """Return whether a facet is of a smooth part (facet)."""
+        """Whether each facet belongs to a smooth part (facet)."""
         return np.isin(self.part, self.smooth)
 
     @cached_property
@@ -196,26 +206,26 @@ class Surface:
 
     @cached_property
     def is_retro(self) -> np.ndarray:
-        """Return whether a facet sends light back where it came from (facet)."""
+        """Whether each facet is a retro-reflector (facet)."""
         is_retro: np.ndarray = np.array([material.is_retro for material in self.materials])[self.finish]
         return is_retro
 
     @property
     def has_own_normals(self) -> bool:
-        """Return whether somewhere the normal that the BRDF gets is not the facet's."""
+        """Whether the BRDF gets a normal other than the facet's somewhere."""
         return bool(self.smooth or self.crinkled)
 
     @cached_property
     def _corner_normals(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the place of each facet among the smooth ones (facet), and their unit normals (smooth, corner, xyz)."""
+        """Position of each facet among the smooth ones (facet), and their unit normals (smooth, corner, xyz)."""
         number = np.cumsum(self.is_smooth) - 1
         on = np.flatnonzero(self.is_smooth)
         return number, average_corner_normals(self.corners[on], self.planes[:3, on].T, self.part[on])
 
     def shading_normals(self, facet: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Return the unit normals (hit, xyz) at points (hit, xyz) [m] of the facets numbered `facet` (hit), body axes.
+        """Return the unit normals (hit, xyz) at points (hit, xyz) [m] of the facets numbered `facet` (hit), in body axes.
 
-        On smooth parts they are interpolated between the corners', elsewhere the facet's own; of its side in any case.
+        On smooth parts they are interpolated between the corners. Elsewhere they are the facet's own.
         """
         normal = np.stack([self.planes[axis][facet] for axis in range(3)], axis=1)
         curved = np.flatnonzero(self.is_smooth[facet])
@@ -238,11 +248,27 @@ def build_surface(
     smooth_parts: Sequence[str] = (),
     wavelength_m: float | None = None,
 ) -> Surface:
-    """Return the surface of a target: its mesh scaled to metres, turned and moved to body axes, with materials.
+    """Build the surface of a target: scale its mesh to metres, move it to body axes, and give it materials.
 
-    `center_of_mass_m` is in the mesh's own axes, after scaling. `mesh_axes` "y_up" turns the file's y to body z.
-    `part_materials` overrides `material` for the parts it names; `smooth_parts` get interpolated normals. Materials are
-    those that light of `wavelength_m` [m] sees; None leaves them as they are, for those that need no wavelength.
+    Parameters
+    ----------
+    name : name of the target.
+    mesh : its mesh.
+
+    Other Parameters
+    ----------------
+    scale : metres in one unit of the mesh.
+    mesh_axes : "z_up", or "y_up" for a file whose y is body z.
+    center_of_mass_m : origin of the body axes in the mesh's axes, after scaling [m].
+    material : material of all parts; None is Lambertian 0.30.
+    part_materials : materials of single parts by name, which override `material`.
+    smooth_parts : names of the curved parts, whose normals are interpolated.
+    wavelength_m : wavelength [m] at which materials are evaluated; None for materials that need none.
+
+    Raises
+    ------
+    ScenarioError : a part is named that the mesh does not have.
+    MeshError : the scaled mesh is too large.
     """
     overrides = dict(part_materials or {})
     for key, named in (("part_materials", overrides), ("smooth_parts", smooth_parts)):
