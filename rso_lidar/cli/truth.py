@@ -16,7 +16,7 @@ from rso_lidar.errors import ScenarioError, did_you_mean
 from rso_lidar.export.formats.czml import choose_samples, write_czml
 from rso_lidar.files import check_writable, write_columns
 from rso_lidar.motion.attitudes.attitude_table import write_aem
-from rso_lidar.orbit.ccsds.ephemeris import write_oem
+from rso_lidar.orbit.ccsds.writer import write_oem
 from rso_lidar.picture.plots.angles import angles_figure, ptu_figure
 from rso_lidar.picture.plots.orbit import inertial_figure
 from rso_lidar.picture.style.output import FIGURE_SUFFIXES
