@@ -21,7 +21,7 @@ from rso_lidar.detector.stages.time_axis import Plan, Rows
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons
 
-# Fewer expected photoelectrons in a step are the rounding of the transform, or a tail that no one sees.
+# Fewer expected photoelectrons in a step are the transform's rounding, or a negligible tail.
 _LEAST_PRIMARIES = np.float32(1e-4)
 _ROWS_AT_ONCE = 512  # what is worked on stays in the cache, and a frame has blocks for several threads
 
@@ -36,7 +36,7 @@ class Analog:
     electrons: np.ndarray  # drawn, after the APD; dark current and background included
     amplitude: np.ndarray  # electrons above the baseline, after the amplifier
     transfer: np.ndarray  # what light is multiplied by, transformed along time, to be the mean of amplitude
-    gain: np.ndarray | None = None  # relative to what the transfer reckons with: bias droop, gain of the pixels
+    gain: np.ndarray | None = None  # relative to the nominal gain: bias droop, gain of the pixels
 
     def mean(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the amplitude (row, step) [electrons] of some rows without noise."""
@@ -48,7 +48,14 @@ class Analog:
 
 
 def base_rate_per_s(quantum_efficiency: float, camera: Camera, photons: Photons) -> np.ndarray:
-    """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight."""
+    """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight.
+
+    Parameters
+    ----------
+    quantum_efficiency : photoelectrons for each photon.
+    camera : the pixels, with their dark current.
+    photons : the light, with its background.
+    """
     if photons.background_photons_per_s is None:
         return camera.dark_per_s
     rate: np.ndarray = camera.dark_per_s + quantum_efficiency * photons.background_photons_per_s.ravel()
@@ -86,7 +93,7 @@ def simulate_analog(
     ----------
     gsfl : the detector.
     photons : light on every pixel.
-    rows, plan : stretches of time, and how they are laid out.
+    rows, plan : stretches of time, and the axis of time.
     camera : the pixels.
     rng : random generator (None: the mean of the output, free of noise).
     threads : number of threads (None: one for each core). The result is the same to the bit.
@@ -151,7 +158,14 @@ def simulate_analog(
 def _pulse_filters(
     amplifier: Filters, efficiency: float, gain: float, pulse_step_s: float, power_per_s: bytes
 ) -> PulseFilters:
-    """Return the filters that lay the laser's pulse over light, made once: to primaries, and on to the amplitude."""
+    """Return the filters from light to primaries, and on to the amplitude, kept.
+
+    Parameters
+    ----------
+    amplifier : over the steps of a row.
+    efficiency, gain : quantum efficiency, and mean gain of the APD.
+    pulse_step_s, power_per_s : taps of the laser's pulse, the second as bytes.
+    """
     pulse = efficiency * transform_pulse(pulse_step_s, np.frombuffer(power_per_s), amplifier.n, amplifier.step_s)
     return PulseFilters.of(pulse, gain * pulse * amplifier.mean, amplifier.n)
 

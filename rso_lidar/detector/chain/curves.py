@@ -1,4 +1,4 @@
-"""The empirical detector at work: returns in clusters, each detected, ranged and counted by the curves."""
+"""The empirical detector at work: it detects, ranges and counts clusters of returns by the curves."""
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def detect_by_curves(empirical: Empirical, photons: Photons, rng: np.random.Gene
 
 
 def _intensity_noise_photons(empirical: Empirical, photons: np.ndarray) -> np.ndarray:
-    """Return the standard deviation [photons] of what is reported of so many expected photons."""
+    """Return the standard deviation [photons] of the reported intensity, by expected photons."""
     shot = empirical.intensity_excess_noise_factor * photons / empirical.quantum_efficiency
     told: np.ndarray = np.sqrt(empirical.intensity_noise_equivalent_photons**2 + shot)
     return told

@@ -84,7 +84,15 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
 
 
 def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
-    """Return which samples (trace, sample) the amplifier's rail holds down, below that of the converter."""
+    """Return which samples (trace, sample) the amplifier's rail holds down, where it is below that of the converter.
+
+    Parameters
+    ----------
+    rail_electrons : the rail [electrons].
+    gsfl : the detector.
+    waveforms : what it stored.
+    camera : the pixels.
+    """
     rail = waveforms.baseline_counts + rail_electrons / gsfl.readout.electrons_per_count
     held: np.ndarray = waveforms.samples_counts > rail + camera.offset_counts[waveforms.pixel, None] - 1.0
     return held
@@ -93,7 +101,16 @@ def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera:
 def _locate_returns(
     gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, samples: np.ndarray, clipped: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return delays since the first sample [s] and amplitudes [counts] of the returns (trace, return), near to far."""
+    """Return delays since the first sample [s] and amplitudes [counts] of the returns (trace, return), near to far.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    waveforms : what it stored.
+    pulse : shape of a return.
+    samples : (trace, sample) [counts] above the baseline, calibrated.
+    clipped : (trace, sample) whether a sample is at the rail.
+    """
     per_count = gsfl.readout.electrons_per_count
     threshold = gsfl.trigger.threshold_electrons / per_count
     known = {
@@ -116,7 +133,7 @@ def _locate_returns(
     )
     low = amplitude < least[:, None]
     delay_s, amplitude = np.where(low, np.nan, delay_s), np.where(low, 0.0, amplitude)
-    # A pulse that peaks beyond the stored samples shows a flank at most: where it is cannot be told.
+    # A pulse that peaks beyond the stored samples shows only a flank, which does not give its place.
     place = (delay_s + pulse.peak_s) / waveforms.sample_s
     with np.errstate(invalid="ignore"):
         outside = (place < -0.49) | (place > samples.shape[1] - 0.51)
@@ -143,7 +160,15 @@ def _where_any(clipped: np.ndarray) -> np.ndarray | None:
 
 
 def _solve_gate_thresholds(gsfl: Gsfl, waveforms: Waveforms, pulse: Pulse, sigma_counts: float) -> np.ndarray:
-    """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate."""
+    """Return the amplitude [counts] above which each trace's returns are reported, at constant false-alarm rate.
+
+    Parameters
+    ----------
+    gsfl : the detector, with a gate.
+    waveforms : what it stored.
+    pulse : shape of a return.
+    sigma_counts : rms of the noise.
+    """
     assert gsfl.gate is not None
     rate = waveforms.base_per_s
     if rate is None:

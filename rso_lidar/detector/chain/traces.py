@@ -123,7 +123,14 @@ def store_traces(
 
 
 def arm_rows(gsfl: Gsfl, rows: Rows, step_s: float) -> tuple[Rows, np.ndarray]:
-    """Return rows that are watched only inside the armed window, and which of them begin to be watched as it opens."""
+    """Restrict the watched part of rows to the armed window; also return which rows begin as the window opens.
+
+    Parameters
+    ----------
+    gsfl : the detector.
+    rows : stretches of time.
+    step_s : length of a step [s].
+    """
     opens, closes = (np.ceil(m / units.RANGE_PER_DELAY_M_S / step_s) for m in (gsfl.armed_from_m, gsfl.armed_to_m))
     first = np.maximum(rows.first, (opens - rows.start).astype(np.int64))
     last = np.minimum(rows.last, (closes - rows.start).astype(np.int64))
@@ -191,7 +198,7 @@ def latch_rows(
 
 
 def noise_sigma(gsfl: Gsfl, rate_per_s: np.ndarray) -> np.ndarray:
-    """Return the rms [electrons] of the noise where so many primaries come a second, of whatever origin."""
+    """Return the rms noise [electrons] at this rate of primaries [1/s], of any origin."""
     amplifier = gsfl.amplifier
     return noise_rms(gsfl.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
 
@@ -211,7 +218,14 @@ def _earliest_s(gsfl: Gsfl, photons: Photons) -> float:
 
 
 def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """Return whether rows say what noise does to these pixels at these times [s]."""
+    """Return whether rows, rather than rates, decide what noise does to pixels at given times.
+
+    Parameters
+    ----------
+    rows : stretches of time.
+    step_s : length of a step [s].
+    pixel, at_s : numbers of pixels, and a time for each [s].
+    """
     row, end = np.searchsorted(rows.pixel, pixel), np.searchsorted(rows.pixel, pixel, "right")
     watched = np.zeros(len(pixel), bool)
     while (row < end).any():  # a pixel has few rows

@@ -43,10 +43,16 @@ def build_tables(pmfs: list[np.ndarray]) -> Table:
 
 
 def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:
-    """Return the cells of one alias table, by sweeping over light and heavy columns at once.
+    """Return the cells of one alias table, by one sweep over light and heavy columns.
 
-    Light columns fill up from the current heavy one; when that has no excess left, it is filled up by the next heavy one
-    (Hübschle-Schneider and Sanders, arXiv:1903.00227): prefix sums and two searches in place of a loop.
+    Light columns fill up from the current heavy one. When that has no excess left, the next heavy one fills it up
+    (Hübschle-Schneider and Sanders, arXiv:1903.00227). Prefix sums and two searches take the place of a loop.
+
+    Parameters
+    ----------
+    first : value of the first column.
+    weight : (value) whole multiples of one part in 2³².
+    columns_log2 : logarithm of the number of columns.
     """
     size, share = 1 << columns_log2, _WORD >> columns_log2
     weight = np.concatenate([weight, np.zeros(size - len(weight), dtype=np.int64)])

@@ -14,14 +14,17 @@ _MEMORY_POLES = 16.0  # time constants: (1 + 16) exp(-16) is 2e-6
 
 
 class Filters:
-    """The amplifier on a circle of `n` steps of `step_s`: `mean` and `shot` are factors of the Fourier transform along time.
+    """The amplifier on a circle of `n` steps of `step_s`: factors of the Fourier transform along time.
 
-    `mean` is the response of the continuous amplifier, charge in a step to amplitude. White noise goes through `taps`
-    (steps after it), of which `shot` is the transform. Second moments are exact on the grid whatever the step: sampled,
-    (1 + |t|/τ) exp(−|t|/τ) is the autocorrelation of y[k] = 2a y[k−1] − a² y[k−2] + early x[k] + late x[k−1] with
-    a = exp(−Δ/τ). White noise of `noise_electrons` a step, through the same taps as the shot noise, is the amplifier's own.
-    First moments of the taps are not: they are as late as `mean`, 2τ, to a quarter of a step for steps up to 2.4 τ, and of
-    longer steps, in which a pulse has no shape, less than a step later.
+    `mean` is the response of the continuous amplifier, charge in a step to amplitude. White noise goes through `taps` (steps
+    after it), of which `shot` is the transform.
+
+    Second moments are exact on the grid, whatever the step. Sampled, (1 + |t|/τ) exp(−|t|/τ) is the autocorrelation of
+    y[k] = 2a y[k−1] − a² y[k−2] + early x[k] + late x[k−1], with a = exp(−Δ/τ). White noise of `noise_electrons` a step,
+    through the same taps as the shot noise, is the amplifier's own.
+
+    First moments of the taps are not exact. Up to steps of 2.4 τ they agree with `mean`, 2τ late, to a quarter of a step.
+    For longer steps, in which a pulse has no shape, they differ by less than a step.
     """
 
     def __init__(self, amplifier: Amplifier, n: int, step_s: float) -> None:
@@ -48,7 +51,13 @@ class Filters:
 
 @lru_cache(maxsize=16)
 def build_filters(amplifier: Amplifier, n: int, step_s: float) -> Filters:
-    """Return the amplifier on a circle of n steps, made once."""
+    """Return the amplifier on a circle of steps, kept.
+
+    Parameters
+    ----------
+    amplifier : its settings.
+    n, step_s : number of steps, and length of a step [s].
+    """
     return Filters(amplifier, n, step_s)
 
 

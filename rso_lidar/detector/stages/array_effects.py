@@ -10,14 +10,28 @@ _MOST_ROUNDS = 50
 
 
 def draw_speckle(speckle: Speckle, coherence_cells: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the factors, of mean 1, on the photons of clusters with so many coherence cells."""
+    """Draw the factors, of mean 1, on the photons of clusters.
+
+    Parameters
+    ----------
+    speckle : its settings.
+    coherence_cells : (cluster).
+    rng : random generator.
+    """
     modes = (1.0 + coherence_cells) * (2.0 if speckle.depolarising else 1.0)
     factors: np.ndarray = rng.standard_gamma(modes) / modes
     return factors
 
 
 def limit_amplitude(saturation: Saturation, amplitude: np.ndarray, step_s: float) -> np.ndarray:
-    """Return amplitudes (row, step) [electrons] as the amplifier passes them on."""
+    """Return amplitudes as a clipping amplifier passes them on.
+
+    Parameters
+    ----------
+    saturation : rail and recovery.
+    amplitude : (row, step) [electrons].
+    step_s : length of a step [s].
+    """
     fade = np.float32(np.exp(-step_s / (saturation.recovery_ns * units.NS)))
     rail = np.float32(saturation.rail_electrons)
     limited: np.ndarray = np.minimum(amplitude, rail)
@@ -78,7 +92,14 @@ def latch_share(at_s: np.ndarray, latch_s: np.ndarray, clock_s: float, n_pixels:
 
 
 def draw_shift_m(crosstalk: Crosstalk, share: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw the range error [m] of pixels (pixel), given the share of the array that latches with each."""
+    """Draw the range error [m] of pixels from crosstalk.
+
+    Parameters
+    ----------
+    crosstalk : its settings.
+    share : (pixel) share of the array that latches with each.
+    rng : random generator.
+    """
     shift: np.ndarray = crosstalk.offset_m * (share - crosstalk.calibrated_fraction)
     shift += crosstalk.noise_m * share * rng.standard_normal(np.shape(share))
     return shift

@@ -80,12 +80,20 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
 
 @kernel
 def draw_from_table(word: np.uint32, table: Table, row: int) -> np.float32:
-    """Return the value that a 32-bit word picks from a row of an alias table."""
+    """Return the value that a random word picks from an alias table.
+
+    Parameters
+    ----------
+    word : 32 random bits.
+    table, row : the tables, and the one to use.
+    """
     columns_log2, cells, first = table
     column = np.int64(word) >> (32 - columns_log2)
     cell = (row << columns_log2) + column
     own, other = first[row] + column, np.int64(cells[cell, 1])
-    return np.float32(own + (word >= cells[cell, 0]) * (other - own))  # both are at hand: no branch to guess
+    return np.float32(
+        own + (word >= cells[cell, 0]) * (other - own)
+    )  # without a branch, which the processor would have to predict
 
 
 @kernel
@@ -98,7 +106,7 @@ def multiply_rows(
     noise: RowNoise,
     electrons: np.ndarray,
 ) -> None:
-    """Write the electrons (row, step) of steps in which so many primaries are expected.
+    """Write the electrons (row, step) of steps by their expected primaries.
 
     Parameters
     ----------
@@ -138,7 +146,7 @@ def multiply_rows(
                     if parts >= FINE:
                         total += draw_from_table(word, coarse, parts // FINE)
                     rest = mean - parts * PART
-                # A Poisson number of avalanches of the rest, which is less than a part: hardly ever one.
+                # A Poisson number of avalanches of the rest, which is less than a part: rarely one.
                 chance = (rest_words[step] + 0.5) * (1.0 / 4294967296.0)
                 if chance < rest:
                     share = math.exp(-rest)
@@ -177,7 +185,13 @@ def parabolic_from(apd: Apd) -> float:
 
 @lru_cache(maxsize=32)
 def base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table:
-    """Return the table of the electrons of a step that expects so many primaries."""
+    """Return the table of the electrons of a step, kept.
+
+    Parameters
+    ----------
+    gain, ionisation_ratio : M and k of the photodiode.
+    primaries : that the step expects.
+    """
     return build_tables([compound_pmf(primaries, gain, ionisation_ratio)])
 
 
@@ -191,7 +205,13 @@ def level_tables(gain: float, ionisation_ratio: float) -> tuple[Table, Table, Ta
 
 
 def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[int, np.ndarray]:
-    """Return (n_min, P(n_min), P(n_min + 1), ...) of the electrons n that `primaries` electrons become (McIntyre 1972)."""
+    """Return (n_min, P(n_min), P(n_min + 1), ...) of the electrons n that some primaries become (McIntyre 1972).
+
+    Parameters
+    ----------
+    primaries : their number.
+    gain, ionisation_ratio : M and k of the photodiode.
+    """
     from scipy.special import gammaln
 
     if primaries == 0 or gain == 1.0:
@@ -211,7 +231,13 @@ def mcintyre_pmf(primaries: int, gain: float, ionisation_ratio: float) -> tuple[
 
 
 def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) -> np.ndarray:
-    """Return P(0), P(1), ... of the electrons of a Poisson number of primaries, by Fourier transform (to 1e-14)."""
+    """Return P(0), P(1), ... of the electrons of a Poisson number of primaries, by Fourier transform (to 1e-14).
+
+    Parameters
+    ----------
+    mean_primaries : expected primaries.
+    gain, ionisation_ratio : M and k of the photodiode.
+    """
     from scipy import fft
 
     first, single = mcintyre_pmf(1, gain, ionisation_ratio)
@@ -224,7 +250,13 @@ def compound_pmf(mean_primaries: float, gain: float, ionisation_ratio: float) ->
 
 
 def _longest(gain: float, ionisation_ratio: float, ones: int = 0, poisson: float = 0.0) -> int:
-    """Return electrons that are exceeded with a negligible probability (Chernoff's bound, best of many)."""
+    """Return electrons that are exceeded with a negligible probability (Chernoff's bound, best of many).
+
+    Parameters
+    ----------
+    gain, ionisation_ratio : M and k of the photodiode.
+    ones, poisson : a fixed number of primaries, and the mean of a Poisson number.
+    """
     w = 1.0 + (greatest_w(gain, ionisation_ratio) - 1.0) * np.geomspace(1e-7, 1.0, 500)
     exponent = ones * np.log(w) + poisson * (w - 1.0) - math.log(_NEGLIGIBLE)
     return int(np.min(exponent / log_z(w, gain, ionisation_ratio))) + 1

@@ -27,7 +27,16 @@ class Camera:
 def make_camera(
     n_pixels: int, seed: int, apd: Apd, threshold_spread: float, maps: Maps | None, defects: Defects | None
 ) -> Camera:
-    """Return the pixels of a camera; each map has its own draws, so that one setting does not move the others."""
+    """Make the pixels of a camera, kept. Each map has its own draws, so that one setting does not change the others.
+
+    Parameters
+    ----------
+    n_pixels : pixels of the array.
+    seed : random seed.
+    apd : with the dark current of most pixels.
+    threshold_spread : 1 sigma over the nominal threshold.
+    maps, defects : fixed patterns, and dead and hot pixels; None without.
+    """
     drawn = [np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(k,)))) for k in range(5)]
     threshold, gain, offset, t0 = (rng.standard_normal(n_pixels) for rng in drawn[:4])
     chance = drawn[4].random(n_pixels)

@@ -12,11 +12,11 @@ NEAR = -2  # not at a step, perhaps between two
 
 
 class Bridge:
-    """What filtered noise does between two steps, given the steps: so that no result depends on how long a step is.
+    """What filtered noise does between two steps, given the steps, so that no result depends on the step's length.
 
-    Between steps the noise is its best estimate from the four steps around (kriging with the autocorrelation of the two-pole
-    amplifier) and a Gaussian rest that these say nothing about, drawn at fifteen points; the mean, which is smooth, is
-    interpolated by the quintic through six steps.
+    Between steps the noise is its best estimate from the four steps around, by kriging with the autocorrelation of the
+    two-pole amplifier. To that comes a Gaussian rest, which the steps do not determine, drawn at fifteen points. The mean
+    is smooth; it is interpolated by the quintic through six steps.
     """
 
     reach = 5.0  # sigmas of the rest that are worth looking at
@@ -89,9 +89,21 @@ def find_latches(
 ) -> np.ndarray:
     """Return the step (row) at which each row latches, NEVER, or NEAR where `find_crossings_between` has to look.
 
-    A row being armed must first be below the threshold less the hysteresis, and is never near.
-    `primaries` (row, step) and `base_per_s` (row) make the noise: an rms of `quiet_electrons`, and of `shot_electrons_rs`
-    times the root of the rate [1/s]. `reach` is in units of that rms.
+    A row that is being armed must first be below the threshold less the hysteresis, and is never NEAR.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    primaries : (row, step) expected photoelectrons in a step.
+    threshold : (row) [electrons].
+    base_per_s : (row) primaries that no pulse makes [1/s].
+    first, last : (row) the steps from which, and before which, the comparator is watched.
+    arming : (row) whether the pixel is armed at `first`.
+    hysteresis : [electrons].
+    step_s : length of a step [s].
+    quiet_electrons : rms noise without primaries.
+    shot_electrons_rs : rms noise for each root of the rate of primaries [1/s].
+    reach : distance to the threshold that counts as near, in rms noise.
     """
     latch = np.empty(len(amplitude), np.int64)
     find_first_crossings(
@@ -130,8 +142,21 @@ def find_first_crossings(
 ) -> None:
     """Fill `latch` (row) with the step at which each row latches, NEVER, or NEAR where it may cross between two steps.
 
-    It may where a step comes within `reach` rms of the noise of the threshold [electrons]. That noise has a mean square of
-    `quiet_square` and `square_s` for each primary a second; `per_step_s` turns `primaries` of a step into that.
+    It may where a step comes within `reach` rms of the noise of the threshold.
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    primaries : (row, step) expected photoelectrons in a step.
+    threshold : (row) [electrons].
+    base_per_s : (row) primaries that no pulse makes [1/s].
+    first, last : (row) the steps from which, and before which, the comparator is watched.
+    arming : (row) whether the pixel is armed at `first`.
+    hysteresis : [electrons].
+    per_step_s : one over the length of a step [1/s].
+    quiet_square, square_s : mean square of the noise, and what each primary a second adds.
+    reach : in rms noise.
+    latch : (row) written.
     """
     for row in range(amplitude.shape[0]):
         level = threshold[row]
@@ -155,14 +180,28 @@ def find_first_crossings(
 
 
 def mark_watched(n_steps: int, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return which steps (row, step) the comparator watches."""
+    """Return which steps (row, step) the comparator watches.
+
+    Parameters
+    ----------
+    n_steps : steps of a row.
+    first, last : (row) the steps from which, and before which, it is watched.
+    """
     step = np.arange(n_steps)
     watched: np.ndarray = (step >= first[:, None]) & (step < last[:, None])
     return watched
 
 
 def mark_near(amplitude: np.ndarray, threshold: np.ndarray, watched: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Return whether each step or the next, both watched, comes within `reach` (row, step) of the threshold [electrons]."""
+    """Return whether each step or the next, both watched, is near the threshold (row, step).
+
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    threshold : (row) [electrons].
+    watched : (row, step).
+    reach : (row, step) distance that counts as near [electrons].
+    """
     pair = np.maximum(amplitude[:, :-1], amplitude[:, 1:])
     near: np.ndarray = (pair > threshold[:, None] - reach[:, :-1]) & watched[:, :-1] & watched[:, 1:]
     return near

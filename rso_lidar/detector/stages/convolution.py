@@ -1,4 +1,4 @@
-"""The laser's pulse laid over light: expected photoelectrons, and their mean behind the amplifier."""
+"""Convolution of light with the laser's pulse: expected photoelectrons, and their mean behind the amplifier."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,13 @@ from rso_lidar.kernels import kernel
 
 
 def transform_pulse(pulse_step_s: float, power_per_s: np.ndarray, n: int, step_s: float) -> np.ndarray:
-    """Return what lays a laser's pulse over `n` steps of `expected` light, complex factors of its transform."""
+    """Return what convolves light on `n` steps with a laser's pulse: complex factors of its transform.
+
+    Parameters
+    ----------
+    pulse_step_s, power_per_s : taps of the pulse.
+    n, step_s : number of steps, and length of a step [s].
+    """
     time_s = (np.arange(len(power_per_s)) - (len(power_per_s) - 1) / 2.0) * pulse_step_s
     frequency_hz = np.fft.rfftfreq(n, step_s)
     turn = np.exp(-2j * math.pi * np.multiply.outer(frequency_hz, time_s))
@@ -29,7 +35,13 @@ class PulseFilters(NamedTuple):
 
     @staticmethod
     def of(pulse: np.ndarray, amplified: np.ndarray, n: int) -> "PulseFilters":
-        """Return the filters of so many steps with these factors."""
+        """Return the filters with these factors.
+
+        Parameters
+        ----------
+        pulse, amplified : factors of the transform, from light to primaries and to the amplitude.
+        n : number of steps.
+        """
         from scipy.fft import irfft
 
         responses = (np.tile(irfft(factors, n), 2).astype(np.float32) for factors in (pulse, amplified))
@@ -63,7 +75,15 @@ def convolve_rows(
     primaries: np.ndarray,
     amplitude: np.ndarray,
 ) -> None:
-    """Lay two responses (twice around the circle) over the light of each row; `primaries` below `least` count as none."""
+    """Convolve the light of each row with two responses.
+
+    Parameters
+    ----------
+    light : (row, step) expected photons.
+    pulse, amplified : responses, twice around the circle.
+    least : fewer primaries in a step count as none.
+    primaries, amplitude : (row, step) written.
+    """
     n_rows, n = light.shape
     for row in range(n_rows):
         expected, mean = primaries[row], amplitude[row]

@@ -18,7 +18,7 @@ from rso_lidar.detector.stages.avalanche import mcintyre_pmf
 _GRID = 8192  # steps of amplitude in a density
 _STEEPEST = 0.8  # share of the tail's own decay to which a density is tilted
 _TILTS = 24  # with four deviations each; beyond them the rate is nil
-_NIL = -250.0  # log of the least rate that is told from none
+_NIL = -250.0  # log of the least rate that counts as more than none
 
 
 def false_alarm_rate(
@@ -30,12 +30,19 @@ def false_alarm_rate(
     pole_s: float,
     integration_s: float,
 ) -> np.ndarray:
-    """Return upcrossings [1/s] of thresholds above the baseline, where `rate_per_s` primaries come from dark and background.
+    """Return upcrossings [1/s] of thresholds above the baseline.
 
-    Rice's p(T) E[x'⁺ | x = T] with the true density p of the output and the true mean square of its slope x' where
-    x = T. The slope is taken as normal, the only approximation: it is right where the amplifier's noise or many
-    avalanches at once rule, and up to a quarter too high where single avalanches do. Thresholds below the baseline count
-    as on it.
+    Rice's p(T) E[x'⁺ | x = T], with the true density p of the output and the true mean square of its slope x' where x =
+    T. The slope is taken as normal, which is the only approximation. It is right where the amplifier's noise or many
+    simultaneous avalanches dominate, and up to a quarter too high where single avalanches do. Thresholds below the
+    baseline count as on it.
+
+    Parameters
+    ----------
+    threshold_electrons : [electrons].
+    apd : the photodiode.
+    rate_per_s : primaries of dark current and background [1/s].
+    noise_electrons, pole_s, integration_s : noise, time constant and unit of amplitude of the amplifier.
     """
     threshold, rate = np.broadcast_arrays(
         np.maximum(np.asarray(threshold_electrons, dtype=float), 0.0), np.asarray(rate_per_s, dtype=float)
@@ -56,7 +63,15 @@ def false_alarm_rate(
 
 
 def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: float) -> np.ndarray:
-    """Return the upcrossings per τ of thresholds T with as many `pulses`, primaries per τ."""
+    """Return the upcrossings per τ of thresholds.
+
+    Parameters
+    ----------
+    T : thresholds [electrons].
+    apd : the photodiode.
+    pulses : primaries per τ, for each threshold.
+    noise, peak : rms of the amplifier's noise, and its integration time over τ.
+    """
     if pulses.min() == pulses.max():
         order = np.argsort(T)
         log_rate = np.empty(T.shape)
@@ -84,7 +99,7 @@ class _Pulses(NamedTuple):
 def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _Pulses:
     first, pmf = mcintyre_pmf(1, gain, ionisation_ratio)
     n = first + np.arange(len(pmf), dtype=float)
-    # Long avalanches in groups of 1 % are told by their mean.
+    # Long avalanches are represented by the mean of their group of 1 %.
     group = np.where(n < 100.0, n, 100.0 + np.floor(100.0 * np.log(n / 100.0 + 1e-12))).astype(int)
     share = np.bincount(group, pmf)
     n = np.bincount(group, n * pmf)[share > 0.0] / share[share > 0.0]
@@ -108,11 +123,18 @@ def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _
 
 
 def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: float) -> np.ndarray:
-    """Return the log of upcrossings per τ of ascending thresholds T, for `pulses` primaries per τ.
+    """Return the log of upcrossings per τ of ascending thresholds.
 
-    The density is the Fourier inverse of exp K(s − iω), K the cumulant function of filtered shot noise (Campbell) and of
-    the Gaussian, on lines s that tilt it toward the thresholds (Daniels 1954), so that far tails keep their digits.
-    E[x'²|x] p(x) has the transform K_vv exp K; the cross term K_v is the integral of a derivative along a pulse, nil.
+    The density is the Fourier inverse of exp K(s − iω). K is the cumulant function of filtered shot noise (Campbell) and
+    of the Gaussian. Lines s tilt it toward the thresholds (Daniels 1954), so that far tails keep their digits. E[x'²|x]
+    p(x) has the transform K_vv exp K. The cross term K_v is the integral of a derivative along a pulse, which is zero.
+
+    Parameters
+    ----------
+    T : thresholds [electrons], rising.
+    apd : the photodiode.
+    pulses : primaries per τ.
+    noise, peak : rms of the amplifier's noise, and its integration time over τ.
     """
     sigma = math.sqrt(noise**2 + pulses * cumulants(apd)[1] * peak**2 / 4.0)
     end = math.e * tail_per_electron(apd.gain, apd.ionisation_ratio) / peak

@@ -139,7 +139,7 @@ class _Rates(NamedTuple):
     table: Any = None  # spline of the log of the rate over that of the primaries and the threshold
 
     def at(self, pixel: np.ndarray | slice, sunlight_per_s: np.ndarray) -> np.ndarray:
-        """Return the rates [1/s] of some pixels under so many primaries of sunlight."""
+        """Return the rates [1/s] of some pixels under sunlight of these primaries [1/s]."""
         primaries = np.maximum(self.dark_per_s[pixel] + sunlight_per_s, 1.0)
         log_rate = self.table.ev(np.log(primaries), self.threshold[pixel])
         rates: np.ndarray = np.where(self.dead[pixel] | (log_rate < 0.9 * _NIL), 0.0, np.exp(log_rate))
@@ -243,7 +243,15 @@ def noise_factors(lag: float) -> tuple[float, float, float, float, float]:
 def continue_noise(
     value: np.ndarray, slope: np.ndarray, first_lag: np.ndarray, lag: float, white: np.ndarray, samples: np.ndarray
 ) -> None:
-    """Fill `samples` (sample, trace) with noise that has a value and a slope before them, of `white` (sample, 2, trace)."""
+    """Continue noise from a known value and slope.
+
+    Parameters
+    ----------
+    value, slope : (trace) before the first sample.
+    first_lag, lag : (trace) to the first sample, and from each sample to the next [poles].
+    white : (sample, 2, trace) standard normal numbers.
+    samples : (sample, trace) written.
+    """
     later = noise_factors(lag)
     for trace in range(len(value)):
         between = noise_factors(first_lag[trace])

@@ -10,7 +10,7 @@ from rso_lidar.kernels import kernel, packed
 from rso_lidar.records import Photons
 
 WIDEST = 1.5  # steps: a return of a deeper facet is cut into several ...
-MOST_PIECES = 4096  # ... and at most so many
+MOST_PIECES = 4096  # ... and at most into this number
 
 
 def spread_light(photons: Photons, rows: Rows, step_s: float, factors: np.ndarray | None = None) -> np.ndarray:
@@ -56,7 +56,18 @@ def share_returns(
     last: int,
     grid: np.ndarray,
 ) -> None:
-    """Add each return to the steps of its pixel's rows in `grid`, by cubic interpolation; none begins after step `last`."""
+    """Add each return to the steps of its pixel's rows, by cubic interpolation.
+
+    Parameters
+    ----------
+    pixel, delay_s, photons, depth_spread_s : (return) those of `Photons`.
+    late_s : delay of the whole flash [s].
+    step_s : length of a step [s].
+    widest : steps; a deeper return is cut into several.
+    row_pixel, row_start : (row) those of `Rows`.
+    last : no return begins after this step.
+    grid : (row, step) expected photons, added to.
+    """
     n_rows, row, steps_per_s, last = len(row_pixel), 0, 1.0 / step_s, min(last, grid.shape[1] - 3)
     for k in range(len(pixel)):
         while row < n_rows and row_pixel[row] < pixel[k]:
@@ -89,10 +100,14 @@ def share_returns(
 
 
 def share_sixths(x1: np.ndarray, x2: np.ndarray, x3: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return six times the shares of steps -1, 0, 1 and 2 in a return at x, from the means of x, x² and x³.
+    """Return six times the shares of steps -1, 0, 1 and 2 in a return at x.
 
-    Cubic interpolation's weights: sum, mean, variance and third moment are exact, and the error left is of fourth order,
-    2e-4 of the peak for a step of a quarter of the pulse's sigma.
+    The weights are those of cubic interpolation. Sum, mean, variance and third moment are exact. The remaining error is of
+    fourth order: 2e-4 of the peak for a step of a quarter of the pulse's sigma.
+
+    Parameters
+    ----------
+    x1, x2, x3 : means of x, x² and x³ over the return.
     """
     return 3.0 * x2 - x3 - 2.0 * x1, 3.0 * (x3 - 2.0 * x2 - x1) + 6.0, 3.0 * (x2 - x3) + 6.0 * x1, x3 - x1
 

@@ -45,7 +45,7 @@ class Overlap(NamedTuple):
 
 
 def split_rows(rows: Rows, at_once: int) -> list[slice]:
-    """Return slices of about so many rows, each of which begins with the first of a pixel."""
+    """Return slices of about `at_once` rows. Each begins with the first row of a pixel."""
     pixel = rows.pixel
     edges = np.unique([*np.searchsorted(pixel, pixel[::at_once]), len(pixel)]).astype(int)
     return [slice(a, b) for a, b in pairwise(edges.tolist())]

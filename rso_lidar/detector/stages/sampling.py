@@ -53,10 +53,18 @@ def sample_rows(
     quantised: bool,
     counts: np.ndarray,
 ) -> int:
-    """Fill `counts` (trace, sample) with the converter's output of every `per_sample`th step from `first` of each `row`.
+    """Sample and convert rows; return how many traces were filled before one that reaches beyond its row.
 
-    `offset_counts` (trace) holds the baseline and what a pixel adds to it. Return how many traces were filled before one
-    that reaches beyond its row.
+    Parameters
+    ----------
+    amplitude : (row, step) [electrons].
+    row, first : (trace) row and step of the first sample.
+    per_sample : steps from sample to sample.
+    counts_per_electron : scale of the converter.
+    offset_counts : (trace) baseline, and what a pixel adds to it.
+    full_scale : greatest count.
+    quantised : whether counts are whole.
+    counts : (trace, sample) written.
     """
     for trace in range(counts.shape[0]):
         last = first[trace] + (counts.shape[1] - 1) * per_sample
@@ -72,9 +80,13 @@ def sample_rows(
 
 
 def convert(readout: Readout, amplitude: np.ndarray, offset_counts: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the converter's output [counts], baseline included, of amplitudes [electrons]; float32.
+    """Return the converter's output [counts], baseline included; float32.
 
-    `offset_counts` is what a pixel adds of its own.
+    Parameters
+    ----------
+    readout : the converter.
+    amplitude : [electrons], any shape.
+    offset_counts : what a pixel adds of its own.
     """
     counts = amplitude * np.float32(1.0 / readout.electrons_per_count)
     counts = counts + np.asarray(offset_counts + readout.baseline_counts, np.float32)

@@ -1,7 +1,7 @@
 """The axis of time: steps, a whole number of them to a sample, and the rows of steps in which light comes.
 
-Work is done only where light comes: each pixel has one row, or several where its returns lie far apart, of equal length,
-long enough that a pulse which latches in the watched part of the row finds all its samples there.
+Work is done only where light comes. Each pixel has one row, or several where its returns lie far apart. All rows have one
+length: a pulse that latches in the watched part of a row finds all its samples there.
 """
 
 import math
@@ -21,7 +21,7 @@ _LONGEST = 4.0  # pulses: of a return that is deeper, so much about its middle i
 
 @dataclass(frozen=True)
 class Plan:
-    """How rows are laid out, in steps: the pulse's rise and fall about a delay, what is stored before and after a latch."""
+    """Layout of rows, in steps: rise and fall of the pulse about a delay, and what is stored before and after a latch."""
 
     step_s: float
     steps_per_sample: int
