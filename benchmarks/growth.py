@@ -77,7 +77,7 @@ def measured(name: str, note: str, sizes: Sequence[int], make: Callable[[int], r
         scenario = make(size)
         spent = seconds(lambda: next(rl.simulate(scenario, frames=[0])))
         repeats = int(np.clip(budget_s / spent, 3, 25))
-        spans, _ = warm(scenario, repeats, {"one": ("numba", 1)})
+        spans, _ = warm(scenario, repeats, {"one": 1})
         stages.append(medians(spans["one"]))
     return Axis(name, np.array(sizes), np.array([flash_s(spans) * 1e3 for spans in stages]), "ms a flash", note, stages)
 

@@ -1,4 +1,4 @@
-"""The stages of a flash: time and share of each, on both arithmetics, warm and in a new process."""
+"""The stages of a flash: time and share of each, on one thread and in bands on two, warm and in a new process."""
 
 import sys
 import tempfile
@@ -13,7 +13,7 @@ import rso_lidar as rl
 from benchmarks import scenes
 from benchmarks.clock import fresh, quartiles, seconds
 from benchmarks.report import Findings, table
-from rso_lidar import arithmetic, detector, motion, optics, scene
+from rso_lidar import detector, motion, optics, scene
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measure import measure
 from rso_lidar.detector.chain.timing import shape_pulse
@@ -59,7 +59,7 @@ class Flight:
         self.folder.cleanup()
 
     def frame(self, k: int, threads: int = 1, now: Callable[[], float] = time.perf_counter) -> Spans:
-        """Return the seconds that each stage of frame k takes; `threads` cast bands side by side."""
+        """Return the seconds that each stage of frame k takes; casting and the chain work in bands on `threads`."""
         scenario, clock = self.scenario, Clock(now)
         k %= scenario.time.n_frames
         surfaces, lidar, rng = scenario.surfaces, scenario.instrument, scenario.rng(k)
@@ -71,10 +71,10 @@ class Flight:
         hits = clock("cast", scene.cast, rays, surfaces, truth, threads, **lit, aperture_m=lidar.receiver.aperture_m)
         photons = clock("collect", optics.collect, hits, laser, lidar.receiver, late_s)
         if lidar.detector.type == "gsfl":
-            waveforms = clock("waveform", store_waveforms, lidar.detector, photons, rng)
+            waveforms = clock("waveform", store_waveforms, lidar.detector, photons, rng, threads)
             reading = clock("detect", measure, lidar.detector, waveforms, shape_pulse(lidar.detector, photons), rng)
         else:
-            reading, _ = clock("detect", detector.detect, photons, lidar.detector, rng)
+            reading, _ = clock("detect", detector.detect, photons, lidar.detector, rng, threads)
         labels = clock("label", scene.label, hits, photons, lidar.max_returns)
         observation = Observation(truth.time_s, reading, lidar.settings, lidar.receiver.line_of_sight, None)
         clock("write", self.recorder.write, Frame(k, observation, labels, truth, scenario.source, {}))
@@ -83,14 +83,13 @@ class Flight:
         return clock.spans
 
 
-def warm(scenario: rl.Scenario, repeats: int, ways: dict[str, tuple[str, int]]) -> tuple[dict[str, list[Spans]], Any]:
-    """Return the spans of each frame in each way (arithmetic, threads), taken in turns, and the counts of rays and hits."""
+def warm(scenario: rl.Scenario, repeats: int, ways: dict[str, int]) -> tuple[dict[str, list[Spans]], Any]:
+    """Return the spans of each frame in each way (number of threads), taken in turns, and the counts of rays and hits."""
     flight = Flight(scenario)
     spans: dict[str, list[Spans]] = {way: [] for way in ways}
     for k in range(-2, repeats):  # two frames to warm up
-        for way, (path, threads) in ways.items():
-            with arithmetic.using(path):
-                made = flight.frame(k, threads, time.thread_time if threads == 1 else time.perf_counter)
+        for way, threads in ways.items():
+            made = flight.frame(k, threads, time.thread_time if threads == 1 else time.perf_counter)
             if k >= 0:
                 spans[way].append(made)
     flight.close()
@@ -129,31 +128,25 @@ def frame_rate(scenario: rl.Scenario, threads: int, span_s: float) -> float:
 def stage_table(name: str, repeats: int) -> tuple[str, list[str]]:
     """Return the table of one scene, and its row in the table of all."""
     scenario = scenes.build(name)
-    ways = {"numba": ("numba", 1), "bands": ("numba", 2), "numpy": ("numpy", 1)}
+    ways = {"one": 1, "bands": 2}
     spans, (n_rays, n_hits) = warm(scenario, repeats, ways)
     first = fresh(cold, name)
     middle = {way: medians(of) for way, of in spans.items()}
-    whole = flash_s(middle["numba"])
+    whole = flash_s(middle["one"])
     rows = []
     for stage in ROWS:
-        now, bands, plain = (middle[way][stage] * 1e3 for way in ways)
+        now, bands = (middle[way][stage] * 1e3 for way in ways)
         share = "" if stage == "write" else f"{now / whole / 10:.0f} %"
-        ratio = f"{plain / now:.2f}"
-        rows.append((stage, f"{now:.2f}", share, f"{bands:.2f}", f"{plain:.2f}", ratio, f"{first[stage] * 1e3:.1f}"))
-    ratios = np.array([flash_s(b) / flash_s(a) for a, b in zip(spans["numba"], spans["numpy"], strict=True)])
-    now, bands, plain = (flash_s(middle[way]) * 1e3 for way in ways)
-    total = f"**{now:.2f}**", "100 %", f"{bands:.2f}", f"{plain:.2f}", f"{np.median(ratios):.2f}"
-    rows.append(("flash, all but write", *total, f"{flash_s(first) * 1e3:.1f}"))
-    header = (
-        f"{name} [ms]", "compiled", "share", "bands on 2 threads", "NumPy", "NumPy / compiled", "first frame of a process",
-    )  # fmt: skip
+        rows.append((stage, f"{now:.2f}", share, f"{bands:.2f}", f"{first[stage] * 1e3:.1f}"))
+    ratios = np.array([flash_s(b) / flash_s(a) for a, b in zip(spans["one"], spans["bands"], strict=True)])
+    now, bands = (flash_s(middle[way]) * 1e3 for way in ways)
+    rows.append(("flash, all but write", f"**{now:.2f}**", "100 %", f"{bands:.2f}", f"{flash_s(first) * 1e3:.1f}"))
+    header = f"{name} [ms]", "one thread", "share", "bands on 2 threads", "first frame of a process"
     facets = sum(len(surface.facets) for surface in scenario.surfaces)
     said = f"{facets:,} facets, {n_rays:,} rays, {n_hits:,} hits; loading, once: {first['load'] * 1e3:.0f} ms."
     span_s = 0.1 * repeats
     rates = [f"{frame_rate(scenario, threads, span_s):.0f}" for threads in (1, 2)]
-    with arithmetic.using("numpy"):
-        plain_rate = f"{frame_rate(scenario, 2, span_s):.0f}"
-    summary = [name, f"{n_rays:,}", f"{n_hits:,}", f"{now:.2f}", quartiles(ratios), *rates, plain_rate]
+    summary = [name, f"{n_rays:,}", f"{n_hits:,}", f"{now:.2f}", quartiles(ratios), *rates]
     return f"{said}\n\n{table(header, rows)}", summary
 
 
@@ -180,8 +173,7 @@ def run(*, quick: bool) -> Findings:
         tables.append(block)
         summary.append(row)
     header = (
-        "scene", "rays", "hits", "flash, one thread [ms]", "NumPy / compiled, whole flash",
-        "frames/s, 1 thread", "2 threads", "2 threads, NumPy",
+        "scene", "rays", "hits", "flash, one thread [ms]", "in bands on 2 / on one", "frames/s, 1 thread", "2 threads",
     )  # fmt: skip
     blocks = {"walk": table(header, summary), "stages": "\n\n".join(tables)}
     blocks["instruments"] = instruments(0.1 * repeats)

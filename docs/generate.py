@@ -36,7 +36,7 @@ ATTRIBUTES = {  # what each attribute of a recording means
     "history": "which program made the file; CF asks for it",
     "schema_version": "of this layout",
     "rso_lidar_version": "that wrote it",
-    "versions": "JSON: versions of Python and of the libraries, and the `arithmetic` that made the frames: numba or numpy",
+    "versions": "JSON: versions of Python and of the libraries, and the `arithmetic`: numba and the packets of rays",
     "scenario": "the scenario as TOML, every default written out, element sets inline; `Scenario.loads` reads it",
     "seed": "of all noise",
     "start_utc": "ISO 8601",

@@ -169,10 +169,3 @@ def _command(pid):
     with contextlib.suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_text()
     return ""
-
-
-def test_the_arithmetic_travels_along(scenario):
-    from rso_lidar import arithmetic
-
-    with arithmetic.using("numpy"), Processes(1, arithmetic.chosen) as processes:
-        assert processes.result(processes.submit()) == "numpy"

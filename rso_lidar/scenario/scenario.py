@@ -8,7 +8,7 @@ from rso_lidar.errors import ScenarioError
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.records import Source
 from rso_lidar.scenario.mission.mission import Mission
-from rso_lidar.scenario.mission.provenance import build_source, describe_arithmetic
+from rso_lidar.scenario.mission.provenance import build_source
 from rso_lidar.scenario.review.advice import advise
 from rso_lidar.scenario.review.description import describe
 
@@ -31,17 +31,10 @@ class Scenario(Mission):
     10
     """
 
-    @property
-    def source(self) -> Source:
-        """Record of where frames come from, which every frame carries; it names the arithmetic in force."""
-        made_by = describe_arithmetic()
-        if made_by not in self._sources:
-            self._sources[made_by] = build_source(self)
-        return self._sources[made_by]
-
     @cached_property
-    def _sources(self) -> dict[str, Source]:
-        return {}
+    def source(self) -> Source:
+        """Record of where frames come from, which every frame carries."""
+        return build_source(self)
 
     def dumps(self) -> str:
         """Return the scenario as TOML, with every default written out and element sets inline.

@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rso_lidar import arithmetic
 from tests.golden.remake import FOLDER, GEOMETRY, SCENES, made, noise
+from tests.reference.detector.whole_chain import PATHS, computing
 
 DRAWS = 200
 ALPHA = 1e-3  # of a false alarm in one test of all pixels (Sidak)
 REMAKE = "if the change is meant: python -m tests.golden.remake"
 
 
-@pytest.fixture(scope="module", params=[(scene, path) for scene in SCENES for path in arithmetic.CHOICES], ids="-".join)
+@pytest.fixture(scope="module", params=[(scene, path) for scene in SCENES for path in PATHS], ids="-".join)
 def pair(request):
     """The golden arrays of a scene, and its frame made now, compiled and by the reference."""
     scene, path = request.param
     with np.load(FOLDER / f"{scene}.npz") as file:
         golden = {name: file[name] for name in file.files}
-    with arithmetic.using(path):
+    with computing(path):
         yield golden, *made(scene)
 
 

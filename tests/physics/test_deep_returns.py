@@ -74,7 +74,7 @@ def test_detection_of_a_deep_return_by_hand(validation, photons, depth_s):
     )
 
 
-def test_detection_of_a_deep_return_by_the_reference_arithmetic(validation):
+def test_detection_of_a_deep_return_by_the_oracles(validation):
     with computing("oracles"):
         got = found(1000.0, 10e-9, 4, seed=3)
     p = exact(1000.0, 10e-9)

@@ -12,7 +12,7 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
 
-def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> Waveforms:
+def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator, threads: int | None = 1) -> Waveforms:
     """Simulate what the pixels store of one flash.
 
     Parameters
@@ -20,8 +20,9 @@ def store_waveforms(gsfl: Gsfl, photons: Photons, rng: np.random.Generator) -> W
     gsfl : the detector.
     photons : light on every pixel.
     rng : random generator.
+    threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    return _store(gsfl, photons, rng)[0]
+    return _store(gsfl, photons, rng, threads=threads)[0]
 
 
 def run_chain(

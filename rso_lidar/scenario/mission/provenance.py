@@ -9,9 +9,9 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from rso_lidar import arithmetic
 from rso_lidar.errors import ScenarioError, warn
 from rso_lidar.files import MOST_BYTES, read_bytes
+from rso_lidar.kernels import compiler_version
 from rso_lidar.motion.dynamics.function import name_function
 from rso_lidar.orbit import format_utc
 from rso_lidar.part import Part, dump_part
@@ -54,8 +54,8 @@ def build_source(mission: Mission) -> Source:
 
 
 def describe_arithmetic() -> str:
-    """Describe how the busiest stages are computed, such as "numba 0.68.1 with packets of 16 rays", or "numpy"."""
-    return f"{arithmetic.name()} with {engine().summary}"
+    """Describe how the busiest stages are computed, such as "numba 0.68.1 with packets of 16 rays"."""
+    return f"{compiler_version()} with {engine().summary}"
 
 
 def resolve_toml(mission: Mission) -> str:
