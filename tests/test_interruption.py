@@ -117,14 +117,14 @@ def test_sigterm_keeps_the_frames_as_ctrl_c_does_and_the_run_goes_on(bench, opti
     kept = frames_in(temporary)
     told = int(said.removeprefix("terminated: ").split()[0])
     assert 0 <= kept - told <= 1  # a frame may be whole before it is counted
-    assert f"of 10000 frames are kept in {temporary}; go on with --resume" in said
+    assert f"of 10000 frames are kept in {temporary}; continue with --resume" in said
     assert sorted(entry.name for entry in bench.parent.iterdir()) == [bench.name, temporary.name]
     assert not output.exists()
     inode = temporary.stat().st_ino
     process = started(bench, "--resume", *options)
     wait_until(lambda: temporary.stat().st_ino != inode)  # the frames are copied
     said = ended(process)
-    assert f"{temporary}" in said and "go on with --resume" in said
+    assert f"{temporary}" in said and "continue with --resume" in said
     assert frames_in(temporary) >= kept > 2
 
 

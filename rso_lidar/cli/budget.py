@@ -100,4 +100,4 @@ def _parse_sides_m(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
-        raise ScenarioError(f"--target-m {text}: are no lengths; write 2.5, or 4,3,2") from None
+        raise ScenarioError(f"--target-m {text}: are not lengths; write 2.5, or 4,3,2") from None

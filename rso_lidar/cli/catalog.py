@@ -57,7 +57,7 @@ def catalog(
     if (near is None) != (max_age_days is None):
         raise ScenarioError("--near and --max-age-days go together: give the time, and how far from it")
     if max_age_days is not None and not 0.0 <= max_age_days < math.inf:
-        raise ScenarioError(f"--max-age-days {max_age_days:g}: is no age; give 0 or more days")
+        raise ScenarioError(f"--max-age-days {max_age_days:g}: is not an age; give 0 or more days")
     if regime is not None and regime not in REGIMES:
         guess = did_you_mean(regime, REGIMES)
         raise ScenarioError(f"--regime {regime}: unknown regime{guess or ';'} (known: {', '.join(REGIMES)})")
@@ -112,7 +112,7 @@ def _parse_numbers(words: Sequence[str]) -> list[int]:
     found = []
     for word in (word for option in words for word in option.replace(",", " ").split() or [option]):
         if not (word.isascii() and word.isdigit() and 0 < len(word) <= 9):
-            raise ScenarioError(f"--id {word}: is no catalogue number; give up to nine digits, such as 25544")
+            raise ScenarioError(f"--id {word}: is not a catalogue number; give up to nine digits, such as 25544")
         found.append(int(word))
     return found
 

@@ -224,12 +224,12 @@ def _choose_constraints(
         if angle is not None:
             if not 0.0 < angle < 180.0:
                 raise ScenarioError(
-                    f"--{name}-exclusion {angle:g}: is no angle to keep; give degrees over 0, under 180"
+                    f"--{name}-exclusion {angle:g}: is not an angle to keep; give degrees over 0, under 180"
                 )
             changes[f"{name}_exclusion_deg"] = angle
     if keep_out_m is not None:
         if not 0.0 < keep_out_m <= _GREATEST_KEEP_OUT_M:
-            raise ScenarioError(f"--keep-out: {keep_out_m:g} m is no radius; give more than 0 and at most 10,000 km")
+            raise ScenarioError(f"--keep-out: {keep_out_m:g} m is not a radius; give more than 0 and at most 10,000 km")
         changes["keep_out_m"] = keep_out_m
     return (asked or Constraints()).replace(**changes) if changes else asked
 

@@ -70,6 +70,6 @@ def _report_end(seen: RecordingStatus) -> None:
     """Raise an error if no process writes the recording any more and it is not complete."""
     raise RunError(
         f"{seen.output}: the run that wrote it has ended after {seen.frames} frames, which are in {seen.file.name}; "
-        f"go on with: rso-lidar run SCENARIO -o {seen.output} --resume, "
+        f"continue with: rso-lidar run SCENARIO -o {seen.output} --resume, "
         "and the same --set, --seed, --frames and --keep as before"
     )

@@ -26,7 +26,7 @@ def check(
     PATH may also be the name of a model. Nothing is changed; any mesh that can be loaded can be simulated.
     """
     if scale is not None and not 0.0 < scale < float("inf"):
-        raise MeshError(f"--scale {scale:g}: is no scale; give a number over 0")
+        raise MeshError(f"--scale {scale:g}: is not a scale; give a number over 0")
     mesh = _load_mesh(path)
     known = known_meshes().get(mesh.sha256) if path.exists() else None
     unit_m = scale or (1.0 / known["units_per_metre"] if known else 1.0)

@@ -65,7 +65,7 @@ def _check_place(name: str) -> Path:
     """Return the file that a name means; the suffix is optional."""
     place = Path(name)
     if not name.isprintable() or not place.name.strip(". "):
-        raise ScenarioError(f"{name!r}: is no name of a file; give one such as approach")
+        raise ScenarioError(f"{name!r}: is not a file name; give one such as approach")
     if not place.suffix:
         place = place.with_name(f"{place.name}.toml")
     check_suffix(place, (".toml",))

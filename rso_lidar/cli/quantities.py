@@ -19,7 +19,7 @@ def parse_length_m(option: str, text: str) -> float:
     except ValueError:
         number = float("nan")
     if not found or not np.isfinite(number):
-        raise ScenarioError(f"{option} {text}: is no length; write for example 50km or 500m")
+        raise ScenarioError(f"{option} {text}: is not a length; write for example 50km or 500m")
     if not found[2]:
         raise ScenarioError(f"{option} {text}: has no unit; write {text.strip()}km or {text.strip()}m")
     if found[2] not in _LENGTHS_M:

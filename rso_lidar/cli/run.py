@@ -83,7 +83,7 @@ def run(
     with recorder:
         done = recorder.written
         if done:
-            echo(f"going on after {done} of {len(numbers)} frames")
+            echo(f"continuing after {done} of {len(numbers)} frames")
         if done < len(numbers):
             with announce_compiling(), show_progress(len(numbers), done) as bar:
                 left = numbers[done:].tolist()
@@ -106,8 +106,9 @@ def _describe_kept_frames(recorder: export.Recorder, count: int, *, resume: bool
     if not recorder.temporary.exists():
         return f"all {count} frames are in {recorder.path}" if recorder.written == count else "no frame was recorded"
     if not recorder.written:
-        return f"{recorder.temporary} is as it was; go on with --resume" if resume else "no frame was recorded"
-    return f"{recorder.written} of {count} frames are kept in {recorder.temporary}; go on with --resume and the same options"
+        return f"{recorder.temporary} is as it was; continue with --resume" if resume else "no frame was recorded"
+    kept = f"{recorder.written} of {count} frames are kept in {recorder.temporary}"
+    return f"{kept}; continue with --resume and the same options"
 
 
 def _refuse_other_runs(output: Path, identity: str) -> None:
@@ -120,7 +121,7 @@ def _refuse_other_runs(output: Path, identity: str) -> None:
                 raise ScenarioError(
                     f"{other}: holds {len(cut_off)} frame{'s' * (len(cut_off) > 1)} of another run: scenario, model, --set, "
                     "--seed, --frames, --keep, version or arithmetic differs; repeat what it was begun with, or give "
-                    "--overwrite to start afresh"
+                    "--overwrite to start again"
                 )
 
 

@@ -56,7 +56,7 @@ def trade(
     if min_detection_fraction is not None:
         if not 0.0 <= min_detection_fraction <= 1.0:
             raise ScenarioError(
-                f"--min-detection-fraction {min_detection_fraction:g}: is no share of pixels; give 0 (rank all) to 1"
+                f"--min-detection-fraction {min_detection_fraction:g}: is not a fraction of pixels; give 0 (rank all) to 1"
             )
         study = study.replace(min_detection_fraction=min_detection_fraction)
     new = output is not None and output.endswith(("/", os.sep)) and not os.path.lexists(Path(output))
@@ -78,7 +78,7 @@ def trade(
     )
     with rows.opened():
         if rows.known:
-            echo(f"going on after {len(rows.known):,} of {study.n_rows:,} runs")
+            echo(f"continuing after {len(rows.known):,} of {study.n_rows:,} runs")
         with announce_compiling(), show_progress(study.n_rows, len(rows.known), "trading", of="run") as bar:
             for row in run_rows(plan, rows.known, workers):
                 rows.add(row)
@@ -136,4 +136,4 @@ def _report_other_files(kept: Path) -> None:
         one.name for one in sorted(kept.parent.iterdir()) if one.name.startswith(f"{start}-") and one.name != kept.name
     ]
     if others and not kept.exists():
-        echo(f"starting afresh: {', '.join(others)} is of another study, scenario or version", err=True)
+        echo(f"starting again: {', '.join(others)} is of another study, scenario or version", err=True)

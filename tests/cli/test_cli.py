@@ -212,7 +212,7 @@ def test_a_killed_run_resumes_to_the_same_datasets(call, scenario, tmp_path):
 
     status, out, _ = call("run", scenario, "-o", broken, "--resume", *slow)
     assert status == 0
-    assert "going on after" in out
+    assert "continuing after" in out
     assert not list(tmp_path.glob("broken.h5.tmp-*"))
     assert call("run", scenario, "-o", whole, *slow)[0] == 0
     with h5py.File(whole) as a, h5py.File(broken) as b:
@@ -277,7 +277,7 @@ class TestKeep:
         assert status == 130
         assert "--resume" in err[-1]
         status, out, _ = call("run", scenario, "-o", broken, "--resume", *keep)
-        assert (status, "going on after 6 of 10" in out) == (0, True)
+        assert (status, "continuing after 6 of 10" in out) == (0, True)
         assert call("run", scenario, "-o", whole, *keep)[0] == 0
         with h5py.File(whole) as a, h5py.File(broken) as b:
             names: list[str] = []

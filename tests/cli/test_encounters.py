@@ -79,7 +79,7 @@ def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_
     [
         (["--within", "50"], "has no unit; write 50km or 50m"),
         (["--within", "50miles"], "unknown unit 'miles'"),
-        (["--within", "near"], "is no length"),
+        (["--within", "near"], "is not a length"),
         (["--start", "tomorrow"], "is no time; write for example"),
         (["--start", "2024-09-17T11:00:00"], "end it with Z"),
         (["--days", "-1"], "days: -1 is no span"),
@@ -88,7 +88,7 @@ def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_
         (["--sun-exclusion", "0"], "give degrees over 0, under 180"),
         (["--earth-exclusion", "nan"], "--earth-exclusion nan: is no angle"),
         (["--keep-out", "500"], "--keep-out 500: has no unit; write 500km or 500m"),
-        (["--keep-out", "0m"], "--keep-out: 0 m is no radius"),
+        (["--keep-out", "0m"], "--keep-out: 0 m is not a radius"),
         (["--min-duration", "nan"], "--min-duration nan: is no duration"),
         (["--csv", "{}/a.txt"], "end its name with .csv"),
         (["--scenario", "1", "-o", "{}/a.h5"], "end its name with .toml"),

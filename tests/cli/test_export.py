@@ -138,7 +138,7 @@ def test_what_a_recording_names_lies_beside_it(call, flyby, tmp_path, monkeypatc
         asked.append((scenario.file("plan.csv"), has_warnings_enabled()))
         return set()
 
-    monkeypatch.setattr(command, "breaks_s", breaks_s)
+    monkeypatch.setattr(command, "find_velocity_jumps_s", breaks_s)
     assert call(flyby, "--to", tmp_path / "x.oem")[0] == 0
     assert asked == [(beside, False)]
 
@@ -149,11 +149,11 @@ def test_impulses_break_an_ephemeris(call, tmp_path, monkeypatch):
     path = tmp_path / "hop.h5"
     example = FLYBY.with_name("tdrs_approach.toml")
     assert left(["run", example, "-o", path, "--frames", "0:12", *SMALL]) == 0
-    monkeypatch.setattr(command, "breaks_s", lambda scenario, name: {0.0, 21.0, 1e6})
+    monkeypatch.setattr(command, "find_velocity_jumps_s", lambda scenario, name: {0.0, 21.0, 1e6})
     assert call(path, "--to", tmp_path / "hop.oem")[0] == 0
     segments = read_message((tmp_path / "hop.oem").read_text(), "OEM", "hop.oem").segments
     assert [len(segment.rows) for segment in segments] == [5, 7]  # frames each 5 s
-    monkeypatch.setattr(command, "breaks_s", lambda scenario, name: {3.0})
+    monkeypatch.setattr(command, "find_velocity_jumps_s", lambda scenario, name: {3.0})
     status, _, errors = call(path, "--to", tmp_path / "hop.oem", "--overwrite")
     assert status == 0 and errors == [
         "warning: follower: the impulse at 3 s has fewer than two frames beside it and is not marked"

@@ -73,7 +73,7 @@ def test_a_run_that_is_killed(fly, tmp_path, capsys):
     frames = len(export.open(next(tmp_path.glob("run.h5.tmp-*"))))
     assert str(ended.value) == (
         f"{output}: the run that wrote it has ended after {frames} frames, which are in "
-        f"{next(tmp_path.glob('run.h5.tmp-*')).name}; go on with: rso-lidar run SCENARIO -o {output} --resume, "
+        f"{next(tmp_path.glob('run.h5.tmp-*')).name}; continue with: rso-lidar run SCENARIO -o {output} --resume, "
         "and the same --set, --seed, --frames and --keep as before"
     )
 

@@ -127,7 +127,7 @@ def test_check_knows_nasa_s_files(rso_lidar, shared):
         (["add", "nowhere.step"], "no such file"),
         (["check", "nowhere.stl"], "no such file"),
         (["check", "nowhere"], "unknown model 'nowhere'"),
-        (["check", "MESH", "--scale", "-1"], "--scale -1: is no scale"),
+        (["check", "MESH", "--scale", "-1"], "--scale -1: is not a scale"),
         (["remove", "tdrs"], "is shipped with the package"),
         (["remove", "nobody"], "is not in your library"),
     ],

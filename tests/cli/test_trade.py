@@ -52,7 +52,7 @@ def test_the_least_detection_is_given_on_the_command_line(call, text, tmp_path):
     assert (row["detected"], row["min_detection_fraction"]) == ("0", "0.25")
     for share in (1.5, -0.1, "nan"):
         status, _, told = call(study, "--min-detection-fraction", share, "--overwrite")
-        assert status == 2 and len(told) == 1 and "is no share of pixels" in told[0]
+        assert status == 2 and len(told) == 1 and "is not a fraction of pixels" in told[0]
 
 
 def test_where_it_goes(call, text, tmp_path):
@@ -136,7 +136,7 @@ def test_another_study_is_told_of_what_stands_there(call, text, tmp_path):
     (tmp_path / "study.csv.tmp-0badcafe").write_text("", encoding="utf-8")
     status, _, errors = call(study)
     assert status == 0
-    assert any("starting afresh: study.csv.tmp-0badcafe is of another study" in line for line in errors)
+    assert any("starting again: study.csv.tmp-0badcafe is of another study" in line for line in errors)
     assert (tmp_path / "study.csv.tmp-0badcafe").exists()
 
 
@@ -191,7 +191,7 @@ def test_interrupted_and_killed_it_goes_on_and_ends_byte_for_byte_the_same(call,
     assert not output.exists() and not output.with_suffix(".html").exists()
     status, said, _ = call(study, "-o", output)
     assert status == 0
-    assert said.splitlines()[0] == f"going on after {there + 2} of 16 runs"
+    assert said.splitlines()[0] == f"continuing after {there + 2} of 16 runs"
     assert call(study, "-o", tmp_path / "whole.csv")[0] == 0
     for suffix in (".csv", ".html"):  # pictures and all
         assert output.with_suffix(suffix).read_bytes() == (tmp_path / f"whole{suffix}").read_bytes()

@@ -74,7 +74,7 @@ def write(tmp_path, name, frames, **how):
 
 
 def test_no_frames_leave_nothing(tmp_path, name):
-    with pytest.raises(RecordingError, match=rf"out.{name}: there were no frames to write; check the choice"):
+    with pytest.raises(RecordingError, match=rf"out.{name}: there are no frames to write; check the choice"):
         write(tmp_path, name, [])
     assert list(tmp_path.iterdir()) == []
 
@@ -143,7 +143,9 @@ def test_a_folder_where_a_file_should_be_is_kept(tmp_path):
 def test_a_folder_of_somebody_else_is_never_removed(tmp_path, kind):
     (tmp_path / f"out.{kind}").mkdir()
     (tmp_path / f"out.{kind}" / "thesis.tex").write_text("years of work")
-    with pytest.raises(RecordingError, match=r"holds thesis\.tex, which is no export of ours; name another folder"):
+    with pytest.raises(
+        RecordingError, match=r"holds thesis\.tex, which is not an export of rso_lidar; name another folder"
+    ):
         write(tmp_path, kind, make_frames(1), overwrite=True)
     assert (tmp_path / f"out.{kind}" / "thesis.tex").read_text() == "years of work"
 
@@ -153,7 +155,7 @@ def test_what_somebody_put_into_our_folder_is_never_removed(tmp_path, name):
     notes = write(tmp_path, name, make_frames(1)) / "notes"
     notes.mkdir()
     before = everything(tmp_path)
-    with pytest.raises(RecordingError, match="holds notes, which is no export of ours"):
+    with pytest.raises(RecordingError, match="holds notes, which is not an export of rso_lidar"):
         write(tmp_path, name, make_frames(2), overwrite=True)
     assert everything(tmp_path) == before
     notes.rmdir()
@@ -204,8 +206,8 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tmp_path, name, monk
     def full(*_, **__):
         raise OSError(28, os.strerror(28))
 
-    writes = {"npz": "numpy.savez_compressed", "zarr": "rso_lidar.export.writer.zarr_store.Store.add"}
-    writes |= {"bop": "rso_lidar.export.formats.bop.write_new"}
+    writes = {"npz": "numpy.savez_compressed", "zarr": "rso_lidar.export.writer.zarr_store.ZarrWriter.add"}
+    writes |= {"bop": "rso_lidar.export.formats.bop.write_new_file"}
     monkeypatch.setattr(writes.get(name, "rso_lidar.export.formats.frame_files.write_new_file"), full)
     with pytest.raises(RunError, match=rf"out.{name}: could not be written: No space left on device"):
         write(tmp_path, name, make_frames(2))

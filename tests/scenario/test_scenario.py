@@ -77,7 +77,7 @@ def test_the_source_holds_element_sets_inline():
 
 
 def test_the_source_knows_the_content_of_files(text, tmp_path):
-    """A resumed run must not go on with another mesh under the same name."""
+    """A resumed run must not continue with another mesh under the same name."""
     import shutil
 
     from rso_lidar.shipped import shipped

@@ -128,10 +128,10 @@ def _check_file(place: Path, draft: Path, messages: int) -> None:
         with draft.open("rb") as file:
             summary = make_reader(file, validate_crcs=True).get_summary()
     except (McapError, ValueError, struct.error) as error:
-        raise RunError(f"{place}: is not written, for it does not read back ({error}); run again") from error
+        raise RunError(f"{place}: is not written, because it does not read back ({error}); run again") from error
     found = summary.statistics.message_count if summary and summary.statistics else 0
     if found != messages:
-        raise RunError(f"{place}: is not written, for it reads back with {found} of {messages} messages; run again")
+        raise RunError(f"{place}: is not written, because it reads back with {found} of {messages} messages; run again")
 
 
 def _provenance(source: Source, camera: Camera) -> dict[str, str]:

@@ -83,7 +83,7 @@ def _check_archive(place: Path, draft: Path, names: Iterable[str]) -> None:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         wrong = str(error)
     if wrong:
-        raise RunError(f"{place}: is not written, for it does not read back ({wrong}); run again")
+        raise RunError(f"{place}: is not written, because it does not read back ({wrong}); run again")
 
 
 def _describe_arrays(first: Frame, found: dict[str, Variable], *, changing: bool) -> dict[str, Any]:

@@ -122,6 +122,6 @@ def _suggest_name(path: Path) -> str:
     names = sorted(entry.name for entry in path.parent.iterdir())
     unfinished = [name for name in names if name.startswith(f"{path.name}.tmp-") and not name.endswith(".starting")]
     if unfinished:
-        return f", only the unfinished {unfinished[0]}: open that, or go on with --resume"
+        return f", only the unfinished {unfinished[0]}: open that, or continue with --resume"
     near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
     return f"; did you mean '{near[0]}'?" if near else "; record it first"

@@ -99,7 +99,9 @@ class RecordingFile:
         """Read what holds for all frames, and check that all datasets exist and are long enough."""
         attributes = self._file.attrs
         if "schema_version" not in attributes or "rso_lidar_version" not in attributes:
-            raise RecordingError(f"{self.path}: holds arrays but is no recording of rso_lidar; give one made by `run`")
+            raise RecordingError(
+                f"{self.path}: holds arrays but is not a recording of rso_lidar; give one made by `run`"
+            )
         schema = int(attributes["schema_version"])
         if schema > SCHEMA_VERSION:
             version = attributes["rso_lidar_version"]

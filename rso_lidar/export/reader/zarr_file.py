@@ -44,7 +44,7 @@ def open_zarr(path: Path) -> ZarrFile:
     if not path.exists():
         raise RecordingError(f"{path}: there is no such folder; export one with `--to {path.name}`")
     if not (path / "zarr.json").is_file():
-        raise RecordingError(f"{path}: is no Zarr store of version 3; give one made by `export`")
+        raise RecordingError(f"{path}: is not a Zarr store of version 3; give one made by `export`")
     try:
         import zarr
     except ImportError:

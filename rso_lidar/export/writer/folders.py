@@ -45,7 +45,9 @@ def check_folder(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pa
                 raise RecordingError(f"{place}: exists already; give --overwrite (overwrite=True) or another name")
             strange = _find_foreign(place)
             if strange:
-                raise RecordingError(f"{place}: holds {strange}, which is no export of ours; name another folder")
+                raise RecordingError(
+                    f"{place}: holds {strange}, which is not an export of rso_lidar; name another folder"
+                )
     return place
 
 

@@ -27,7 +27,7 @@ def write_hdf5(path: str | os.PathLike[str], frames: Iterable[Frame], *, overwri
     coming = iter(frames)
     first = next(coming, None)
     if first is None:
-        raise RecordingError(f"{output}: there were no frames to record; check the choice of frames")
+        raise RecordingError(f"{output}: there are no frames to record; check the choice of frames")
     source = first.source
     named = run_id(source, "", source.versions.get("rso_lidar", ""))
     with Recorder(output, source, run_id=named, overwrite=overwrite, changing_lens=None) as recorder:

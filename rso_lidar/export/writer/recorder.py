@@ -133,8 +133,8 @@ class Recorder:
                 return  # nothing that could be resumed
             if kept:
                 raise RecordingError(
-                    f"{self.temporary}: holds {kept} frames of this run, which was cut off; "
-                    "give --resume to go on, or --overwrite to start afresh"
+                    f"{self.temporary}: holds {kept} frames of this run, which was interrupted; "
+                    "give --resume to go on, or --overwrite to start again"
                 )
 
     def __exit__(
@@ -143,7 +143,7 @@ class Recorder:
         try:
             if self._file is None:
                 if kind is None:
-                    raise RecordingError(f"{self.path}: there were no frames to record; check the choice of frames")
+                    raise RecordingError(f"{self.path}: there are no frames to record; check the choice of frames")
                 return
             with self._watched():
                 self._chunks = None
@@ -223,7 +223,7 @@ class Recorder:
         """Copy the complete frames of a dataset as stored chunks, after verifying their checksums."""
         have, make, count = old.handle(path), self._file[path], len(old)
         if _get_layout(have) != _get_layout(make):
-            raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start afresh")
+            raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start again")
         make.resize(count, axis=0)
         for k in range(count):
             place = (k, *(0,) * (make.ndim - 1))
@@ -314,8 +314,8 @@ class Recorder:
         except (RecordingError, IndexError) as error:
             what = str(error).removeprefix(f"{self.temporary}: ")
             raise RunError(
-                f"{self.path}: is not written, for {self.temporary} is not what was recorded ({what}); keep other programs "
-                "away from it and run again with --overwrite"
+                f"{self.path}: is not written, because {self.temporary} is not what was recorded ({what}); keep other "
+                "programs away from it and run again with --overwrite"
             ) from error
         _sync(self.temporary)
         self._check_place()
@@ -346,7 +346,7 @@ class Recorder:
         left = self.temporary if self.temporary.exists() else None
         place = left if self._open is None else self._open.keep(self.path)
         if place == self.temporary:
-            return f"{place.name} is kept: {cure} and go on with --resume"
+            return f"{place.name} is kept: {cure} and continue with --resume"
         if place is not None:
             return f"they are kept in {place}: {self._how_to_resume(place)}"
         return f"they could not be kept: {cure} and run again" if self.written else f"{cure} and run again"
@@ -355,10 +355,10 @@ class Recorder:
         """Describe how to continue from a copy whose name a resumed run recognises."""
         run, output = self.temporary.name.removeprefix(self.path.name), TEMPORARY.sub("", place.name)
         if place.name == output + run and output.endswith(self.path.suffix):
-            return f"go on with -o {place.with_name(output)} --resume"
+            return f"continue with -o {place.with_name(output)} --resume"
         is_taken = os.path.lexists(place.with_name(self.temporary.name))
         output = f"{self.path.stem}{'.rescued' if is_taken else ''}{self.path.suffix}"
-        return f"rename it to {output}{run} and go on with -o {place.with_name(output)} --resume"
+        return f"rename it to {output}{run} and continue with -o {place.with_name(output)} --resume"
 
     def _restore_superblock(self) -> None:
         """Write the last valid superblock back in place, which needs no free space.

@@ -113,10 +113,12 @@ class ZarrWriter:
             add_metadata_crc32(self._folder)
             written = open_zarr(self._folder)["time"].shape[0]
         except (RecordingError, KeyError, ValueError) as error:
-            raise RunError(f"{self._place}: is not written, for it does not read back ({error}); run again") from error
+            raise RunError(
+                f"{self._place}: is not written, because it does not read back ({error}); run again"
+            ) from error
         if written != self._written:
             raise RunError(
-                f"{self._place}: is not written, for it reads back with {written} of {self._written} frames; run again"
+                f"{self._place}: is not written, because it reads back with {written} of {self._written} frames; run again"
             )
 
     # ------------------------------------------------------------------------------------------------------ the inside

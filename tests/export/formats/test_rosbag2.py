@@ -46,12 +46,12 @@ def test_an_older_one_is_replaced_only_on_demand(written):
     write_rosbag2(written, make_frames(2), overwrite=True)
     assert messages(written)[2][2] == 2 * len(TOPICS)
     (written / "notes.txt").write_text("mine")
-    with pytest.raises(RecordingError, match=r"holds notes\.txt, which is no export of ours"):
+    with pytest.raises(RecordingError, match=r"holds notes\.txt, which is not an export of rso_lidar"):
         write_rosbag2(written, make_frames(2), overwrite=True)
 
 
 def test_what_fails_leaves_nothing(tmp_path, monkeypatch):
-    with pytest.raises(RecordingError, match="there were no frames to write"):
+    with pytest.raises(RecordingError, match="there are no frames to write"):
         write_rosbag2(tmp_path / "run.rosbag2", [])
     monkeypatch.setitem(sys.modules, "mcap_ros2.writer", None)
     with pytest.raises(RecordingError, match=r"needs an extra: pip install rso-lidar\[mcap\]"):

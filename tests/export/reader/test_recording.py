@@ -208,7 +208,9 @@ def test_what_is_no_recording_is_said_in_one_line(tmp_path, saved):
     assert "did you mean 'approach.h5'?" in one_line(tmp_path / "aproach.h5")
     assert "there is no folder" in one_line(tmp_path / "none" / "run.h5")
     shutil.copy(saved, tmp_path / "hop.h5.tmp-1a2b3c4d")
-    assert "only the unfinished hop.h5.tmp-1a2b3c4d: open that, or go on with --resume" in one_line(tmp_path / "hop.h5")
+    assert "only the unfinished hop.h5.tmp-1a2b3c4d: open that, or continue with --resume" in one_line(
+        tmp_path / "hop.h5"
+    )
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.create_dataset("x", data=np.zeros(3), dtype="f8")
     assert "holds arrays but is no recording" in one_line(tmp_path / "other.h5")

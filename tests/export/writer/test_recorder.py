@@ -324,7 +324,7 @@ def test_a_full_disk_keeps_whole_frames_and_says_so(tmp_path, limit):
         assert line.endswith("make room and run again")
         assert list(tmp_path.iterdir()) == []
         return
-    assert line.endswith(f"run.h5.tmp-{RUN} is kept: make room and go on with --resume")
+    assert line.endswith(f"run.h5.tmp-{RUN} is kept: make room and continue with --resume")
     with export.open(tmp_path / f"run.h5.tmp-{RUN}") as recording:
         assert len(recording) == written > 0
         for k, frame in enumerate(recording):

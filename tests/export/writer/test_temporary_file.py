@@ -91,10 +91,10 @@ def test_frames_of_a_file_that_is_moved_or_replaced_are_kept(tmp_path, meddle, a
     assert "\n" not in line
     assert "make room" not in line
     if meddle is remove:
-        assert line.endswith(f"run.h5.tmp-{RUN} is kept: keep other programs away from it and go on with --resume")
+        assert line.endswith(f"run.h5.tmp-{RUN} is kept: keep other programs away from it and continue with --resume")
         kept = output.with_name(f"run.h5.tmp-{RUN}")
     else:
-        found = re.search(r"kept in (\S+): (?:rename it to (\S+) and )?go on with -o (\S+) --resume$", line)
+        found = re.search(r"kept in (\S+): (?:rename it to (\S+) and )?continue with -o (\S+) --resume$", line)
         kept, name, again = Path(found[1]), found[2], Path(found[3])
         if meddle in (remove_folder, move_folder):
             assert name is None
@@ -138,7 +138,7 @@ def test_what_does_not_read_back_is_not_published(tmp_path):
 
     output = tmp_path / "run.h5"
     with pytest.raises(
-        RunError, match=r"run\.h5: is not written, for \S+ is not what was recorded \(.*damaged"
+        RunError, match=r"run\.h5: is not written, because \S+ is not what was recorded \(.*damaged"
     ) as caught:
         record(output, garble, COUNT)
     assert "\n" not in str(caught.value)
@@ -152,7 +152,7 @@ def test_a_folder_turned_read_only_stops_the_run_at_the_next_frame():
             record(output, lambda _: folder.chmod(0o500), 2)
         folder.chmod(0o700)
         assert str(caught.value).endswith(
-            f"run.h5.tmp-{RUN} is kept: allow writing there again and go on with --resume"
+            f"run.h5.tmp-{RUN} is kept: allow writing there again and continue with --resume"
         )
         record(output, None, None, resume=True)
         whole = export.save(folder / "whole.h5", make_frames(COUNT, shape=SHAPE))

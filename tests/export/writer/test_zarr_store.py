@@ -65,7 +65,7 @@ def test_xarray_opens_it_with_sky_as_nan(tmp_path):
 def test_frames_are_written_a_shard_at_a_time(tmp_path, monkeypatch):
     """Big frames make shards of fewer frames, so that what waits in memory stays bounded."""
     zarr = pytest.importorskip("zarr", reason=NEEDED)
-    each = zarr_store.frame_bytes(zarr_store.variables(make_frame()))
+    each = zarr_store.count_frame_bytes(zarr_store.list_variables(make_frame()))
     monkeypatch.setattr(zarr_store, "MOST_BATCH_BYTES", 2 * each)
     most = 0
 
@@ -123,7 +123,7 @@ def test_what_is_no_store_of_ours_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(RecordingError, match="there is no such folder"):
         export.open(tmp_path / "no.zarr")
     (tmp_path / "empty.zarr").mkdir()
-    with pytest.raises(RecordingError, match="is no Zarr store of version 3"):
+    with pytest.raises(RecordingError, match="is not a Zarr store of version 3"):
         export.open(tmp_path / "empty.zarr")
     zarr.open_group(tmp_path / "other.zarr", mode="w")
     with pytest.raises(RecordingError, match="no recording of rso_lidar"):
@@ -194,6 +194,6 @@ def test_a_store_that_another_program_removed_is_not_published(tmp_path):
         shutil.rmtree(tmp_path / "a.zarr.part")
         yield make_frame(1)
 
-    with pytest.raises(RunError, match=r"a\.zarr: (is not written, for|could not be written)"):
+    with pytest.raises(RunError, match=r"a\.zarr: (is not written, because|could not be written)"):
         export.save(place, flying())
     assert not place.exists()
