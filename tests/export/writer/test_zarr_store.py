@@ -126,7 +126,7 @@ def test_what_is_no_store_of_ours_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(RecordingError, match="is not a Zarr store of version 3"):
         export.open(tmp_path / "empty.zarr")
     zarr.open_group(tmp_path / "other.zarr", mode="w")
-    with pytest.raises(RecordingError, match="no recording of rso_lidar"):
+    with pytest.raises(RecordingError, match="not a recording of rso_lidar"):
         export.open(tmp_path / "other.zarr")
     path = export.save(tmp_path / "run.zarr", make_frames(2))
     (path / "zarr.json").write_text("{")
