@@ -156,7 +156,8 @@ def add_lidar(
 ) -> PoseTree:
     """Return the tree with ptu and lidar under the follower, for pan and tilt (…, 2) [rad] and their rates [rad/s].
 
-    lidar_from_target = lidar_from_ptu * ptu_from_follower * follower_from_inertial * inertial_from_target (seed eq. 5).
+    lidar_from_target = lidar_from_ptu * ptu_from_follower * follower_from_inertial * inertial_from_target
+    (Fuller et al., eq. 5).
     """
     carrier = "follower"
     if ptu is not None:

@@ -7,10 +7,10 @@ from functools import cached_property
 from rso_lidar.errors import ScenarioError
 from rso_lidar.part import name_object, python_objects
 from rso_lidar.records import Source
+from rso_lidar.scenario.assessment.advice import advise
+from rso_lidar.scenario.assessment.description import describe
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.mission.provenance import build_source
-from rso_lidar.scenario.review.advice import advise
-from rso_lidar.scenario.review.description import describe
 
 
 class Scenario(Mission):

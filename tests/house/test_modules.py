@@ -17,7 +17,6 @@ SOURCES = [
 NO_ROOM = {"utils", "util", "helpers", "common", "core", "base", "manager", "misc"}
 MOST_MODULES = 14  # on one level of a room
 LISTS = {"cli", "shapes"}  # flat lists of like things: one file for each command, one for each model
-ROOMS_TO_DIVIDE = {"detector"}  # this only ever shrinks
 LONGEST = 400  # lines; past it a module is two
 
 # What numpy.random offers that keeps no state of its own.
@@ -62,7 +61,7 @@ def test_a_room_holds_no_more_than_one_can_keep_in_mind():
     sizes = {
         relative(room): len([file for file in found if file.name not in ("__init__.py", "__pycache__")])
         for room, found in levels.items()
-        if room.relative_to(PACKAGE).as_posix() not in (".", *LISTS, *ROOMS_TO_DIVIDE)
+        if room.relative_to(PACKAGE).as_posix() not in (".", *LISTS)
     }
     assert len(sizes) > 8
     assert not {room: size for room, size in sizes.items() if size > MOST_MODULES}

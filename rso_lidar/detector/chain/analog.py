@@ -12,12 +12,12 @@ from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.amplification import Filters, amplify, build_filters
 from rso_lidar.detector.stages.array_effects import draw_speckle, limit_amplitude, solve_gain
 from rso_lidar.detector.stages.avalanche import multiply
-from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.detector.stages.convolution import PulseFilters, convolve_light, transform_pulse
 from rso_lidar.detector.stages.light import spread_light
 from rso_lidar.detector.stages.overlap import Overlap, split_rows
 from rso_lidar.detector.stages.row_noise import RowNoise
-from rso_lidar.detector.stages.time_axis import Plan, Rows
+from rso_lidar.detector.stages.time_axis import Rows, SamplingPlan
 from rso_lidar.parallel import run_in_threads
 from rso_lidar.records import Photons
 
@@ -47,7 +47,7 @@ class Analog:
         return mean
 
 
-def base_rate_per_s(quantum_efficiency: float, camera: Camera, photons: Photons) -> np.ndarray:
+def base_rate_per_s(quantum_efficiency: float, camera: CameraPixels, photons: Photons) -> np.ndarray:
     """Return the primaries of each pixel that no pulse makes [1/s]: dark current and sunlight.
 
     Parameters
@@ -82,8 +82,8 @@ def simulate_analog(
     gsfl: Gsfl,
     photons: Photons,
     rows: Rows,
-    plan: Plan,
-    camera: Camera,
+    plan: SamplingPlan,
+    camera: CameraPixels,
     rng: np.random.Generator | None,
     threads: int | None = 1,
 ) -> Analog:

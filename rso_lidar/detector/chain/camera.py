@@ -8,13 +8,13 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.camera import Camera, make_camera
+from rso_lidar.detector.stages.camera import CameraPixels, make_camera
 from rso_lidar.detector.stages.false_triggers import rates_per_s
 
 _SAMPLED_PIXELS = 16_384  # over which rates of false triggers are averaged
 
 
-def build_camera(gsfl: Gsfl, n_pixels: int) -> Camera:
+def build_camera(gsfl: Gsfl, n_pixels: int) -> CameraPixels:
     """Build the pixels of this detector's camera."""
     spread = gsfl.trigger.threshold_spread_fraction
     return make_camera(n_pixels, gsfl.camera_seed, gsfl.apd, spread, gsfl.maps, gsfl.defects)

@@ -17,7 +17,7 @@ from rso_lidar.detector.ranging.report import report_returns
 from rso_lidar.detector.ranging.walk import correct_walk, tabulate_walk
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.stages.array_effects import draw_shift_m, latch_share
-from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.records import Reading, Waveforms
 
 _LOOKED_FOR = 8  # returns in a trace: more do not fit between its ends
@@ -83,7 +83,7 @@ def _draw_normal(pixel: np.ndarray, n_pixels: int, rng: np.random.Generator) -> 
     return normal
 
 
-def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: Camera) -> np.ndarray:
+def _is_on_rail(rail_electrons: float, gsfl: Gsfl, waveforms: Waveforms, camera: CameraPixels) -> np.ndarray:
     """Return which samples (trace, sample) the amplifier's rail holds down, where it is below that of the converter.
 
     Parameters

@@ -8,11 +8,11 @@ import numpy as np
 
 from rso_lidar.detector.ranging.pulse import Pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
-from rso_lidar.detector.stages.time_axis import Plan, make_plan
+from rso_lidar.detector.stages.time_axis import SamplingPlan, make_plan
 from rso_lidar.records import Photons
 
 
-def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> Plan:
+def plan_time(gsfl: Gsfl, pulse_fwhm_s: float, earliest_s: float = 0.0) -> SamplingPlan:
     """Plan the axis of time of a detector.
 
     Parameters

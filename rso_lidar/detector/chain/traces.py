@@ -13,7 +13,7 @@ from rso_lidar.detector.chain.taps import cut_steps, tap_stages
 from rso_lidar.detector.chain.timing import plan_time, shape_pulse
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.noise import noise_rms
-from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.detector.stages.comparator import (
     NEAR,
     NEVER,
@@ -203,7 +203,7 @@ def noise_sigma(gsfl: Gsfl, rate_per_s: np.ndarray) -> np.ndarray:
     return noise_rms(gsfl.apd, rate_per_s, amplifier.noise_electrons, amplifier.pole_s, amplifier.integration_s)
 
 
-def arm_comparators(gsfl: Gsfl, camera: Camera) -> Armed:
+def arm_comparators(gsfl: Gsfl, camera: CameraPixels) -> Armed:
     """Return the comparators of a camera as they wait for noise."""
     from_s, to_s = (m / units.RANGE_PER_DELAY_M_S for m in (gsfl.armed_from_m, gsfl.armed_to_m))
     return Armed(gsfl.apd, gsfl.amplifier, gsfl.trigger.threshold_electrons, camera, from_s, to_s)

@@ -10,7 +10,7 @@ NORMAL_PER_SIGMA = 64
 NORMAL_ZERO = 8 * NORMAL_PER_SIGMA
 
 
-class Table(NamedTuple):
+class AliasTable(NamedTuple):
     """Alias tables of one size, one a row: a 32-bit word picks a column, then one of its two values."""
 
     columns_log2: int
@@ -19,7 +19,7 @@ class Table(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def build_normal_table() -> Table:
+def build_normal_table() -> AliasTable:
     """Return the table of a normal number: `NORMAL_ZERO` and `NORMAL_PER_SIGMA` times a standard one, up to 6.3 of those.
 
     On so fine a grid the sums for its moments are their integrals, to exp(−2π² 64²) (Poisson's summation).
@@ -28,7 +28,7 @@ def build_normal_table() -> Table:
     return build_tables([np.exp(-0.5 * (number / NORMAL_PER_SIGMA) ** 2)])
 
 
-def build_tables(pmfs: list[np.ndarray]) -> Table:
+def build_tables(pmfs: list[np.ndarray]) -> AliasTable:
     """Return the alias tables of some distributions over 0, 1, 2, ...; their sums are right to 2⁻³³."""
     weights, firsts = [], []
     for pmf in pmfs:
@@ -39,7 +39,7 @@ def build_tables(pmfs: list[np.ndarray]) -> Table:
         firsts.append(first)
     log2 = max(1, (max(len(weight) for weight in weights) - 1).bit_length())
     cells = [_alias(first, weight, log2) for first, weight in zip(firsts, weights, strict=True)]
-    return Table(log2, np.concatenate(cells), np.array(firsts))
+    return AliasTable(log2, np.concatenate(cells), np.array(firsts))
 
 
 def _alias(first: int, weight: np.ndarray, columns_log2: int) -> np.ndarray:

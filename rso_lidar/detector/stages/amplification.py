@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from rso_lidar.detector.settings.amplifier import Amplifier
-from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO, Table, build_normal_table
+from rso_lidar.detector.stages.alias_tables import NORMAL_PER_SIGMA, NORMAL_ZERO, AliasTable, build_normal_table
 from rso_lidar.detector.stages.row_noise import AMPLIFIER, RowNoise, fill_words, share_words
 from rso_lidar.kernels import kernel
 
@@ -90,7 +90,7 @@ def amplify_rows(
     gain: np.ndarray,
     taps: np.ndarray,
     noise_electrons: np.float32,
-    table: Table,
+    table: AliasTable,
     noise: RowNoise,
     amplitude: np.ndarray,
 ) -> None:

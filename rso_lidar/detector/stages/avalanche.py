@@ -15,7 +15,7 @@ from rso_lidar.detector.settings.apd import Apd, avalanche_share, cumulants, gre
 from rso_lidar.detector.stages.alias_tables import (
     NORMAL_PER_SIGMA,
     NORMAL_ZERO,
-    Table,
+    AliasTable,
     build_normal_table,
     build_tables,
 )
@@ -79,7 +79,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
 
 
 @kernel
-def draw_from_table(word: np.uint32, table: Table, row: int) -> np.float32:
+def draw_from_table(word: np.uint32, table: AliasTable, row: int) -> np.float32:
     """Return the value that a random word picks from an alias table.
 
     Parameters
@@ -100,7 +100,7 @@ def draw_from_table(word: np.uint32, table: Table, row: int) -> np.float32:
 def multiply_rows(
     expected: np.ndarray,
     floor: np.float32,
-    tables: tuple[Table, ...],
+    tables: tuple[AliasTable, ...],
     cumulants: tuple[float, float, float],
     limits: tuple[float, float],
     noise: RowNoise,
@@ -184,7 +184,7 @@ def parabolic_from(apd: Apd) -> float:
 
 
 @lru_cache(maxsize=32)
-def base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table:
+def base_table(gain: float, ionisation_ratio: float, primaries: float) -> AliasTable:
     """Return the table of the electrons of a step, kept.
 
     Parameters
@@ -196,7 +196,7 @@ def base_table(gain: float, ionisation_ratio: float, primaries: float) -> Table:
 
 
 @lru_cache(maxsize=4)
-def level_tables(gain: float, ionisation_ratio: float) -> tuple[Table, Table, Table]:
+def level_tables(gain: float, ionisation_ratio: float) -> tuple[AliasTable, AliasTable, AliasTable]:
     """Return the tables of 0, 8, 16, ... primaries expected, of 0, 1/8, ... 63/8, and of a single primary."""
     coarse = [compound_pmf(float(m), gain, ionisation_ratio) for m in range(0, int(EXACT_PRIMARIES) + 1, COARSE)]
     fine = [compound_pmf(m / PARTS, gain, ionisation_ratio) for m in range(PARTS * COARSE)]

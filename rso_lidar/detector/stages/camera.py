@@ -11,7 +11,7 @@ from rso_lidar.detector.settings.focal_plane import Defects, Maps
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class CameraPixels:
     """One camera's pixels (n_pixels): drawn once from its seed, the same in every flash and every run."""
 
     threshold: np.ndarray  # factor
@@ -26,7 +26,7 @@ class Camera:
 @lru_cache(maxsize=8)
 def make_camera(
     n_pixels: int, seed: int, apd: Apd, threshold_spread: float, maps: Maps | None, defects: Defects | None
-) -> Camera:
+) -> CameraPixels:
     """Make the pixels of a camera, kept. Each map has its own draws, so that one setting does not change the others.
 
     Parameters
@@ -47,7 +47,7 @@ def make_camera(
     dark_per_s = np.full(n_pixels, apd.dark_electrons_per_s)
     if defects is not None:
         dark_per_s[is_hot] = defects.hot_dark_current_na * units.NA / units.ELEMENTARY_CHARGE_C
-    return Camera(
+    return CameraPixels(
         threshold=np.maximum(1.0 + threshold_spread * threshold, 0.2),
         gain=np.maximum(1.0 + maps.gain_spread_fraction * gain, 0.2) if maps else none + 1.0,
         offset_counts=maps.offset_spread_counts * offset if maps else none,

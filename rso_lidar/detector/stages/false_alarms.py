@@ -87,7 +87,7 @@ def _crossings(T: np.ndarray, apd: Apd, pulses: np.ndarray, noise: float, peak: 
     return np.where(log_rate > _NIL + 10.0, np.exp(log_rate), 0.0)
 
 
-class _Pulses(NamedTuple):
+class _NoisePulses(NamedTuple):
     """What one primary per τ does: Σ measure(j) f(j) is ∫ E[f(n u g(x))] dx over its pulse g = x exp(−x)."""
 
     jump: np.ndarray  # amplitude [electrons], from one step below zero
@@ -96,7 +96,7 @@ class _Pulses(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _Pulses:
+def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _NoisePulses:
     first, pmf = mcintyre_pmf(1, gain, ionisation_ratio)
     n = first + np.arange(len(pmf), dtype=float)
     # Long avalanches are represented by the mean of their group of 1 %.
@@ -119,7 +119,7 @@ def _pulses(gain: float, ionisation_ratio: float, peak: float, step: float) -> _
         + np.bincount(at + 2, 0.5 * (off**2 + off) * what, size)
         for what in (weight, weight * slope**2)
     )
-    return _Pulses((np.arange(size) - 1.0) * step, measure, steepness)
+    return _NoisePulses((np.arange(size) - 1.0) * step, measure, steepness)
 
 
 def _log_crossings(T: np.ndarray, apd: Apd, pulses: float, noise: float, peak: float) -> np.ndarray:

@@ -15,7 +15,7 @@ from rso_lidar.detector.settings.amplifier import Amplifier
 from rso_lidar.detector.settings.apd import Apd
 from rso_lidar.detector.settings.noise import noise_rms
 from rso_lidar.detector.settings.readout import Readout
-from rso_lidar.detector.stages.camera import Camera
+from rso_lidar.detector.stages.camera import CameraPixels
 from rso_lidar.detector.stages.false_alarms import false_alarm_rate
 from rso_lidar.kernels import kernel, packed
 
@@ -57,7 +57,7 @@ class Armed(NamedTuple):
     apd: Apd
     amplifier: Amplifier
     threshold_electrons: float
-    camera: Camera
+    camera: CameraPixels
     from_s: float
     to_s: float
 
@@ -147,7 +147,9 @@ class _Rates(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _rates(apd: Apd, amplifier: Amplifier, threshold_electrons: float, camera: Camera, level: int | None) -> _Rates:
+def _rates(
+    apd: Apd, amplifier: Amplifier, threshold_electrons: float, camera: CameraPixels, level: int | None
+) -> _Rates:
     """Return the rates of a camera in the dark, or under a background of up to 2^level primaries a second."""
     threshold, dark = threshold_electrons * camera.threshold, camera.dark_per_s
     brightest = dark if level is None else dark + 2.0**level

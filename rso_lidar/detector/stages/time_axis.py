@@ -20,7 +20,7 @@ _LONGEST = 4.0  # pulses: of a return that is deeper, so much about its middle i
 
 
 @dataclass(frozen=True)
-class Plan:
+class SamplingPlan:
     """Layout of rows, in steps: rise and fall of the pulse about a delay, and what is stored before and after a latch."""
 
     step_s: float
@@ -67,7 +67,7 @@ def make_plan(
     *,
     steps_per_sample: int = 2,
     earliest_s: float = 0.0,
-) -> Plan:
+) -> SamplingPlan:
     """Plan the axis of time.
 
     Parameters
@@ -86,7 +86,7 @@ def make_plan(
     # 110 times the threshold latches so early. Brighter light latches before the watched steps.
     rise = math.ceil(1.3 * pulse_fwhm_s / step_s)
     memory_s = max(6.0 * pole_s, 0.85 * pulse_fwhm_s, earliest_s - rise * step_s)
-    return Plan(
+    return SamplingPlan(
         step_s=step_s,
         steps_per_sample=per_sample,
         rise=rise,
@@ -97,7 +97,9 @@ def make_plan(
     )
 
 
-def place_rows(photons: Photons, plan: Plan, least_photons: float = 0.0, sure_photons: float = math.inf) -> Rows:
+def place_rows(
+    photons: Photons, plan: SamplingPlan, least_photons: float = 0.0, sure_photons: float = math.inf
+) -> Rows:
     """Place rows that hold every return: the first begins at a pixel's first return, the next where it ends.
 
     Parameters
@@ -187,7 +189,7 @@ def find_rows(
     return n_rows
 
 
-def place_gate_rows(gate: Gate, readout: Readout, plan: Plan, n_pixels: int) -> tuple[Rows, int]:
+def place_gate_rows(gate: Gate, readout: Readout, plan: SamplingPlan, n_pixels: int) -> tuple[Rows, int]:
     """Place one row for each pixel over the gate; also return the number of the gate's first sample since emission.
 
     Parameters

@@ -1,4 +1,4 @@
-"""A user's own x' = f(t, x, u) (seed eq. 6): where f is found, and how it is called, checked and integrated."""
+"""User-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6): find, call, check and integrate f."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ class SecondOrder(_Drive):
 
 
 class StateSpaceDrive(_Travel):
-    """A drive by a user's own x' = f(t, x, u) (seed eq. 6), by Runge and Kutta's fourth order from tick to tick of 1 ms.
+    """A drive with user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6), integrated by RK4 in steps of 1 ms.
 
     x begins with pan, tilt [rad] and their rates [rad/s]; `further_state` is what follows at the start, the user's own.
     u is what is asked: pan and tilt [rad]. `dynamics` is ``file.py:name``, ``package.module:name`` or a function.

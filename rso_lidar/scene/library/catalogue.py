@@ -242,7 +242,7 @@ def read_table(
         raise MeshError(f"{path}: cannot be read ({reason}): {cure}") from None
 
 
-class _Table(BaseModel):
+class _ModelTable(BaseModel):
     """One [[model]] of an index, and the values that its keys may have."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False, defer_build=True)
@@ -277,17 +277,17 @@ class _Table(BaseModel):
 
 def _entry(path: Path, table: Any, cure: str = _WRITE_AGAIN, *, own: bool = False) -> ModelEntry:
     name = str(table.get("name", "?"))[:60] if isinstance(table, dict) else "?"
-    wanted = [key for key, field in _Table.model_fields.items() if field.is_required()]
+    wanted = [key for key, field in _ModelTable.model_fields.items() if field.is_required()]
     missing = [key for key in wanted if not isinstance(table, dict) or key not in table]
     if missing:
         raise MeshError(f"{path}: model '{name}': lacks {', '.join(missing)}: {cure}")
     try:
-        read = _Table(**table)
+        read = _ModelTable(**table)
     except ValidationError as error:
-        raise MeshError(f"{path}: model '{name}': {explain(error, _Table, table)}: {cure}") from None
+        raise MeshError(f"{path}: model '{name}': {explain(error, _ModelTable, table)}: {cure}") from None
     except ScenarioError as error:
         raise MeshError(f"{path}: model '{name}': {error}: {cure}") from None
-    values = {key: getattr(read, key) for key in _Table.model_fields if key not in ("hinge", "parts")}
+    values = {key: getattr(read, key) for key in _ModelTable.model_fields if key not in ("hinge", "parts")}
     return ModelEntry(
         **values, parts=MappingProxyType(dict(read.parts)), hinges=read.hinge, path=path.parent / read.file, own=own
     )

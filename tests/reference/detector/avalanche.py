@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from rso_lidar.detector.settings.apd import Apd, cumulants
-from rso_lidar.detector.stages.alias_tables import Table
+from rso_lidar.detector.stages.alias_tables import AliasTable
 from rso_lidar.detector.stages.avalanche import (
     COARSE,
     EXACT_PRIMARIES,
@@ -65,7 +65,7 @@ def multiply(primaries: np.ndarray, apd: Apd, noise: RowNoise, base: float | Non
     return electrons.reshape(expected.shape)
 
 
-def _scatter(excess: np.ndarray, single: Table, electrons: np.ndarray, rng: np.random.Generator) -> None:
+def _scatter(excess: np.ndarray, single: AliasTable, electrons: np.ndarray, rng: np.random.Generator) -> None:
     """Add the avalanches of steps that expect few primaries: all drawn at once, each strewn on a step by its share.
 
     Steps that expect next to none are most: they share primaries evenly, and keep as many as they expect (thinning).

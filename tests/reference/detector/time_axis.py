@@ -4,13 +4,15 @@ import math
 
 import numpy as np
 
-from rso_lidar.detector.stages.time_axis import Plan, Rows
+from rso_lidar.detector.stages.time_axis import Rows, SamplingPlan
 from rso_lidar.records import Photons
 
 _LONGEST = 4.0  # pulses: of a return that is deeper, so much about its middle is watched on either side
 
 
-def place_rows(photons: Photons, plan: Plan, least_photons: float = 0.0, sure_photons: float = math.inf) -> Rows:
+def place_rows(
+    photons: Photons, plan: SamplingPlan, least_photons: float = 0.0, sure_photons: float = math.inf
+) -> Rows:
     """Place rows that hold every return."""
     n_pixels = photons.shape[0] * photons.shape[1]
     half_s = np.minimum(0.5 * photons.depth_spread_s, _LONGEST * photons.pulse_fwhm_s)

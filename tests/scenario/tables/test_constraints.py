@@ -6,8 +6,8 @@ import pytest
 
 import rso_lidar as rl
 from rso_lidar.errors import ScenarioError
+from rso_lidar.scenario.assessment.compliance import list_violations
 from rso_lidar.scenario.preview.geometry import preview_mission
-from rso_lidar.scenario.review.compliance import list_violations
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 
 APPROACH = "examples/tdrs_approach.toml"  # from 3000 m behind along -y of rtn to 300 m; boresight along the velocity

@@ -9,10 +9,10 @@ from rso_lidar.errors import suppress_warnings
 from rso_lidar.orbit import Epochs
 from rso_lidar.orbit.sky.event_search import find_minimum, find_spans_below
 from rso_lidar.pose import PoseTree
+from rso_lidar.scenario.assessment.environment import describe_share
 from rso_lidar.scenario.mission.mission import Mission
 from rso_lidar.scenario.preview.geometry import Preview
 from rso_lidar.scenario.preview.sky import compute_sky_geometry
-from rso_lidar.scenario.review.environment import describe_share
 from rso_lidar.scenario.tables.constraints import Constraints, Corridor
 from rso_lidar.ties import find_first_least
 
