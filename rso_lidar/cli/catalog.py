@@ -18,7 +18,7 @@ from rso_lidar.files import check_writable, write_atomically
 from rso_lidar.orbit import Catalog, ElementSet, SetSequence
 from rso_lidar.orbit.sets.catalog import REGIMES
 from rso_lidar.orbit.sets.formats import read_element_sets
-from rso_lidar.study.passes.search import format_count
+from rso_lidar.study.passes.pass_table import format_count
 
 SUFFIXES = (".json", ".csv", ".tle", ".3le", ".txt")
 _FIRST = 10  # problems that are told unasked

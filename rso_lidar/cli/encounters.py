@@ -22,7 +22,8 @@ from rso_lidar.scenario import Constraints, Lidar, Scenario
 from rso_lidar.scenario.tables.presets import load_presets
 from rso_lidar.study import Encounters, scenario_text
 from rso_lidar.study import encounters as find
-from rso_lidar.study.passes.search import MAX_SLEW_DEG_S, format_count
+from rso_lidar.study.passes.pass_table import format_count
+from rso_lidar.study.passes.search import MAX_SLEW_DEG_S
 
 _GREATEST_KEEP_OUT_M = 1e7
 _ORDERS = ("range", "time", "speed")

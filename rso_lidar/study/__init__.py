@@ -1,9 +1,11 @@
 """Questions asked of scenarios and recordings: how far, when, which is best, how well tracked, what it looks like."""
 
-from rso_lidar.study.budgets.range_budget import Budget, BudgetCurve, budget
+from rso_lidar.study.budgets.range_budget import Budget, budget
+from rso_lidar.study.budgets.range_curve import BudgetCurve
 from rso_lidar.study.passes.pass_geometry import Encounter, reach_m
+from rso_lidar.study.passes.pass_table import Encounters
 from rso_lidar.study.passes.scenario_text import scenario_text
-from rso_lidar.study.passes.search import Encounters, encounters
+from rso_lidar.study.passes.search import encounters
 from rso_lidar.study.recorded_runs.conversion import save
 from rso_lidar.study.recorded_runs.display import view
 from rso_lidar.study.time_history.timeline import Timeline, timeline

@@ -16,14 +16,15 @@ from rso_lidar.orbit.screening.conjunctions import ScreeningResult
 from rso_lidar.orbit.sets.element_set import ElementSet
 from rso_lidar.orbit.sets.fleet import ScheduledFleet
 from rso_lidar.orbit.sets.teme import gcrs_from_teme
-from rso_lidar.orbit.sky.eclipse import shadow_margins_rad, sunlit_fraction
+from rso_lidar.orbit.sky.eclipse import sunlit_fraction
 from rso_lidar.orbit.sky.geometry import angle_rad, beta_angle_rad, earth_limb_angle_rad, phase_angle_rad
 from rso_lidar.orbit.sky.moon import moon_position_m
 from rso_lidar.orbit.sky.sun import sun_position_m
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.records import BodyState
 from rso_lidar.rpo.relative.rtn import rtn_matrix
-from rso_lidar.scenario import Constraints, Corridor, Lidar
+from rso_lidar.scenario import Constraints, Lidar
+from rso_lidar.study.passes.exclusion import ExclusionAngles, keep_out_radius_m, select_rtn_corridors
 
 REFLECTANCE, PLATE_M2 = 0.30, 1.0  # the Lambertian target of Fuller et al., one square metre
 SMALL_M2 = 0.01  # a side of a 1U CubeSat
@@ -31,7 +32,6 @@ _EACH_SIDE = 100  # epochs before and after the closest approach, on each of two
 _APART_S = 60.0  # greatest step: in a formation the line of sight turns once per orbit
 TOGETHER_M = 1e-3
 _AT_ONCE = 400_000  # epochs of encounters in one batch
-_SKY_STEP_S = 600.0  # step of Sun and Moon; linear interpolation between is good to 1e-6 rad
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def build_encounters(
     max_slew_deg_s : greatest rate of the line of sight [deg/s].
     constraints : exclusion angles, keep-out sphere and corridors.
     """
-    sky = _ExclusionAngles(screened, constraints)
+    sky = ExclusionAngles(screened, constraints)
     each = [max(_EACH_SIDE, math.ceil((stay.leave_s - stay.enter_s) / _APART_S)) for stay in screened.approaches]
     each = [2 ** math.ceil(math.log2(number / _EACH_SIDE)) * _EACH_SIDE for number in each]
     rows: list[Encounter | None] = [None] * len(each)
@@ -170,64 +170,12 @@ def build_encounters(
     return [row for row in rows if row is not None]
 
 
-def select_rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
-    """Select the corridors that apply to element sets: those in the rtn axes of their target."""
-    return [corridor for corridor in constraints.corridor if corridor.axes == "rtn"] if constraints else []
-
-
-def keep_out_radius_m(constraints: Constraints | None) -> float | None:
-    """Return the radius [m] of the keep-out sphere about each object: the largest of several."""
-    radius_m = constraints.keep_out_m if constraints else None
-    return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
-
-
-class _ExclusionAngles:
-    """Exclusion angles about Sun, Moon and Earth over the span of a screening, in TEME axes."""
-
-    def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
-        self.constraints = constraints
-        last_s = max((stay.leave_s for stay in screened.approaches), default=0.0)
-        self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
-        epochs = Epochs(screened.objects.start_utc, self._time_s)
-        teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
-        self._sun_m = rotate_vectors(teme_from_gcrs, sun_position_m(epochs))
-        self._moon_m = rotate_vectors(teme_from_gcrs, moon_position_m(epochs))
-
-    def compute_excess_rad(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
-        """Return the excess (stay, instant) [rad] of the worst violated exclusion angle; 0 or less where all are kept.
-
-        Parameters
-        ----------
-        time_s : (stay, instant) times [s since the start].
-        line, position_m : (stay, instant, 3) vectors from the follower to the object, and positions of the follower [m], in
-            TEME axes.
-        """
-        asked, worst = self.constraints, np.full(time_s.shape, -np.pi)
-        if asked is None:
-            return worst
-        if asked.sun_exclusion_deg is not None:
-            sun_m = self._at(self._sun_m, time_s)
-            near = asked.sun_exclusion_deg * units.DEG - angle_rad(line, sun_m - position_m)
-            worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # the Sun is invisible in the umbra
-        if asked.moon_exclusion_deg is not None:
-            moon_m = self._at(self._moon_m, time_s)
-            near = asked.moon_exclusion_deg * units.DEG - angle_rad(line, moon_m - position_m)
-            worst = np.maximum(worst, near)
-        if asked.earth_exclusion_deg is not None:
-            near = asked.earth_exclusion_deg * units.DEG - earth_limb_angle_rad(line, position_m)
-            worst = np.maximum(worst, near)
-        return worst
-
-    def _at(self, vectors: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(time_s, self._time_s, column) for column in vectors.T], axis=-1)
-
-
 def _build_batch(
     screened: ScreeningResult,
     stays: tuple[CloseApproach, ...],
     reach: tuple[float, float],
     max_slew_deg_s: float,
-    sky: _ExclusionAngles,
+    sky: ExclusionAngles,
     each_side: int,
 ) -> list[Encounter]:
     lead, objects = screened.follower, screened.objects
@@ -346,7 +294,7 @@ def _integrate_stays(
     speed_m_s: np.ndarray,
     reach: tuple[float, float],
     max_slew_deg_s: float,
-    sky: _ExclusionAngles,
+    sky: ExclusionAngles,
     each_side: int,
 ) -> tuple[dict[str, np.ndarray], list[tuple[float, float]]]:
     """Compute what depends on the whole stay, and the span [s] of reach about the closest approach (NaN: never in reach).

@@ -20,8 +20,9 @@ from rso_lidar.orbit.sets.teme import gcrs_from_teme
 from rso_lidar.pose import rotate_vectors
 from rso_lidar.rpo.relative.rtn import rtn_axes
 from rso_lidar.scenario import Lidar
-from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter, keep_out_radius_m, select_rtn_corridors
-from rso_lidar.study.passes.search import Encounters
+from rso_lidar.study.passes.exclusion import keep_out_radius_m, select_rtn_corridors
+from rso_lidar.study.passes.pass_geometry import TOGETHER_M, Encounter
+from rso_lidar.study.passes.pass_table import Encounters
 
 _LONGEST_S, _SHORTEST_S = 1200.0, 10.0
 _MOST_FRAMES = 1250

@@ -1,0 +1,70 @@
+"""Constraints of a pass: exclusion angles about Sun, Moon and Earth, keep-out radius and corridors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.orbit.epochs import Epochs
+from rso_lidar.orbit.screening.conjunctions import ScreeningResult
+from rso_lidar.orbit.sets.teme import gcrs_from_teme
+from rso_lidar.orbit.sky.eclipse import shadow_margins_rad
+from rso_lidar.orbit.sky.geometry import angle_rad, earth_limb_angle_rad
+from rso_lidar.orbit.sky.moon import moon_position_m
+from rso_lidar.orbit.sky.sun import sun_position_m
+from rso_lidar.pose import rotate_vectors
+from rso_lidar.scenario import Constraints, Corridor
+
+_SKY_STEP_S = 600.0  # step of Sun and Moon; linear interpolation between is good to 1e-6 rad
+
+
+def select_rtn_corridors(constraints: Constraints | None) -> list[Corridor]:
+    """Select the corridors that apply to element sets: those in the rtn axes of their target."""
+    return [corridor for corridor in constraints.corridor if corridor.axes == "rtn"] if constraints else []
+
+
+def keep_out_radius_m(constraints: Constraints | None) -> float | None:
+    """Return the radius [m] of the keep-out sphere about each object: the largest of several."""
+    radius_m = constraints.keep_out_m if constraints else None
+    return max(radius_m.values(), default=None) if isinstance(radius_m, dict) else radius_m
+
+
+class ExclusionAngles:
+    """Exclusion angles about Sun, Moon and Earth over the span of a screening, in TEME axes."""
+
+    def __init__(self, screened: ScreeningResult, constraints: Constraints | None) -> None:
+        self.constraints = constraints
+        last_s = max((stay.leave_s for stay in screened.approaches), default=0.0)
+        self._time_s = np.arange(0.0, last_s + 2.0 * _SKY_STEP_S, _SKY_STEP_S)
+        epochs = Epochs(screened.objects.start_utc, self._time_s)
+        teme_from_gcrs = np.swapaxes(gcrs_from_teme(epochs), -1, -2)
+        self._sun_m = rotate_vectors(teme_from_gcrs, sun_position_m(epochs))
+        self._moon_m = rotate_vectors(teme_from_gcrs, moon_position_m(epochs))
+
+    def compute_excess_rad(self, time_s: np.ndarray, line: np.ndarray, position_m: np.ndarray) -> np.ndarray:
+        """Return the excess (stay, instant) [rad] of the worst violated exclusion angle; 0 or less where all are kept.
+
+        Parameters
+        ----------
+        time_s : (stay, instant) times [s since the start].
+        line, position_m : (stay, instant, 3) vectors from the follower to the object, and positions of the follower [m], in
+            TEME axes.
+        """
+        asked, worst = self.constraints, np.full(time_s.shape, -np.pi)
+        if asked is None:
+            return worst
+        if asked.sun_exclusion_deg is not None:
+            sun_m = self._at(self._sun_m, time_s)
+            near = asked.sun_exclusion_deg * units.DEG - angle_rad(line, sun_m - position_m)
+            worst = np.minimum(near, shadow_margins_rad(position_m, sun_m)[1])  # the Sun is invisible in the umbra
+        if asked.moon_exclusion_deg is not None:
+            moon_m = self._at(self._moon_m, time_s)
+            near = asked.moon_exclusion_deg * units.DEG - angle_rad(line, moon_m - position_m)
+            worst = np.maximum(worst, near)
+        if asked.earth_exclusion_deg is not None:
+            near = asked.earth_exclusion_deg * units.DEG - earth_limb_angle_rad(line, position_m)
+            worst = np.maximum(worst, near)
+        return worst
+
+    def _at(self, vectors: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(time_s, self._time_s, column) for column in vectors.T], axis=-1)
