@@ -33,7 +33,7 @@ def test_no_two_names_of_rl_look_alike():
         ("Amplifier", "detector.Amplifier"),
         ("Truth", "records.Truth"),
         ("Tracking", "study.Tracking"),
-        ("kalman", "track.kalman"),
+        ("Pointing", "track.Pointing"),
     ],
 )
 def test_a_name_that_lives_in_a_room_is_found_there(name, place):
