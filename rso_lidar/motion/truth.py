@@ -1,4 +1,4 @@
-"""Where everything is at each epoch: the tree of axes (seed 3.1.1), for all epochs in one vectorised go."""
+"""Where everything is at each epoch: the tree of axes (Fuller et al., sec. 3.1.1), for all epochs in one vectorised go."""
 
 from __future__ import annotations
 
