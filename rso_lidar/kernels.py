@@ -172,7 +172,8 @@ class _Store:
         if isinstance(error, OSError):  # such as a full disk: to delete would not help
             self.give_up(error)
             return
-        self._warn(error)
+        if not isinstance(error, AttributeError | ImportError):  # these name what another version of the package had
+            self._warn(error)
         if self.root is not None:
             shutil.rmtree(self.root, ignore_errors=True)
         self._forget()
