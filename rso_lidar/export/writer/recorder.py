@@ -20,11 +20,11 @@ import numpy as np
 
 from rso_lidar.errors import RecordingError, RunError
 from rso_lidar.export.layout import datasets, intermediates
-from rso_lidar.export.layout.checksum import is_intact
 from rso_lidar.export.reader.hdf5_file import TEMPORARY, describe_failure, get_end_of_file, get_errno, read_superblock
 from rso_lidar.export.reader.recording import Recording
 from rso_lidar.export.writer import hdf5_layout
 from rso_lidar.export.writer.chunks import ChunkWriter
+from rso_lidar.export.writer.continuation import copy_frames, copy_lenses
 from rso_lidar.export.writer.lens_tables import LensTables, is_same_memory
 from rso_lidar.export.writer.temporary_file import InterferenceError, TemporaryFile
 from rso_lidar.files import advise_on_write, check_writable, hold_lock
@@ -193,10 +193,9 @@ class Recorder:
             self._chunks = ChunkWriter(self._file, self._variables)
             self._lenses = LensTables(self._file) if changing else None
             if old is not None:
-                self._copy_lenses(old)
-                for path in self._variables:
-                    if path != "lens":
-                        self._copy(path, old)
+                if self._lenses is not None:
+                    copy_lenses(self._file, old, self._lenses)
+                copy_frames(self._file, old, self._variables.keys() - {"lens"})
                 self.written = len(old)
             self._file.swmr_mode = True
             self._file.flush()
@@ -218,29 +217,6 @@ class Recorder:
             self._abandon()
             starting.unlink(missing_ok=True)
             raise
-
-    def _copy(self, path: str, old: Recording) -> None:
-        """Copy the complete frames of a dataset as stored chunks, after verifying their checksums."""
-        have, make, count = old.handle(path), self._file[path], len(old)
-        if _get_layout(have) != _get_layout(make):
-            raise RecordingError(f"{self.temporary}: {path} is stored in another way; give --overwrite to start again")
-        make.resize(count, axis=0)
-        for k in range(count):
-            place = (k, *(0,) * (make.ndim - 1))
-            with old.watched(path):
-                mask, chunk = have.id.read_direct_chunk(place)
-                if mask or not is_intact(chunk):
-                    raise ValueError(f"the checksum of frame {k} is wrong")
-            make.id.write_direct_chunk(place, chunk)
-
-    def _copy_lenses(self, old: Recording) -> None:
-        """Copy the lines of sight of complete frames, and the number of each frame's."""
-        if self._lenses is None:
-            return
-        tables = old.line_of_sight if old.changes_lens else old.line_of_sight[None]
-        numbers = [self._lenses.number(table) for table in tables]
-        self._file["lens"].resize(len(old), axis=0)
-        self._file["lens"][:] = old.lens[:] if old.changes_lens else numbers[0]
 
     def _begin_again(self) -> None:
         """Copy the recording to a new file with room for several lines of sight."""
@@ -387,12 +363,6 @@ class Recorder:
             file.close()
         except (OSError, RuntimeError, ValueError):
             _unclosable.append((file, self._chunks, self._lenses))
-
-
-def _get_layout(dataset: Any) -> tuple[Any, ...]:
-    """Return the properties that two datasets must share for stored chunks to be copied."""
-    filters = (dataset.compression, dataset.shuffle, dataset.fletcher32)
-    return (dataset.shape[1:], dataset.dtype, dataset.chunks, filters)
 
 
 def _sync(path: Path) -> None:
