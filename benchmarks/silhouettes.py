@@ -53,7 +53,7 @@ class Place:
     origin_m: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     why: str = "drawn in the mesh's own axes about its origin"
 
-    def moved(self, vertices: np.ndarray, ours: np.ndarray) -> np.ndarray:
+    def move(self, vertices: np.ndarray, ours: np.ndarray) -> np.ndarray:
         """Return vertices of the mesh in our axes (n, 3) [m]."""
         turn = np.array([np.eye(3)["xyz".index(axis[1])] * (-1.0 if axis[0] == "-" else 1.0) for axis in self.axes])
         if not np.isclose(np.linalg.det(turn), 1.0):
@@ -179,7 +179,7 @@ def shares(name: str, number: int, cells: int = CELLS) -> dict[str, np.ndarray]:
     """Return intersection over union (view) of a craft and NASA's mesh of it: the whole, and each group of parts."""
     mesh = load_mesh(models()[name].path)
     nasa = load_mesh(scenes.NASA / f"{name}.stl")
-    theirs = PLACES[name].moved(nasa.vertices, mesh.vertices)[nasa.facets]
+    theirs = PLACES[name].move(nasa.vertices, mesh.vertices)[nasa.facets]
     pairs = {WHOLE: (mesh.vertices[mesh.facets], theirs), **grouped(mesh, theirs)}
     directions = views(number)
     return {

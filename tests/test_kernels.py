@@ -143,13 +143,13 @@ told = []
 with kernels.watch_compiling(lambda count, most: told.append((count, most))):
     scale(1.0), scale(1.0)
 scale(1)
-print(*told)
+print(*[count for count, most in told], *{most == len(kernels.Kernel.all) for _, most in told})
 """
 
 
 def test_compiling_is_told_while_someone_listens(room):
     _, ask, _ = room
-    assert answer(ask(WATCHED))[0] == ["(1,", "2)", "(2,", "2)"]
+    assert answer(ask(WATCHED))[0] == ["1", "2", "True"]
     assert answer(ask(WATCHED))[0] == []  # read from disk
 
 

@@ -86,7 +86,7 @@ def test_constraints_of_the_scenario_file_hold_and_options_come_first(call, tmp_
         (["--follower", "99004"], "did you mean"),
         (["--lidar", "long_range"], "did you mean 'long_range_1064'"),
         (["--sun-exclusion", "0"], "give degrees over 0, under 180"),
-        (["--earth-exclusion", "nan"], "--earth-exclusion nan: is no angle"),
+        (["--earth-exclusion", "nan"], "--earth-exclusion nan: is not an angle"),
         (["--keep-out", "500"], "--keep-out 500: has no unit; write 500km or 500m"),
         (["--keep-out", "0m"], "--keep-out: 0 m is not a radius"),
         (["--min-duration", "nan"], "--min-duration nan: is no duration"),

@@ -22,7 +22,7 @@ def test_defaults_are_the_shipped_constants():
 
 def test_the_script_writes_what_is_shipped():
     """Names and digits of the tables; the values are another test's."""
-    table = calibrate._table("noise_limited", {"noise_electrons": 1018.0449, "threshold_electrons": 6112.346})
+    table = calibrate._format_table("noise_limited", {"noise_electrons": 1018.0449, "threshold_electrons": 6112.346})
     assert table == "[noise_limited]\nnoise_electrons = 1018.0\nthreshold_electrons = 6112.3\n"
 
 

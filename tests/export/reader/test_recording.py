@@ -213,7 +213,7 @@ def test_what_is_no_recording_is_said_in_one_line(tmp_path, saved):
     )
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.create_dataset("x", data=np.zeros(3), dtype="f8")
-    assert "holds arrays but is no recording" in one_line(tmp_path / "other.h5")
+    assert "holds arrays but is not a recording" in one_line(tmp_path / "other.h5")
 
 
 def test_newer_schema_and_missing_datasets_are_named(tmp_path, saved):
