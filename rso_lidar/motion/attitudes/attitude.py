@@ -1,4 +1,4 @@
-"""The attitudes that a scenario may describe, and the field that takes one, or an object of the user's own."""
+"""All attitudes of a scenario, as one annotated field that also accepts a user-defined object."""
 
 from typing import Annotated
 

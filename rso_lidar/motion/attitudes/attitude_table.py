@@ -1,7 +1,7 @@
-"""Attitudes from a table, in and out: CCSDS AEM (504.0-B, keyword = value or XML) and CSV.
+"""Tables of attitudes, read and written: CCSDS AEM (504.0-B, keyword = value or XML) and CSV.
 
-A CCSDS quaternion "from A to B" turns coordinates: v_B = M(q) v_A with M Wertz's matrix, so that, read as a rotation of
-vectors, the same four numbers are a_from_b. Which of them is the scalar the file says, or its format's version.
+A CCSDS quaternion "from A to B" transforms coordinates: v_B = M(q) v_A, with M as in Wertz. As a rotation of
+vectors, the same four numbers are a_from_b. The file, or its format version, says which number is the scalar.
 """
 
 from __future__ import annotations
@@ -46,13 +46,19 @@ _KINDS = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/
 
 
 class AttitudeTable(Part):
-    """Attitude by a table of quaternions: a CCSDS AEM (keyword = value or XML), or CSV, told apart by content.
+    """Attitude from a table of quaternions: a CCSDS AEM (keyword = value or XML) or a CSV file.
 
-    AEM: type QUATERNION (rates and derivatives beside it are left out), between SC_BODY and GCRF, ICRF, EME2000 or RTN, in
-    either direction; UTC, TAI, TT or GPS time; `object` is one's name or id where a file has several. CSV: time_s (of the
-    run), or utc or epoch; qx, qy, qz, qw, which turn body axes into `axes`: "inertial" (the root's), "rtn" or "lvlh_ccsds".
-    `interpolation` is "spline" (scipy's RotationSpline through all rows of a segment: rate and acceleration continuous)
-    or "slerp" (constant rate between rows). Rows must be less than half a turn apart: nothing can tell a longer way.
+    The content of the file decides which of the two it is. Consecutive rows must differ by less than half a turn,
+    because interpolation takes the shorter way.
+
+    An AEM has the type QUATERNION; additional rates and derivatives are ignored. It relates SC_BODY to GCRF, ICRF,
+    EME2000 or RTN, in either direction, in UTC, TAI, TT or GPS time. `object` selects an object by name or identifier.
+
+    A CSV file has the columns time_s (of the run), utc or epoch, and qx, qy, qz, qw. The quaternions rotate body axes
+    into `axes`: "inertial" (those of the root), "rtn" or "lvlh_ccsds".
+
+    `interpolation` "spline" is scipy's RotationSpline through all rows of a segment. "slerp" has a constant rate
+    between rows.
     """
 
     type: Literal["table"] = "table"
@@ -81,7 +87,7 @@ class AttitudeTable(Part):
     )
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned; epochs outside the table raise `PropagationError`."""
+        """Interpolate the attitude of the body; epochs outside the table raise `PropagationError`."""
         from scipy.spatial.transform import Rotation
 
         epochs, arcs = here.epochs, self._arcs()
@@ -121,7 +127,17 @@ class AttitudeTable(Part):
 
 @dataclass(frozen=True, eq=False)
 class AttitudeSegment:
-    """One segment: axes_from_body at `time_s` from `start_utc` (None: of the run), of use from `begin_s` to `end_s`."""
+    """Attitudes of one segment of a table.
+
+    Parameters
+    ----------
+    where : file and line of the segment, for error messages.
+    start_utc : instant from which all times count; None for the start of the run.
+    begin_s, end_s : usable time span [s].
+    time_s : times of the rows (row) [s].
+    rotation : axes_from_body (row).
+    in_origin : whether the axes are rtn axes at the body's origin, and not root axes.
+    """
 
     where: str
     start_utc: datetime.datetime | None
@@ -146,7 +162,7 @@ class AttitudeSegment:
         return Slerp(self.time_s, self.rotation), steps / np.diff(self.time_s)[:, None]
 
     def at(self, time_s: np.ndarray, interpolation: str) -> tuple[Rotation, np.ndarray]:
-        """Return axes_from_body and body rates (time, 3) [rad/s]; of slerp, at a row, the rate after it."""
+        """Interpolate axes_from_body and body rates (time, 3) [rad/s]; slerp gives the rate after a row at that row."""
         if interpolation == "spline":
             return self._spline(time_s), self._spline(time_s, 1)
         slerp, rates = self._slerp
@@ -235,7 +251,7 @@ def _read_segment(message: Message, segment: Segment, start_utc: datetime.dateti
 
 
 def _is_scalar_first(message: Message, segment: Segment) -> bool:
-    """Return whether the scalar stands first; from version 2.0 on it is last unless said."""
+    """Return whether the scalar is the first number; from version 2.0 on it is the last by default."""
     entry = segment.meta.get("QUATERNION_TYPE")
     if entry is None:
         if message.version.startswith("1"):
@@ -249,7 +265,7 @@ def _is_scalar_first(message: Message, segment: Segment) -> bool:
 
 
 def _read_axes(message: Message, segment: Segment) -> tuple[str, bool]:
-    """Return "gcrs", "eme2000" or "rtn", and whether the quaternion goes from the body to those axes."""
+    """Read the reference axes, "gcrs", "eme2000" or "rtn", and whether the quaternion leads from the body to them."""
     ends = {key: message.require(segment, f"REF_FRAME_{key}") for key in "AB"}
     bodily = [key for key, end in ends.items() if end.value.upper().replace(" ", "_").startswith("SC_BODY")]
     if len(bodily) != 1:
@@ -267,7 +283,7 @@ def _read_axes(message: Message, segment: Segment) -> tuple[str, bool]:
     entry = segment.meta.get("ATTITUDE_DIR")
     if entry is None and message.version.startswith(
         "1"
-    ):  # obligatory there (504.0-B-1, table 4-3); left out from 2.0 on
+    ):  # required in version 1 (504.0-B-1, table 4-3), removed in 2.0
         message.require(segment, "ATTITUDE_DIR")
     direction = entry.value.upper() if entry is not None else "A2B"
     if direction not in ("A2B", "B2A"):
@@ -291,7 +307,33 @@ def write_aem(
     created_utc: datetime.datetime | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write attitudes as one segment of an AEM (keyword = value; GCRF to SC_BODY_1, scalar last, UTC); return its path."""
+    """Write attitudes as one segment of an AEM (keyword = value; GCRF to SC_BODY_1, scalar last, UTC).
+
+    Parameters
+    ----------
+    path : of the file.
+    name : OBJECT_NAME.
+    object_id : OBJECT_ID, the international designator.
+    epochs : at least two instants.
+    inertial_from_body : attitudes (time), or one for all epochs.
+
+    Other Parameters
+    ----------------
+    originator : ORIGINATOR in the header.
+    version : of the AEM format.
+    created_utc : CREATION_DATE; None for now.
+    overwrite : replace an existing file.
+
+    Returns
+    -------
+    path of the file.
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
+        file cannot be written.
+    """
     rows, texts = _canonical_quaternions(epochs, inertial_from_body), format_epochs(epochs)
     old = version == "1.0"
     meta = {
@@ -313,7 +355,25 @@ def write_aem(
 
 
 def write_attitude_csv(path: str | Path, epochs: Epochs, axes_from_body: Rotation, *, overwrite: bool = False) -> Path:
-    """Write attitudes as CSV (utc, qx, qy, qz, qw) as `AttitudeTable` reads it; return its path."""
+    """Write attitudes as a CSV file (utc, qx, qy, qz, qw) that `AttitudeTable` reads.
+
+    Parameters
+    ----------
+    path : of the file.
+    epochs : at least two instants.
+    axes_from_body : attitudes (time), or one for all epochs.
+    overwrite : replace an existing file.
+
+    Returns
+    -------
+    path of the file.
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than two epochs, they do not ascend, their number differs from that of the attitudes, or the
+        file cannot be written.
+    """
     rows, texts = _canonical_quaternions(epochs, axes_from_body), format_epochs(epochs)
     lines = [",".join(("utc", *_TURN[0]))]
     lines += [

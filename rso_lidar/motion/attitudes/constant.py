@@ -1,7 +1,7 @@
-"""How a body is turned: fixed, with the orbit, toward a name, spinning, or tumbling free of torque.
+"""Attitudes that are constant in root, host or orbital axes.
 
-A body's axes are x forward, y left, z up. Body rates are relative to the axes that the body is turned in, in body axes.
-At one epoch the answer has the same bits whichever other epochs are asked for.
+Body axes are x forward, y left, z up. Body rates are relative to the reference axes, expressed in body axes.
+The result at one epoch has the same bits whichever other epochs are requested.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 @cache
 def rtn_from_lvlh_ccsds() -> Rotation:
-    """Return how the CCSDS axes stand in rtn: z to nadir is rtn -x, y along -(r x v) is rtn -z, x = y x z is rtn +y."""
+    """Return the rotation from CCSDS axes to rtn: z (nadir) is rtn -x, y, along -(r x v), is rtn -z, x is rtn +y."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class FixedAttitude(Part):
-    """Turned once and for all in the axes that the body's motion is given in: the root, or the body it is fixed to."""
+    """Constant attitude in the axes in which the body's motion is given: those of the root or of the host body."""
 
     type: Literal["fixed"] = "fixed"
     quaternion_xyzw: Quaternion | None = Field(
@@ -54,7 +54,7 @@ class FixedAttitude(Part):
 
     @property
     def rotation(self) -> Rotation:
-        """Return axes_from_body; the identity where nothing is given."""
+        """Rotation axes_from_body; the identity by default."""
         from scipy.spatial.transform import Rotation
 
         if self.euler_zyx_deg is not None:
@@ -62,16 +62,16 @@ class FixedAttitude(Part):
         return Rotation.from_quat(self.quaternion_xyzw or _IDENTITY)
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Return axes_from_body, single, and the body rates (…, 3) [rad/s], zero, at `time_s` (…) [s]."""
+        """Return axes_from_body, a single rotation, and zero body rates (…, 3) [rad/s] for `time_s` (…) [s]."""
         return self.rotation, np.zeros((*np.shape(time_s), 3))
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned: in the root's axes where it orbits, in its host's elsewhere."""
+        """Return the attitude: in root axes for a body that orbits, in host axes for any other."""
         return Orientation(*self.orientation(here.epochs.time_s), in_origin=not here.orbits)
 
 
 class Rtn(Part):
-    """Turned with the body's own rtn axes (x radially out, z along r x v, y = z x x), then by `euler_zyx_deg`."""
+    """Constant attitude in the body's own rtn axes (x radially out, z along r x v, y = z x x), by `euler_zyx_deg`."""
 
     needs_orbit: ClassVar[bool] = True
     type: Literal["rtn"] = "rtn"
@@ -91,12 +91,12 @@ class Rtn(Part):
         return euler_zyx(self.euler_zyx_deg)
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned: it stands still in the axes of its orbit."""
+        """Return the attitude, constant in orbital axes."""
         return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)
 
 
 class LvlhCcsds(Part):
-    """Turned with CCSDS's local-vertical axes (z to nadir, y along -(r x v), x = y x z), then by `euler_zyx_deg`."""
+    """Constant attitude in the CCSDS LVLH axes (z to nadir, y along -(r x v), x = y x z), by `euler_zyx_deg`."""
 
     needs_orbit: ClassVar[bool] = True
     type: Literal["lvlh_ccsds"] = "lvlh_ccsds"
@@ -113,5 +113,5 @@ class LvlhCcsds(Part):
         return rtn_from_lvlh_ccsds() * euler_zyx(self.euler_zyx_deg)
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned: it stands still in the axes of its orbit."""
+        """Return the attitude, constant in orbital axes."""
         return Orientation(self.rtn_from_body(), np.zeros(3), in_origin=True)

@@ -11,25 +11,38 @@ if TYPE_CHECKING:
 
 
 def rotate_freely(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tuple[Rotation, np.ndarray]:
-    """Return first_body_from_body (time) and body rates (time, 3) [rad/s] of a torque-free rigid body (Euler, Jacobi).
+    """Compute attitudes and body rates of a torque-free rigid body in closed form (Euler, Jacobi).
 
-    In principal axes a, b, c, right-handed, b the middle one and c the one that the body keeps circling (Landau &
-    Lifshitz, Mechanics, section 37): w_a = A cn u, w_b = B sn u, w_c = C dn u with u = lambda t + u0 and parameter m.
-    The attitude is a turn psi about the angular momentum after the least rotation that brings it from its place in the
-    body to axis c; then d psi / dt = w . (l + e_c) / (1 + l . e_c), with l its direction in the body, is regular for
-    every motion. It depends on dn alone, so that its integral over half a period is tabulated once.
+    The principal axes a, b, c are right-handed; b is the intermediate axis. The angular momentum circles axis c in the
+    body. Landau & Lifshitz, Mechanics, section 37: w_a = A cn u, w_b = B sn u, w_c = C dn u, with u = lambda t + u0 and
+    parameter m.
 
-    Within rounding of the separatrix the last bit of the input decides when the next flip comes, as a breath would.
+    The attitude is composed of two rotations. The smallest rotation that takes the direction l of the angular momentum
+    in the body to axis c comes first. A rotation psi about the angular momentum follows, with the rate
+    d psi / dt = w . (l + e_c) / (1 + l . e_c). This rate is regular for every motion and depends on dn alone. Its
+    integral over half a period is therefore tabulated once.
+
+    Near the separatrix the time of the next flip is ill-conditioned: the last bit of the input changes it.
+
+    Parameters
+    ----------
+    inertia : inertia tensor (3, 3) in body axes, in any unit.
+    rate : body rates (3,) at t = 0 [rad/s].
+    time : instants (time) [s].
+
+    Returns
+    -------
+    first_body_from_body (time), and body rates (time, 3) [rad/s] in body axes.
     """
     from scipy.spatial.transform import Rotation
 
     speed = float(np.linalg.norm(rate))
-    moments, axes = np.linalg.eigh(inertia / np.abs(inertia).max())  # rising moments
+    moments, axes = np.linalg.eigh(inertia / np.abs(inertia).max())  # ascending moments
     w = axes.T @ (rate / speed) if speed else np.zeros(3)
     least, middle, most = moments
     circling_most = most * (most - middle) * w[2] ** 2
     circling_least = least * (middle - least) * w[0] ** 2
-    if circling_most == circling_least == 0.0:  # a sphere, no rate, or a spin about a principal axis
+    if circling_most == circling_least == 0.0:  # a sphere, a body at rest, or a spin about a principal axis
         return Rotation.from_rotvec(np.multiply.outer(time, rate)), np.broadcast_to(rate, (time.size, 3)).copy()
 
     a, b, c = (0, 1, 2) if circling_most >= circling_least else (2, 1, 0)
@@ -45,18 +58,18 @@ def rotate_freely(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
     amplitude_c = np.sqrt(w_c**2 + w_b**2 * (i_b * (i_b - i_a)) / (i_c * (i_c - i_a)))
     slowness = np.sqrt((i_c - i_a) * (i_c - i_b) / (i_a * i_b)) * amplitude_c  # lambda
     beyond = abs(circling_most - circling_least)
-    m1 = max(beyond / (i_c * abs(i_c - i_b) * amplitude_c**2), 1e-32)  # 1 - m; its floor is rounding, squared
+    m1 = max(beyond / (i_c * abs(i_c - i_b) * amplitude_c**2), 1e-32)  # 1 - m, at least the square of rounding
     m1 = min(m1, 1.0)
 
     functions = _JacobiFunctions(m1, i_c * amplitude_c)
     sine, cosine = (w_b / amplitude_b, w_a / amplitude_a) if amplitude_a else (0.0, 1.0)
     u0 = functions.find_argument(sine, cosine)
-    u = np.append(0.0, slowness * speed * time) + u0  # the first is t = 0
+    u = np.append(0.0, slowness * speed * time) + u0  # the first entry belongs to t = 0
     sn, cn, dn = functions.values(u)
     momentum = np.stack([i_a * amplitude_a * cn, i_b * amplitude_b * sn, i_c * amplitude_c * dn], axis=-1)
     size = float(np.linalg.norm(moments[[a, b, c]] * [w_a, w_b, w_c]))
 
-    # psi = L t / I_c + (2 E - L^2 / I_c) * integral of dt / (L + I_c w_c); the bracket as a sum of one sign
+    # psi = L t / I_c + (2 E - L^2 / I_c) * integral of dt / (L + I_c w_c); the bracket is a sum of terms of one sign
     bracket = (i_a * (i_c - i_a) * w_a**2 + i_b * (i_c - i_b) * w_b**2) / i_c
     integral = functions.integral(u, size)
     psi = size / i_c * np.append(0.0, speed * time) + bracket / slowness * (integral - integral[0])
@@ -75,30 +88,30 @@ def rotate_freely(inertia: np.ndarray, rate: np.ndarray, time: np.ndarray) -> tu
 
 
 class _JacobiFunctions:
-    """Jacobi's sn, cn, dn of parameter 1 - m1 for any argument, and the integral of 1 / (size + weight dn)."""
+    """Jacobi's sn, cn, dn with parameter 1 - m1 for any argument, and the integral of 1 / (size + weight dn)."""
 
-    NODES = 24  # in a panel of width 1 the integrand, analytic to |Im u| < pi/2, is met to 6.4^-24 < 1e-18
+    NODES = 24  # the integrand is analytic for |Im u| < pi/2: the error in a panel of width 1 is 6.4^-24 < 1e-18
 
     def __init__(self, m1: float, weight: float) -> None:
         from scipy.special import ellipkm1
 
         self.m1, self.weight = float(m1), float(weight)
-        self.quarter = float(ellipkm1(self.m1))  # K, a quarter of a period
+        self.quarter = float(ellipkm1(self.m1))  # K, a quarter period
 
     def find_argument(self, sine: float, cosine: float) -> float:
-        """Return u where sn u = sine and cn u = cosine, in [-2K, 2K] (Carlson's R_F, DLMF 19.25.5)."""
+        """Find u in [-2K, 2K] with sn u = sine and cn u = cosine (Carlson's R_F, DLMF 19.25.5)."""
         from scipy.special import elliprf
 
         u = sine * float(elliprf(cosine**2, cosine**2 + self.m1 * sine**2, sine**2 + cosine**2))
         return u if cosine >= 0.0 else float(np.copysign(2.0 * self.quarter, sine)) - u
 
     def reduce(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how many half periods to leave out of `u`, and what then remains in [-K, K]."""
+        """Split `u` into whole half periods and a remainder in [-K, K]."""
         turns = np.rint(u / (2.0 * self.quarter))
         return turns, u - 2.0 * self.quarter * turns
 
     def values(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sn, cn, dn at `u`."""
+        """Evaluate sn, cn, dn at `u`."""
         from scipy.special import ellipj
 
         turns, v = self.reduce(u)
@@ -106,7 +119,7 @@ class _JacobiFunctions:
         if self.m1 >= 0.5:
             sn, cn, dn, _ = ellipj(v, 1.0 - self.m1)
             return sign * sn, sign * cn, dn
-        # Near the separatrix: fold at K/2, then Gauss's ascending steps until sech and tanh are exact (A&S 16.14).
+        # Near the separatrix ellipj loses digits: fold at K/2, then ascend (A&S 16.14) until sech and tanh are exact.
         far = np.abs(v) > self.quarter / 2
         v_near = np.where(far, self.quarter - np.abs(v), np.abs(v))
         roots, m1 = [], self.m1
@@ -128,7 +141,7 @@ class _JacobiFunctions:
         return sign * np.copysign(sn, v), sign * cn, dn
 
     def integral(self, u: np.ndarray, size: float) -> np.ndarray:
-        """Return the integral of dv / (size + weight dn v) from 0 to `u`: panels over [0, K], then periods."""
+        """Integrate dv / (size + weight dn v) from 0 to `u`: over panels in [0, K], then over periods."""
         from numpy.polynomial import chebyshev
 
         panels = max(1, int(np.ceil(self.quarter)))

@@ -1,4 +1,4 @@
-"""The attitude laws that a slew may lead between: every attitude but a slew itself and one that is integrated."""
+"""Attitude laws between which a slew may lead: all attitudes except slews and integrated ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rso_lidar.part import Seam
 
 
 def refuse_bare_lvlh(table: Any) -> Any:
-    """Return a table of an attitude as it is, unless its type is the bare "lvlh", which means two things."""
+    """Refuse the ambiguous type "lvlh" of an attitude, and return any other table as it is."""
     tag = table.get("type") if isinstance(table, dict) else None
     if tag in ("lvlh", "LVLH"):
         raise ValueError(

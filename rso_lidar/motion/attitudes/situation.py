@@ -1,4 +1,4 @@
-"""What an attitude is given, where its body is among the others, and what it answers."""
+"""The interface of attitudes: the situation of a body that they receive, and the orientation that they return."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Orientation:
-    """How a body is rotate_vectors at some epochs, and how fast.
+    """Attitude and body rates of a body at some epochs.
 
     Parameters
     ----------
     rotation : axes_from_body, single or (time).
     rate_rad_s : (…, 3) angular velocity relative to those axes, in body axes [rad/s].
-    in_origin : whether those axes are the ones at the body's origin (its rtn axes where it orbits, its host's axes where it
-        is attached to something), and not the root's.
+    in_origin : whether those axes are the ones at the body's origin, and not the root's. They are its rtn axes if it
+        orbits, and the axes of its host if it is attached to one.
     """
 
     rotation: Rotation
@@ -37,21 +37,25 @@ class Orientation:
 
 @runtime_checkable
 class Attitude(Protocol):
-    """What a Python object needs to stand where a scenario takes an attitude.
+    """Protocol of user-defined attitudes; the single method `orient` is enough.
 
-    One method is enough. `orient` may be called with any epochs, so its answer at one epoch must not depend on the others,
-    and the object must not change. An object that asks for `situation.line(name)` needs `looks_at`, a tuple of those names,
-    so that the bodies are computed in the right order. One with ``needs_orbit = True`` is refused where a body has no orbit.
-    `examples/seams/own_attitude.py` flies one.
+    `orient` may be called with any epochs. Its result at one epoch must not depend on the others, and the object must
+    not change. Two optional attributes are recognised:
+
+    - ``looks_at``: names of the bodies or axes for which `orient` calls `situation.line`. Bodies are computed in an
+      order that respects them.
+    - ``needs_orbit``: if True, the attitude is refused for a body without an orbit.
+
+    `examples/seams/own_attitude.py` is an example.
     """
 
     def orient(self, situation: Situation) -> Orientation:
-        """Return how the body is rotate_vectors at `situation.epochs`."""
+        """Return the attitude of the body at `situation.epochs`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """One body among the others, at some epochs; vectors (time, 3) are in root axes.
+    """State of one body relative to the others at some epochs; vectors (time, 3) are in root axes.
 
     Parameters
     ----------
@@ -60,8 +64,8 @@ class Situation:
     orbits : whether the body has an orbit, and so rtn axes.
     root_from_origin : rotation of the axes at its origin (rtn axes where it orbits), single or (time).
     origin_rate_rad_s : their angular velocity, in those axes [rad/s].
-    sun_m : vector from the root's origin to the Sun [m]; None without one. In a local world, which has no Earth, it is a
-        direction of length 1 AU, the same for every body.
+    sun_m : vector from the root's origin to the Sun [m]; None without one. In a local world, which has no Earth, it is
+        a direction of length 1 AU, the same for every body.
     local : whether the world is local.
     line : called with the name of a body or of axes, gives the vector to it [m] and the rate of that vector [m/s].
     at : called with other epochs, gives the same body's situation then.
@@ -101,7 +105,7 @@ class Situation:
 
 
 def laws_of(attitude: Any) -> tuple[Any, ...]:
-    """Return an attitude, or those that a slew leads between."""
+    """Return the attitude itself, or all laws between which a slew leads."""
     laws: tuple[Any, ...] = getattr(attitude, "laws", (attitude,))
     return laws
 
@@ -112,12 +116,12 @@ def looks_at(attitude: Any) -> tuple[str, ...]:
 
 
 def needs_orbit(attitude: Any) -> bool:
-    """Return whether an attitude is one of bodies that orbit only."""
+    """Return whether an attitude requires a body that orbits."""
     return bool(getattr(attitude, "needs_orbit", False))
 
 
 def orient(attitude: Any, situation: Situation) -> Orientation:
-    """Return how a body is rotate_vectors; `ScenarioError` where an object of the user's own answers something else."""
+    """Call an attitude and check its result; raise `ScenarioError` if that is no `Orientation`."""
     orientation = attitude.orient(situation)
     if not isinstance(orientation, Orientation):
         raise ScenarioError(

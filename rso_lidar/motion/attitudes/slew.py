@@ -1,8 +1,9 @@
 """A slew from one attitude law to another, within limits of rate and acceleration.
 
-R(t) = A(t) exp(s(t) theta(t)), theta = log(A(t)^-1 B(t)): at every instant about the one axis that leads from the first
-law A to the second law B, both of which may move; s rises from 0 to 1 with constant acceleration, constant rate and
-constant deceleration. Body rates are exact, by the right Jacobian of the rotation group (Sola et al. 2018, eq. 143).
+R(t) = A(t) exp(s(t) theta(t)), theta = log(A(t)^-1 B(t)). At every instant the rotation is about the single axis that
+leads from the first law A to the second law B; both may move. s rises from 0 to 1 with constant acceleration, constant
+rate and constant deceleration. Body rates are exact, by the right Jacobian of the rotation group (Sola et al. 2018,
+eq. 143).
 """
 
 from __future__ import annotations
@@ -25,20 +26,22 @@ from rso_lidar.pose import rotate_vectors
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_STEPS = 48  # of the grid on which limits are kept, in each of the three phases
-_SLACK = 1e-6  # by which rounding may pass a limit, as a share of it
+_STEPS = 48  # steps in each of the three phases, of the grid on which the limits are checked
+_SLACK = 1e-6  # relative tolerance of the limits, for rounding
 _HALF_TURN_WITHIN_RAD = 1e-9
-_LEAST_RAMP_S = 1e-3  # no slew is shorter than twice this, however small its turn
+_LEAST_RAMP_S = 1e-3  # half of the shortest slew, so that a zero angle does not divide by zero
 _TRIALS = 60
 
 
 class Slew(Part):
-    """Attitude `first` until `at_s`, then a slew to attitude `then`, which may move, and `then` from there on.
+    """Attitude `first` until `at_s`, then a slew to the attitude `then`, which may move.
 
-    The turn is the shorter way about the axis that joins the two at `at_s`, and keeps to that way; at half a turn, to
-    1e-9 rad, it goes about the axis whose largest component in body axes is positive. The whole body rate and angular
-    acceleration in root axes, the laws' own included, keep the limits during the slew, on a grid of 144 steps: the slew
-    is made as long as that needs, within some per cent. A law that itself turns faster than the limits is an error.
+    The slew takes the shorter way about the axis that joins the two attitudes at `at_s`, and keeps that direction. At
+    half a turn, within 1e-9 rad, it uses the axis whose largest component in body axes is positive.
+
+    The limits hold for the total body rate and angular acceleration in root axes, those of the laws included. They are
+    checked on a grid of 144 steps, and the slew is lengthened until it meets them, within a few per cent. A law that
+    itself exceeds the limits is an error.
     """
 
     type: Literal["slew"] = "slew"
@@ -54,17 +57,17 @@ class Slew(Part):
 
     @property
     def laws(self) -> tuple[Any, ...]:
-        """The attitudes that the slew leads between."""
+        """Attitudes between which the slew leads."""
         return (*laws_of(self.first), *laws_of(self.then))
 
     def advise(self, end_s: float) -> list[str]:
-        """Return a line where the slew begins after the last frame, at `end_s` [s]."""
+        """Report a slew that begins after the last frame, at `end_s` [s]."""
         if self.at_s <= end_s:
             return []
         return [f"its slew begins at {self.at_s:g} s, after the last frame at {end_s:g} s; shift at_s"]
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned, in root axes: as `first` or `then` before and after the slew, to rounding."""
+        """Compute the attitude in root axes; before and after the slew it is that of `first` or `then`, to rounding."""
         from scipy.spatial.transform import Rotation
 
         time_s = here.epochs.time_s
@@ -79,19 +82,19 @@ class Slew(Part):
                 there = select_epochs(here, during)
                 rotation, rate[during] = profile.orient(time_s[during], *self._evaluate_laws(there))
                 quaternion[during] = rotation.as_quat()
-        for law, which in ((self.first, ~begun), (self.then, over)):  # a law is asked only about its own time
+        for law, which in ((self.first, ~begun), (self.then, over)):  # a law may be undefined outside its own time
             if which.any():
                 there = select_epochs(here, which)
-                laid = _EvaluatedLaw.of(orient(law, there), there)
-                quaternion[which], rate[which] = laid.rotation.as_quat(), laid.rate_rad_s
+                evaluated = _EvaluatedLaw.of(orient(law, there), there)
+                quaternion[which], rate[which] = evaluated.rotation.as_quat(), evaluated.rate_rad_s
         return Orientation(Rotation.from_quat(quaternion), rate)
 
     def end_s(self, here: Situation) -> float:
-        """Return when the slew is over [s]."""
+        """Return the end of the slew [s]."""
         return self.plan(here).end_s
 
     def plan(self, here: Situation) -> SlewProfile:
-        """Return when and how the body slews; it does not depend on the epochs of `here`."""
+        """Plan the slew; the result does not depend on the epochs of `here`."""
         limit = np.array([self.max_rate_deg_s, self.max_acceleration_deg_s2]) * units.DEG
         start = self._evaluate_laws(self._situation_at(here, np.array([self.at_s])))
         theta = _initial_rotvec(start[0].rotation, start[1].rotation)
@@ -109,15 +112,15 @@ class Slew(Part):
                 k = int(np.argmax(own / limit))
                 what, unit = (("rate", "deg/s"), ("acceleration", "deg/s2"))[k]
                 raise ScenarioError(
-                    f"slew: a law that it leads between itself reaches {own[k] / units.DEG:.4g} {unit}, and max_{what} is "
+                    f"slew: one of its two laws alone reaches {own[k] / units.DEG:.4g} {unit}, and max_{what} is "
                     f"{limit[k] / units.DEG:.4g} {unit}: raise the limit, or choose slower laws"
                 )
-            # The laws' share stays as the slew is stretched; the rest falls as 1/k in rate, as 1/k^2 in acceleration.
+            # Stretching leaves the laws' share; the rest falls as 1/k in rate and as 1/k^2 in acceleration.
             more = np.maximum(demand - own, 0.0) / (limit - own)
             profile = profile.stretch(max(1.005, min(float(more[0]), 4.0), min(math.sqrt(more[1]), 4.0)))
         raise ScenarioError(
-            "slew: no duration keeps its limits, for the laws that it leads between almost reach them: raise max_rate_deg_s "
-            "or max_acceleration_deg_s2"
+            "slew: no duration keeps its limits, because its two laws almost reach them: raise max_rate_deg_s or "
+            "max_acceleration_deg_s2"
         )
 
     def _situation_at(self, here: Situation, grid_s: np.ndarray) -> Situation:
@@ -129,14 +132,14 @@ class Slew(Part):
 
 @dataclass(frozen=True, eq=False)
 class _EvaluatedLaw:
-    """A law laid out over epochs: root_from_body (time) and the body rate (time, 3) [rad/s]."""
+    """A law evaluated at epochs: root_from_body (time) and the body rate (time, 3) [rad/s]."""
 
     rotation: Rotation
     rate_rad_s: np.ndarray
 
     @staticmethod
     def of(turn: Orientation, here: Situation) -> _EvaluatedLaw:
-        """Return a turn laid out over the epochs, in root axes."""
+        """Convert an orientation to root axes, with one entry for each epoch."""
         from scipy.spatial.transform import Rotation
 
         rotation, rate, n = turn.rotation, turn.rate_rad_s, len(here.epochs)
@@ -148,7 +151,7 @@ class _EvaluatedLaw:
 
 
 def select_epochs(here: Situation, which: np.ndarray) -> Situation:
-    """Return a situation at some of its epochs, which a mask picks."""
+    """Restrict a situation to the epochs that a mask (time) selects."""
     if which.all():
         return here
 
@@ -170,9 +173,15 @@ def select_epochs(here: Situation, which: np.ndarray) -> Situation:
 
 @dataclass(frozen=True, eq=False)
 class SlewProfile:
-    """When a slew takes place [s]: from `start_s`, speeding up and slowing down for `ramp_s` each, over at `end_s`.
+    """Timing of a slew: acceleration, constant rate, deceleration.
 
-    `way` (grid, 3) [rad] is the turn that is left to the second law at `grid_s`, which tells the way round elsewhere.
+    Parameters
+    ----------
+    start_s : start of the slew [s].
+    ramp_s : duration of the acceleration, and of the deceleration [s].
+    coast_s : duration of the constant rate [s].
+    way : rotation vectors (grid, 3) from the first law to the second at `grid_s` [rad]. They decide which of the two
+        ways round applies between; None for the shorter.
     """
 
     start_s: float
@@ -182,7 +191,15 @@ class SlewProfile:
 
     @staticmethod
     def fastest(start_s: float, angle_rad: float, rate_rad_s: float, acceleration_rad_s2: float) -> SlewProfile:
-        """Return the quickest turn by an angle: a trapezoid of rate, or a triangle where it never reaches its limit."""
+        """Plan the fastest rotation: a trapezoid of rate, or a triangle if the rate limit is not reached.
+
+        Parameters
+        ----------
+        start_s : start of the slew [s].
+        angle_rad : angle of rotation [rad].
+        rate_rad_s : rate limit [rad/s].
+        acceleration_rad_s2 : acceleration limit [rad/s2].
+        """
         ramp_s = min(rate_rad_s / acceleration_rad_s2, math.sqrt(angle_rad / acceleration_rad_s2))
         ramp_s = max(ramp_s, _LEAST_RAMP_S)
         coast_s = angle_rad / (acceleration_rad_s2 * ramp_s) - ramp_s
@@ -190,26 +207,26 @@ class SlewProfile:
 
     @property
     def end_s(self) -> float:
-        """Return when it is over [s]."""
+        """End of the slew [s]."""
         return self.start_s + 2.0 * self.ramp_s + self.coast_s
 
     def stretch(self, factor: float) -> SlewProfile:
-        """Return it made longer, the shape kept."""
+        """Return a profile of the same shape, longer by a factor."""
         return SlewProfile(self.start_s, self.ramp_s * factor, self.coast_s * factor)
 
     def with_way(self, way: np.ndarray) -> SlewProfile:
-        """Return it with its way round."""
+        """Return the same profile with the rotation vectors that decide its way round."""
         return SlewProfile(self.start_s, self.ramp_s, self.coast_s, way)
 
     def grid_s(self) -> np.ndarray:
-        """Return instants from start to end, the edges of its phases among them [s]."""
+        """Return instants from start to end, the limits of the phases included [s]."""
         steps = np.arange(_STEPS) / _STEPS
         coast = self.start_s + self.ramp_s + steps * self.coast_s if self.coast_s > 0.0 else np.empty(0)
         late = self.end_s - self.ramp_s
         return np.concatenate([self.start_s + steps * self.ramp_s, coast, late + steps * self.ramp_s, [self.end_s]])
 
     def share(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return s (time), 0 to 1, and its rate [1/s]."""
+        """Return the completed share s (time), 0 to 1, and its rate [1/s]."""
         ramp, coast = self.ramp_s, self.coast_s
         top = 1.0 / (ramp + coast)
         since = np.clip(time_s - self.start_s, 0.0, 2.0 * ramp + coast)
@@ -221,7 +238,17 @@ class SlewProfile:
         return share, np.where(up | down, top * near / ramp, top)
 
     def orient(self, time_s: np.ndarray, a: _EvaluatedLaw, b: _EvaluatedLaw) -> tuple[Rotation, np.ndarray]:
-        """Return root_from_body and body rates (time, 3) [rad/s] between the two laws."""
+        """Interpolate between two laws.
+
+        Parameters
+        ----------
+        time_s : instants (time) [s].
+        a, b : first and second law at these instants.
+
+        Returns
+        -------
+        root_from_body (time), and body rates (time, 3) [rad/s].
+        """
         from scipy.spatial.transform import Rotation
 
         theta = _relative_rotvec(a, b)
@@ -245,7 +272,7 @@ def _relative_rotvec(a: _EvaluatedLaw, b: _EvaluatedLaw) -> np.ndarray:
 
 
 def _initial_rotvec(a: Rotation, b: Rotation) -> np.ndarray:
-    """Return the turn (3,) [rad] from one attitude to another, of two equally long ones always the same."""
+    """Return the rotation vector (3,) [rad] from one attitude to another, with a fixed choice at half a turn."""
     theta: np.ndarray = (a.inv() * b).as_rotvec()[0]
     if np.linalg.norm(theta) > np.pi - _HALF_TURN_WITHIN_RAD and theta[np.argmax(np.abs(theta))] < 0.0:
         theta = _other_way(theta[None])[0]
@@ -253,21 +280,21 @@ def _initial_rotvec(a: Rotation, b: Rotation) -> np.ndarray:
 
 
 def _other_way(theta: np.ndarray) -> np.ndarray:
-    """Return the turns (time, 3) [rad] the other way round to the same attitude."""
+    """Return the rotation vectors (time, 3) [rad] the other way round to the same attitude."""
     angle = np.maximum(np.linalg.norm(theta, axis=-1, keepdims=True), 1e-300)
     other: np.ndarray = theta * ((angle - 2.0 * np.pi) / angle)
     return other
 
 
 def _pick_nearer(theta: np.ndarray, guide: np.ndarray) -> np.ndarray:
-    """Return of the two ways round the one that is nearer to a guide (time, 3) [rad]."""
+    """Choose for each rotation vector the way round that is closer to a guide (time, 3) [rad]."""
     other = _other_way(theta)
     closer = np.sum((other - guide) ** 2, axis=-1) < np.sum((theta - guide) ** 2, axis=-1)
     return np.where(closer[:, None], other, theta)
 
 
 def _unwrap(theta: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Return turns along a grid (grid, 3) [rad], each the way round that is nearer to the one before."""
+    """Make rotation vectors (grid, 3) [rad] continuous: each takes the way round closer to the previous one."""
     way, before = np.empty_like(theta), first
     for k in range(len(theta)):
         before = way[k] = _pick_nearer(theta[k : k + 1], before[None])[0]
@@ -275,13 +302,13 @@ def _unwrap(theta: np.ndarray, first: np.ndarray) -> np.ndarray:
 
 
 def _peak_demand(grid_s: np.ndarray, rate_rad_s: np.ndarray) -> np.ndarray:
-    """Return the largest rate [rad/s] and the largest mean acceleration of a step [rad/s2] on a grid."""
+    """Find the largest rate [rad/s] and the largest mean acceleration of a step [rad/s2] on a grid."""
     steps = np.linalg.norm(np.diff(rate_rad_s, axis=0), axis=1) / np.diff(grid_s)
     return np.array([np.linalg.norm(rate_rad_s, axis=1).max(), steps.max()])
 
 
 def _jacobian(phi: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return J_r(phi) rate (time, 3): the body rate of exp(phi) where phi changes at a rate."""
+    """Return J_r(phi) rate (time, 3): the body rate of exp(phi) if phi changes at `rate`."""
     angle = np.linalg.norm(phi, axis=-1, keepdims=True)
     small = angle < 1e-3
     safe = np.where(small, 1.0, angle)
@@ -293,7 +320,7 @@ def _jacobian(phi: np.ndarray, rate: np.ndarray) -> np.ndarray:
 
 
 def _jacobian_inverse(theta: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return J_r(theta)^-1 rate (time, 3): how fast log R changes where R has a body rate; not at a whole turn."""
+    """Return J_r(theta)^-1 rate (time, 3): the rate of log R for a body rate of R; singular at a whole turn."""
     angle = np.linalg.norm(theta, axis=-1, keepdims=True)
     small = angle < 1e-3
     safe = np.where(small, 1.0, angle)

@@ -1,4 +1,4 @@
-"""Bodies that turn on their own: spinning at a constant rate, or tumbling free of torque."""
+"""Torque-free attitudes: a spin at a constant rate, and tumbling."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 class Spin(Part):
-    """Spinning at a constant rate about an axis in body axes; `quaternion_xyzw` is inertial_from_body at t = 0."""
+    """Spin at a constant rate about an axis in body axes; `quaternion_xyzw` is inertial_from_body at t = 0."""
 
     type: Literal["spin"] = "spin"
     axis: Direction = Field(description="Rotation axis in body axes, of any length.")
@@ -31,13 +31,13 @@ class Spin(Part):
 
     @property
     def body_rate_rad_s(self) -> np.ndarray:
-        """Return the constant body rates (3,) [rad/s] in body axes."""
+        """Constant body rates (3,) in body axes [rad/s]."""
         axis = np.asarray(self.axis, dtype=float)
         rate: np.ndarray = axis / np.linalg.norm(axis) * (self.rate_deg_s * units.DEG)
         return rate
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s].
+        """Compute inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s].
 
         >>> rotation, _ = Spin(axis=(0, 0, 1), rate_deg_s=90.0).orientation(1.0)
         >>> rotation.apply([1, 0, 0]).round(12)
@@ -52,7 +52,7 @@ class Spin(Part):
 
     @cached_property
     def _rodrigues(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return what of the first matrix stays, what turns with the cosine and with the sine, and the rate [rad/s]."""
+        """Constant, cosine and sine terms (3, 3) of the attitude matrix by Rodrigues' formula, and the rate [rad/s]."""
         from scipy.spatial.transform import Rotation
 
         x, y, z = np.asarray(self.axis, dtype=float) / np.linalg.norm(self.axis)
@@ -62,7 +62,7 @@ class Spin(Part):
         return along, start - along, out, self.body_rate_rad_s
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned."""
+        """Return the attitude and body rates in root axes."""
         return Orientation(*self.orientation(here.epochs.time_s))
 
 
@@ -75,15 +75,15 @@ def _check_inertia(inertia: Any) -> Any:
     for value in [value for row in tables for value in row or ()] or rows:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"needs numbers, not {value!r:.60}")
-        if not -GREATEST <= value <= GREATEST:  # an integer of any length, too
+        if not -GREATEST <= value <= GREATEST:  # an integer of a Python integer may have any length
             raise ValueError(f"needs numbers up to {GREATEST:g}; check them and their unit")
     return inertia
 
 
 class Tumble(Part):
-    """Tumbling free of torque: a rigid body of any inertia, in Jacobi's closed form.
+    """Torque-free tumbling of a rigid body of any inertia, in Jacobi's closed form.
 
-    `inertia_kg_m2` is three principal moments along the body axes, or a symmetric 3 x 3 tensor in body axes;
+    `inertia_kg_m2` is three principal moments along the body axes, or a symmetric 3 x 3 tensor in body axes.
     `body_rate_deg_s` and `quaternion_xyzw` (inertial_from_body) hold at t = 0.
     """
 
@@ -110,18 +110,18 @@ class Tumble(Part):
         if most > (least + middle) * (1.0 + 1e-9):  # a flat plate has equality, to rounding
             raise ValueError(
                 f"inertia_kg_m2: no body has the principal moments {least:.6g}, {middle:.6g} and {most:.6g}, "
-                "for the largest exceeds the sum of the others; check units, axes and signs"
+                "because the largest exceeds the sum of the others; check units, axes and signs"
             )
         return self
 
     @property
     def inertia_tensor_kg_m2(self) -> np.ndarray:
-        """Return the inertia tensor (3, 3) [kg m2] in body axes."""
+        """Inertia tensor (3, 3) in body axes [kg m2]."""
         given = np.asarray(self.inertia_kg_m2, dtype=float)
         return np.diag(given) if given.ndim == 1 else given
 
     def orientation(self, time_s: np.ndarray | float) -> tuple[Rotation, np.ndarray]:
-        """Return inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
+        """Compute inertial_from_body and the body rates (…, 3) [rad/s] at `time_s` (…) [s]."""
         from scipy.spatial.transform import Rotation
 
         time = np.atleast_1d(np.ascontiguousarray(time_s, dtype=float))
@@ -131,5 +131,5 @@ class Tumble(Part):
         return (rotation[0], rates[0]) if np.ndim(time_s) == 0 else (rotation, rates)
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned."""
+        """Return the attitude and body rates in root axes."""
         return Orientation(*self.orientation(here.epochs.time_s))

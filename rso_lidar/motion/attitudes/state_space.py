@@ -1,4 +1,4 @@
-"""Attitude by a user's own x' = f(t, x, u) (Fuller et al., eq. 6)."""
+"""Attitude by user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6)."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 
 class StateSpaceAttitude(StateSpaceModel):
-    """Attitude by a user's own dynamics: the state begins with inertial_from_body in the representation `attitude_state`.
+    """Attitude by user-defined dynamics.
 
-    The body rate [rad/s] in body axes follows; further entries are the user's own. `attitude_state` is "quaternion_xyzw",
-    normalised when read, or Euler angles such as "euler_zyx_rad", as for the motion `state_space`.
+    The state begins with inertial_from_body in the representation `attitude_state` and the body rate [rad/s] in body
+    axes. Further entries are free. `attitude_state` is "quaternion_xyzw", normalised when read, or Euler angles such as
+    "euler_zyx_rad", as for the motion `state_space`.
     """
 
     type: Literal["state_space"] = "state_space"
@@ -48,9 +49,9 @@ class StateSpaceAttitude(StateSpaceModel):
         return self
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
-        """Return inertial_from_body (time) and the body rates (time, 3) [rad/s]."""
+        """Integrate inertial_from_body (time) and the body rates (time, 3) [rad/s]."""
         return attitude_from_state(flight(time_s), self.attitude_state, self.label, time_s)
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is turned, in root axes."""
+        """Return the attitude in root axes."""
         return Orientation(*self.orientation(here.flight_of(self), here.epochs.time_s))

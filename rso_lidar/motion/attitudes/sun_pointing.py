@@ -1,4 +1,4 @@
-"""Attitudes that know where the Sun is: an axis to the Sun, and nadir with the yaw steering of navigation satellites."""
+"""Attitudes relative to the Sun: an axis toward the Sun, and nadir pointing with yaw steering."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from rso_lidar.pose import euler_zyx, rotate_vectors
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-_STEP_S = 64.0  # of the Sun's own rate by differences: 1e-15 rad/s off, from rounding
+_STEP_S = 64.0  # step of the difference that gives the Sun's own rate; rounding leaves 1e-15 rad/s
 
 
 class SunPointing(Part):
-    """Body `axis` toward the Sun as the body sees it, and body `up_axis` as near to `up` (root axes) as can be.
+    """Attitude with body `axis` toward the Sun, and body `up_axis` as close to `up` (root axes) as possible.
 
-    `up` is the orbit normal where it is left out, the root's +z without an orbit.
+    By default `up` is the orbit normal, or the root's +z without an orbit.
     """
 
     type: Literal["sun_pointing"] = "sun_pointing"
     axis: Direction = Field(default=(1.0, 0.0, 0.0), description="Body axis that points to the Sun, of any length.")
     up_axis: Direction = Field(
-        default=(0.0, 0.0, 1.0), description="Body axis that is rotate_vectors as close to `up` as possible."
+        default=(0.0, 0.0, 1.0), description="Body axis that is turned as close to `up` as possible."
     )
     up: Direction | None = Field(
         default=None,
@@ -50,11 +50,11 @@ class SunPointing(Part):
 
     @property
     def _body_from_triad(self) -> Rotation:
-        """Return how the axes x along `axis`, z nearest `up_axis` stand in the body's."""
+        """Rotation to body axes from axes with x along `axis` and z as close to `up_axis` as possible."""
         return aim_axes(np.array(self.axis), np.zeros(3), np.array(self.up_axis))[0]
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is rotate_vectors, in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
+        """Compute the attitude in root axes; a Sun within 1e-6 rad of `up` raises `PropagationError`."""
         line, line_rate = sun_line(here, "sun_pointing")
         up = here.upward if self.up is None else np.broadcast_to(np.array(self.up, dtype=float), line.shape)
         _refuse(
@@ -69,13 +69,15 @@ class SunPointing(Part):
 
 
 class Nadir(Part):
-    """Body +z to the Earth's centre (geocentric nadir), +x to the side of the velocity, then by `euler_zyx_deg`.
+    """Attitude with body +z to the Earth's centre (geocentric nadir) and +x forward, then rotated by `euler_zyx_deg`.
 
-    With `yaw_steering` the body turns about nadir so that +x is on the Sun's side and +y, a solar array's hinge, stands
-    across the Sun: psi = atan2(-tan beta, sin mu) from the velocity's side, mu counted from orbit midnight (Bar-Sever 1996;
-    Montenbruck et al. 2015, eq. 3). Near noon and midnight it turns at up to mu' / tan beta, without a bound as the Sun
-    enters the orbit's plane, and within 1e-6 rad of zenith or nadir it has no answer. A real craft turns slower there:
-    this is the nominal law.
+    With `yaw_steering` the body turns about nadir. Its +x is then on the Sun's side, and +y, the hinge of a solar
+    array, is perpendicular to the Sun. The yaw from the velocity's side is psi = atan2(-tan beta, sin mu), with mu
+    counted from orbit midnight (Bar-Sever 1996; Montenbruck et al. 2015, eq. 3).
+
+    This is the nominal law. Near noon and midnight it turns at up to mu' / tan beta, which grows without bound as the
+    Sun enters the orbital plane; a real spacecraft turns slower. With the Sun within 1e-6 rad of zenith or nadir, yaw
+    is undetermined, which is an error.
     """
 
     needs_orbit: ClassVar[bool] = True
@@ -92,7 +94,7 @@ class Nadir(Part):
     )
 
     def orient(self, here: Situation) -> Orientation:
-        """Return how the body is rotate_vectors, in rtn axes."""
+        """Compute the attitude in rtn axes."""
         from scipy.spatial.transform import Rotation
 
         if not here.orbits:
@@ -109,7 +111,7 @@ class Nadir(Part):
         _refuse(
             here,
             np.sqrt(across) <= PARALLEL_RAD * np.linalg.norm(s, axis=1),
-            f"nadir: the Sun is within {PARALLEL_RAD:g} rad of zenith or nadir, where yaw steering has no answer",
+            f"nadir: the Sun is within {PARALLEL_RAD:g} rad of zenith or nadir, where yaw steering is undetermined",
             "shift the run, or leave out yaw_steering",
         )
         yaw = np.arctan2(s[:, 1], s[:, 0])
@@ -123,9 +125,9 @@ class Nadir(Part):
 
 
 def sun_line(here: Situation, law: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return vectors (time, 3) [m] from a body to the Sun and their rates [m/s] in root axes.
+    """Compute vectors (time, 3) [m] from a body to the Sun and their rates [m/s] in root axes.
 
-    The Sun of a local world is a direction: it stands still, and is the same for every body.
+    In a local world the Sun is a constant direction, the same for every body.
     """
     if here.sun_m is None:
         raise ScenarioError(f"{law}: this local world has no Sun: give [world] sun_direction, or use another attitude")

@@ -15,16 +15,16 @@ RESERVED = ("inertial", "follower", "ptu", "lidar", "sun_direction")
 
 
 class Axes(Mount):
-    """Further axes fixed to a body, such as a docking port: the mount says how they stand in body axes."""
+    """Further axes fixed to a body, such as those of a docking port; the mount gives their pose in body axes."""
 
     name: Name = Field(description="Name of these axes, by which others refer to them.")
 
 
 class Body(Part):
-    """Something that moves and turns: body axes x forward, y left, z up, origin in the centre of mass.
+    """A body that moves and turns: body axes x forward, y left, z up, origin in the centre of mass.
 
-    Without an `attitude` an orbiting body keeps inertial axes, another the axes its motion is given in, or follows its
-    table's quaternions.
+    Without an `attitude` a body follows the quaternions of its motion's table, if there are any. Otherwise its axes are
+    inertial if it orbits, and those in which its motion is given if it does not.
     """
 
     name: Name = Field(
@@ -46,7 +46,7 @@ class Body(Part):
 
     @property
     def orbits(self) -> bool:
-        """Whether the body has an orbit, and so rtn axes of its own."""
+        """Whether the body has an orbit, and therefore rtn axes of its own."""
         return has_orbit(self.motion)
 
     @property
@@ -60,14 +60,14 @@ class Body(Part):
 
     @property
     def joints(self) -> tuple[HingeAxes, ...]:
-        """Return the hinges of the body; what has parts says which."""
+        """Hinges of the body; none unless a subclass has parts that turn."""
         return ()
 
     def joint_axes(self, joint: HingeAxes) -> str:
-        """Return the name of a hinge's axes."""
+        """Return the name of the axes of a hinge."""
         return f"{self.name}.{joint.name}"
 
     @property
     def origin(self) -> str:
-        """Return the name of the axes at the body's origin that do not turn with it."""
+        """Name of the axes at the body's origin that do not turn with the body."""
         return f"{self.name}.rtn" if self.orbits else f"{self.name}.origin"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class FixedAngle(Part):
-    """A hinge that stands at an angle, or turns on from it at a constant rate."""
+    """A hinge at a fixed angle, or one that turns from it at a constant rate."""
 
     type: Literal["fixed"] = "fixed"
     angle_deg: Number = Field(default=0.0, description="Hinge angle at `start_utc` [deg].")
@@ -25,10 +25,10 @@ class FixedAngle(Part):
 
 
 class FollowSun(Part):
-    """A hinge that turns `normal` (body axes, at angle zero) toward the Sun as nearly as its axis allows.
+    """A hinge that turns `normal` (body axes, at angle zero) as close to the Sun as its axis allows, also in eclipse.
 
-    Where the Sun stands along the axis every angle is as good; the hinge then stands at zero. In eclipse it goes on.
-    `normal` may be left out where the model's index declares the hinge with one.
+    If the Sun is along the axis, the angle is undetermined and the hinge is at zero. `normal` may be left out if the
+    model's index declares one for this hinge.
     """
 
     type: Literal["follow_sun"] = "follow_sun"
@@ -42,7 +42,7 @@ class FollowSun(Part):
 
 
 class PlannedAngle(Part):
-    """A hinge that goes through planned angles, linearly from each to the next, and stands still outside them."""
+    """A hinge that interpolates planned angles linearly, and does not move before the first or after the last."""
 
     type: Literal["planned"] = "planned"
     time_s: tuple[NotNegative, ...] = Field(
@@ -51,7 +51,7 @@ class PlannedAngle(Part):
     angle_deg: tuple[Number, ...] = Field(description="Hinge angle at each time [deg]; interpolation is linear.")
 
     @model_validator(mode="after")
-    def _pairs(self) -> Self:
+    def _check_pairs(self) -> Self:
         if len(self.time_s) != len(self.angle_deg) or not self.time_s:
             raise ValueError("time_s and angle_deg: need as many entries as one another, at least one: add the missing")
         if any(after <= before for before, after in zip(self.time_s, self.time_s[1:], strict=False)):
@@ -63,9 +63,10 @@ Angle = Annotated[FixedAngle | FollowSun | PlannedAngle, Field(discriminator="ty
 
 
 class HingeAxes(Part):
-    """A hinge of a body, wholly known: its `parts` turn about `axis` through `position_m`, both in body axes, right-handed.
+    """A hinge of a body: its `parts` turn right-handed about `axis` through `position_m`, both in body axes.
 
-    Its axes, named ``<body>.<name>``, have their origin at `position_m` and are the body's at angle zero.
+    The axes of the hinge, named ``<body>.<name>``, have their origin at `position_m`. At angle zero they are parallel
+    to the body axes.
     """
 
     name: Name = Field(description="Name of the hinge; its axes are `<body>.<name>`.")
@@ -82,7 +83,7 @@ class HingeAxes(Part):
     angle: Angle = Field(description="Law of the hinge angle.")
 
     @model_validator(mode="after")
-    def _named(self) -> Self:
+    def _check_name_and_normal(self) -> Self:
         if self.name in ("rtn", "origin"):
             raise ValueError(f"name: '{self.name}' is the name of a body's own axes; choose another")
         if isinstance(self.angle, FollowSun):
@@ -96,9 +97,18 @@ class HingeAxes(Part):
         return self
 
     def link(self, time_s: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None) -> Link:
-        """Return the hinge's axes in body axes at `time_s` (time,) [s].
+        """Return the link of the hinge's axes in body axes.
 
-        `to_sun` (time, 3) is the direction to the Sun in body axes, of length 1, and `sun_rate` its rate [1/s] there.
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+        to_sun : unit vectors (time, 3) to the Sun in body axes; None without a Sun.
+        sun_rate : rates (time, 3) of these vectors in body axes [1/s]; None without a Sun.
+
+        Raises
+        ------
+        ScenarioError
+            If the hinge follows the Sun and there is none.
         """
         from scipy.spatial.transform import Rotation
 
@@ -110,7 +120,18 @@ class HingeAxes(Part):
     def _angle(
         self, time_s: np.ndarray, axis: np.ndarray, to_sun: np.ndarray | None, sun_rate: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return angle [rad] and rate [rad/s] (time)."""
+        """Evaluate the law of the hinge.
+
+        Parameters
+        ----------
+        time_s : instants (time,) [s].
+        axis : unit vector (3,) of the hinge line in body axes.
+        to_sun, sun_rate : as for `link`.
+
+        Returns
+        -------
+        angle [rad] and rate [rad/s] (time,).
+        """
         law = self.angle
         if isinstance(law, FixedAngle):
             rate = np.full(len(time_s), law.rate_deg_s * units.DEG)
@@ -121,7 +142,7 @@ class HingeAxes(Part):
             return np.interp(time_s, times, angles), slopes[np.searchsorted(times, time_s, side="right")]
         if to_sun is None or sun_rate is None:
             raise ScenarioError(f"joint {self.name}: follows the Sun, and there is none; set world.sun_direction")
-        assert law.normal is not None  # or there would be no such hinge
+        assert law.normal is not None  # checked by `_check_name_and_normal`
         x = np.array(law.normal) - axis * (axis @ np.array(law.normal))
         x /= np.linalg.norm(x)
         y = np.cross(axis, x)
@@ -137,13 +158,14 @@ def find_sun_in_body(
     line_m: np.ndarray,
     line_rate_m_s: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction to the Sun (time, 3), of length 1, and its rate [1/s] in body axes.
+    """Compute the unit vector (time, 3) to the Sun and its rate (time, 3) [1/s], both in body axes.
 
     Parameters
     ----------
-    root_from_body : (time) or single
-    body_rate_rad_s : (…, 3) of the body in the root, body axes
-    line_m, line_rate_m_s : (…, 3) from the body to the Sun and its rate, root axes; None for a Sun that stands still
+    root_from_body : attitude of the body, single or (time).
+    body_rate_rad_s : angular velocity (…, 3) of the body in the root, in body axes [rad/s].
+    line_m : vector (…, 3) from the body to the Sun, root axes [m].
+    line_rate_m_s : rate (…, 3) of that vector, root axes [m/s]; None if the Sun does not move.
     """
     line_rate_m_s = np.zeros_like(line_m) if line_rate_m_s is None else line_rate_m_s
     distance = np.sqrt(dot(line_m, line_m))[..., None]

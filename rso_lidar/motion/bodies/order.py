@@ -1,4 +1,4 @@
-"""In which order bodies must be worked out, and what the attitude of one depends on."""
+"""The order in which bodies are evaluated, and the bodies on which an attitude depends."""
 
 from collections.abc import Sequence
 from graphlib import CycleError, TopologicalSorter
@@ -11,10 +11,18 @@ from rso_lidar.part import kind_of
 
 
 def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
-    """Return the names of origin and body axes in an order in which each needs only what stands before it.
+    """Sort the names of origin and body axes so that each depends only on earlier ones.
 
-    Raises `ScenarioError` for names used twice, unknown names, motions that need an Earth in a local world, relative
-    motions about something that does not orbit, and loops.
+    Parameters
+    ----------
+    bodies : all bodies.
+    local : whether the world is local, without an Earth.
+
+    Raises
+    ------
+    ScenarioError
+        If a name is used twice or unknown, a motion needs an Earth in a local world, a relative motion refers to a body
+        that does not orbit, or the dependencies form a loop.
     """
     by_name = _by_name(bodies)
     hosts = {axes.name: body for body in bodies for axes in body.axes}
@@ -33,27 +41,28 @@ def sort_bodies(bodies: Sequence[Body], *, local: bool) -> list[str]:
 
 
 def list_dependencies(body: Body, bodies: Sequence[Body]) -> list[Body]:
-    """Return the bodies that the attitude of one looks at, and those about which they move in turn, itself untilted.
+    """List the body itself, the bodies that its attitude looks at, and all bodies relative to which these move.
 
-    They keep their attitudes only where these matter: where axes that they declare are looked at, or carry others.
+    A body keeps its attitude only where that matters: if its axes are looked at, or another body is attached to them.
+    The body itself is returned without its attitude, unless its own axes matter.
     """
     by_name = {one.name: one for one in bodies}
     hosts = {axes.name: one for one in bodies for axes in one.axes}
     tilted: dict[str, bool] = {}
 
-    def need(name: str, turned: bool) -> None:
+    def add_dependency(name: str, turned: bool) -> None:
         if tilted.get(name, False) or (name in tilted and not turned):
             return
         tilted[name] = turned
         one = by_name[name]
         relative_to = chief_of(one.motion)
         if relative_to is not None:
-            need(relative_to, is_attached(one.motion))
+            add_dependency(relative_to, is_attached(one.motion))
         if turned or one is body:
             for at in (at for law in laws_of(one.attitude) for at in looks_at(law)):
-                need(at if at in by_name else hosts[at].name, at in hosts)
+                add_dependency(at if at in by_name else hosts[at].name, at in hosts)
 
-    need(body.name, False)
+    add_dependency(body.name, False)
     return [by_name[name] if turned else by_name[name].replace(attitude=None) for name, turned in tilted.items()]
 
 
@@ -106,14 +115,22 @@ def _attitude_needs(body: Body, by_name: dict[str, Body], hosts: dict[str, Body]
             raise ScenarioError(
                 f"{body.name}.attitude: '{kind_of(law)}' needs a body that orbits; use 'fixed', 'spin' or 'look_at'"
             )
-        needs += [_find_looked_at(at, body, by_name, hosts) for at in looks_at(law)]
+        needs += [_find_target_axes(at, body, by_name, hosts) for at in looks_at(law)]
     if getattr(body.motion, "turns", False) and body.attitude is not None:
         raise ScenarioError(f"{body.name}.attitude: its motion is a rigid body and turns it already; leave one out")
     return needs
 
 
-def _find_looked_at(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
-    """Return the name of the axes that a body looks at."""
+def _find_target_axes(at: str, body: Body, by_name: dict[str, Body], hosts: dict[str, Body]) -> str:
+    """Find the axes whose position a body needs to look at a name.
+
+    Parameters
+    ----------
+    at : name of a body, or of axes that a body declares.
+    body : the one that looks.
+    by_name : all bodies.
+    hosts : body of each name of declared axes.
+    """
     if at in by_name:
         if at == body.name:
             raise ScenarioError(f"{body.name}.attitude.at: a body cannot look at itself; name another")

@@ -1,1 +1,1 @@
-"""A user's own equations of motion x' = f(t, x, u): found, checked and integrated."""
+"""User-defined equations of motion x' = f(t, x, u), and their integration."""

@@ -1,4 +1,4 @@
-"""Attitudes as entries of a state: a quaternion, or Euler angles and their singularities."""
+"""Attitudes as entries of a state: a quaternion, or Euler angles with their singularities."""
 
 from __future__ import annotations
 
@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 
 QUATERNION = "quaternion_xyzw"
-
-
-NEAR_RAD = 1.0 * units.DEG  # of the singularity: the rates of two angles are over 57 times the body rate
-
-
+NEAR_RAD = 1.0 * units.DEG  # within this of the singularity, the rates of two angles exceed 57 times the body rate
 SINGULAR_RAD = 1e-6
 
 
@@ -40,14 +36,27 @@ AttitudeState = Annotated[Text, AfterValidator(_check_attitude_state)]
 
 
 def count_entries(attitude_state: str) -> int:
-    """Return how many numbers represent the attitude."""
+    """Count the numbers that represent the attitude."""
     return 4 if attitude_state == QUATERNION else 3
 
 
 def attitude_from_state(
     state: np.ndarray, attitude_state: str, label: str, time_s: np.ndarray
 ) -> tuple[Rotation, np.ndarray]:
-    """Return axes_from_body (time) and the body rates (time, 3) of rows that begin with an attitude and its rate."""
+    """Read axes_from_body (time) and the body rates (time, 3) [rad/s] from states.
+
+    Parameters
+    ----------
+    state : rows (time, n) that begin with an attitude and the body rates.
+    attitude_state : representation of the attitude.
+    label : of the dynamics, for messages.
+    time_s : instants (time) of the rows [s], for messages.
+
+    Raises
+    ------
+    PropagationError
+        If Euler angles are singular. Near a singularity there is a warning.
+    """
     from scipy.spatial.transform import Rotation
 
     width = count_entries(attitude_state)
@@ -74,20 +83,20 @@ def attitude_from_state(
 
 
 def _read_angles(numbers: np.ndarray, attitude_state: str) -> tuple[str, np.ndarray]:
-    """Return the order of Euler angles, in small letters, and the angles (…, 3) [rad]."""
+    """Return the order of Euler angles, in lower case, and the angles (…, 3) [rad]."""
     _, order, unit = attitude_state.split("_")
     return order, numbers * (units.DEG if unit == "deg" else 1.0)
 
 
 def _distance_from_singular_rad(angles: np.ndarray, order: str) -> np.ndarray:
-    """Return how far (…) [rad] the middle of Euler angles (…, 3) [rad] is from where the other two turn about one axis."""
+    """Compute the distance (…) [rad] of the middle Euler angle from its singular value, for angles (…, 3) [rad]."""
     across = np.cos(angles[..., 1]) if len(set(order)) == 3 else np.sin(angles[..., 1])
     away: np.ndarray = np.abs(np.arcsin(np.clip(across, -1.0, 1.0)))
     return away
 
 
 def check_attitude(state: tuple[float, ...], attitude_state: str) -> None:
-    """Refuse an initial state whose first numbers are no valid attitude."""
+    """Check that an initial state begins with a valid attitude."""
     numbers = state[: count_entries(attitude_state)]
     if attitude_state == QUATERNION:
         norm = float(np.linalg.norm(numbers))

@@ -1,4 +1,4 @@
-"""State-space models, and how they fly: integrated under inputs that are held from instant to instant."""
+"""State-space models, and their flights: integrated under inputs that are held from command to command."""
 
 from __future__ import annotations
 
@@ -20,20 +20,16 @@ from rso_lidar.orbit.propagation.integrator import OdeSolution
 from rso_lidar.part import Number, Part, Positive
 
 _PANEL_S = 60.0
-
-
-_COMMANDED_PANEL_S = 1.0  # under commands little is asked beyond the next one
-
-
-_KEPT = 1000  # pieces between two inputs that are remembered
+_COMMANDED_PANEL_S = 1.0  # short, because integration beyond the next command is wasted
+_KEPT = 1000  # pieces between two commands that are remembered
 
 
 class StateSpaceModel(Part):
-    """The base of what moves by a user's own x' = f(t, x, u) (Fuller et al., eq. 6).
+    """Base of motions and attitudes by user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6).
 
-    `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the function or object itself, called with
-    seconds since `start_utc`, the state (n,) and the inputs (m,), and giving (n,). `inputs` hold until a controller's
-    `Command.inputs` gives others. DOP853 to these tolerances for each step.
+    `dynamics` is ``file.py:name``, ``package.module:name`` or, in Python, the callable itself. It is called with
+    seconds since `start_utc`, the state (n,) and the inputs (m,), and returns the derivatives (n,). `inputs` hold until
+    `Command.inputs` of a controller replaces them. The integrator is DOP853 with these tolerances for each step.
     """
 
     dynamics: Dynamics = Field(
@@ -55,17 +51,29 @@ class StateSpaceModel(Part):
 
     @property
     def label(self) -> str:
-        """Return what to call the dynamics in errors."""
+        """Name of the dynamics in error messages."""
         return name_function(self.dynamics)
 
     def function(self) -> Function:
-        """Return the function of the dynamics, wrapped so that what goes wrong in it is one line."""
+        """Find the function of the dynamics, and wrap it so that its failures become one-line errors."""
         return wrap_dynamics(find_function(self.dynamics), self.label, len(self.initial_state))
 
     def solution(
         self, state: np.ndarray, inputs: np.ndarray, start_s: float = 0.0, panel_s: float = _PANEL_S
     ) -> OdeSolution:
-        """Return x(t - start_s) from `state` at `start_s` [s] on, under constant inputs, in panels of `panel_s` [s]."""
+        """Start an integration under constant inputs.
+
+        Parameters
+        ----------
+        state : (n,) at `start_s`.
+        inputs : (m,), constant.
+        start_s : start of the integration [s].
+        panel_s : length of the panels in which it proceeds [s].
+
+        Returns
+        -------
+        x as a function of t - start_s [s].
+        """
         function = self.function()
 
         def derivative(t: float, x: np.ndarray) -> np.ndarray:
@@ -82,7 +90,7 @@ class StateSpaceModel(Part):
 
 
 class Flight:
-    """x(t) of one model, under inputs that are held from one instant to the next."""
+    """x(t) of one model, under inputs that are held from one command to the next."""
 
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
@@ -91,7 +99,7 @@ class Flight:
         self._lost_s = (np.inf, -np.inf)
 
     def hold(self, time_s: float, inputs: np.ndarray) -> None:
-        """Hold other inputs from `time_s` [s] on, which is not before the instant of the last ones."""
+        """Hold new inputs from `time_s` [s] on, which must not be earlier than the previous command."""
         inputs = np.array(inputs, dtype=float, ndmin=1)
         if inputs.shape != self._inputs.shape or not np.all(np.isfinite(inputs)):
             raise ScenarioError(
@@ -110,14 +118,14 @@ class Flight:
             del self._pieces[1]
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
-        """Return x (time, n) at `time_s` (time,) [s]."""
+        """Integrate x (time, n) to `time_s` (time,) [s]."""
         times = np.asarray(time_s, dtype=float)
         piece = self._piece(times)
         lost = (times > self._lost_s[0]) & (times < self._lost_s[1])
         if lost.any():
             raise PropagationError(
-                f"{self.model.label}: what was flown from {self._lost_s[0]:g} to {self._lost_s[1]:g} s is forgotten, more "
-                f"than {_KEPT} commands ago: ask for later instants",
+                f"{self.model.label}: the states from {self._lost_s[0]:g} to {self._lost_s[1]:g} s are no longer kept, as "
+                f"more than {_KEPT} commands followed: ask for later instants",
                 lost,
             )
         states = np.empty((len(times), len(self.model.initial_state)))
@@ -128,7 +136,7 @@ class Flight:
         return states
 
     def rates(self, time_s: np.ndarray) -> np.ndarray:
-        """Return x' (time, n) at `time_s` (time,) [s]: f of the state there, under the inputs that are held from there."""
+        """Evaluate x' (time, n) at `time_s` (time,) [s], under the inputs that are held from there on."""
         times = np.asarray(time_s, dtype=float)
         function = self.model.function()
         inputs = [self._pieces[number][1] for number in self._piece(times)]
@@ -137,17 +145,17 @@ class Flight:
 
     @property
     def begins_s(self) -> np.ndarray:
-        """Return the instants [s] from which other inputs are held."""
+        """Instants from which new inputs are held [s]."""
         return np.array([begin for begin, _, _ in self._pieces])
 
     def _piece(self, times: np.ndarray) -> np.ndarray:
-        """Return the number (time) of the piece that holds each instant."""
+        """Find the number (time) of the piece in which each instant lies."""
         piece: np.ndarray = np.maximum(np.searchsorted(self.begins_s, times, side="right") - 1, 0)
         return piece
 
 
 def fly_open_loop(model: StateSpaceModel) -> Flight:
-    """Return the flight of a model that nobody commands, worked out once for its dynamics as they are now."""
+    """Return the flight of a model without commands, cached until the file of its dynamics changes."""
     return _cache_flight(model, stamp_file(model.dynamics))
 
 

@@ -1,4 +1,4 @@
-"""User-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6): find, call, check and integrate f."""
+"""Functions of user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6): how they are found and called."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rso_lidar.shipped import find
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
-def _named_or_callable(value: Any) -> Any:
+def _check_dynamics(value: Any) -> Any:
     if isinstance(value, str):
         place, colon, name = value.rpartition(":")
         if not (colon and place and name.isidentifier()):
@@ -32,28 +32,28 @@ def _named_or_callable(value: Any) -> Any:
 
 
 def name_function(value: Any) -> str:
-    """Return where a function can be found again."""
+    """Return the name under which a function can be found."""
     if isinstance(value, str):
         return value
     return f"{getattr(value, '__module__', '?')}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
 def find_dynamics_file(dynamics: Any) -> str | None:
-    """Return the Python file that a function is named by; None where it is not."""
+    """Return the Python file in the name of a function; None if the name has none."""
     place = dynamics.rpartition(":")[0] if isinstance(dynamics, str) else ""
     return place if place.endswith(".py") else None
 
 
 Dynamics = Annotated[
     Any,
-    BeforeValidator(_named_or_callable),
+    BeforeValidator(_check_dynamics),
     PlainSerializer(name_function, return_type=str),
     WithJsonSchema({"type": "string", "description": "file.py:name or package.module:name"}),
 ]
 
 
 def stamp_file(dynamics: Any) -> tuple[int, int]:
-    """Return what changes where the file of dynamics does."""
+    """Return modification time and size of the file of dynamics, zeros without one."""
     place = find_dynamics_file(dynamics)
     path = find(place) if place is not None else None
     if path is None:
@@ -63,11 +63,22 @@ def stamp_file(dynamics: Any) -> tuple[int, int]:
 
 
 def wrap_dynamics(function: Function, label: str, n: int) -> Function:
-    """Return a function of dynamics whose errors, and answers that are no (n,) finite numbers, are one line."""
+    """Wrap a function of dynamics so that its exceptions and invalid results become one-line errors.
 
-    def asked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    Parameters
+    ----------
+    function : f(t, x, u).
+    label : of the function, for messages.
+    n : entries of the state; the result must be (n,) finite numbers.
+
+    Returns
+    -------
+    function with the same arguments, which raises `ScenarioError`.
+    """
+
+    def call_checked(t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         x, u = np.array(x), np.array(u)
-        x.flags.writeable = u.flags.writeable = False  # what f writes into them would change the flight
+        x.flags.writeable = u.flags.writeable = False  # f must not change the state by writing into its arguments
         try:
             rates = np.asarray(function(t, x, u), dtype=float)
         except RsoLidarError:
@@ -82,17 +93,17 @@ def wrap_dynamics(function: Function, label: str, n: int) -> Function:
             raise ScenarioError(f"{label}: gave {rates.tolist()!s:.60} at t = {t:g} s; the state has left what f knows")
         return rates
 
-    return asked
+    return call_checked
 
 
 def _format_error(error: BaseException) -> str:
-    """Return what an error says, after a colon, if it says anything."""
+    """Return the text of an error after a colon; an empty text stays empty."""
     text = " ".join(str(error).split())
     return f": {text}" if text else ""
 
 
 def find_function(dynamics: Any) -> Function:
-    """Return the function that a part names, or the one that it is."""
+    """Find the function that `dynamics` names; a callable is returned as it is."""
     if not isinstance(dynamics, str):
         function: Function = dynamics
         return function
@@ -123,14 +134,19 @@ def _import_module(place: str) -> Any:
 
 
 class _SourceLoader(importlib.machinery.SourceFileLoader):
-    """A loader that writes no compiled file beside a user's file or an installed example."""
+    """A loader that writes no compiled file next to a user's file or an installed example."""
 
     def path_stats(self, path: Any) -> Any:
-        """Refuse to look for a compiled file: its time stamp has whole seconds, too coarse while a user edits the source."""
+        """Ignore compiled files: their time stamps have whole seconds, too coarse while a user edits the source."""
         raise OSError
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Write nothing."""
+        """Write no compiled file.
+
+        Parameters
+        ----------
+        path, data, _mode : as in `importlib.abc.SourceLoader`, ignored.
+        """
 
 
 @functools.lru_cache(maxsize=32)

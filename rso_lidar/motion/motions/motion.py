@@ -1,4 +1,4 @@
-"""What a motion of any kind answers, and the motions that a scenario may describe."""
+"""The protocol of motions, and all motions of a scenario as one annotated field."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ from rso_lidar.rpo import (
 
 @runtime_checkable
 class Motion(Protocol):
-    """What a Python object needs to stand where a scenario takes a motion.
+    """Protocol of user-defined motions; the single method `states` is enough.
 
-    One method is enough. `states` may be called with any epochs, from 2 s before the first frame to 2 s after the last,
-    because velocities of orbital axes are differences. Its answer at one epoch must not depend on the others, and the object
-    must not change. An epoch without a state is told by `PropagationError`. These members are used where an object has them:
+    `states` may be called with any epochs from 2 s before the first frame to 2 s after the last, because rates of
+    orbital axes are finite differences. Its result at one epoch must not depend on the others, and the object must not
+    change. An epoch without a state raises `PropagationError`. These optional members are recognised:
 
-    - ``orbits = False``: the states are not of an orbit about the Earth, so that the body has no rtn axes; they are then in
-      root axes, those of a local world too. An object that does not say so orbits.
-    - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state jumps or has a corner, and beyond which there
-      may be none. No difference reaches across one.
-    - ``validity(epochs)``: a sentence for each way in which the model is stretched, which becomes a warning.
+    - ``orbits``: False if the states are no orbit about the Earth. The body then has no rtn axes, and its states are in
+      root axes, also in a local world. The default is True.
+    - ``breaks_s(epochs)``: instants [s since `start_utc`] at which the state has a jump or a corner, or begins or ends.
+      No finite difference reaches across one.
+    - ``validity(epochs)``: a sentence for each limit of the model that is exceeded; it becomes a warning.
     - ``summarize(start_utc)``: the motion in a few words, for the description of a scenario.
 
-    `examples/seams/own_motion.py` flies one.
+    `examples/seams/own_motion.py` is an example.
     """
 
     def states(self, epochs: Epochs) -> BodyState:
@@ -91,23 +91,23 @@ AnyMotion = Annotated[DescribedMotion | Motion, Seam(DescribedMotion, Motion)]
 
 
 def has_orbit(motion: Any) -> bool:
-    """Return whether a body that moves so has an orbit, and so rtn axes."""
+    """Return whether a body with this motion has an orbit, and therefore rtn axes."""
     return bool(getattr(motion, "orbits", True))
 
 
 def chief_of(motion: Any) -> str | None:
-    """Return the name of the body that a motion is relative to; None where it is relative to the root."""
+    """Return the name of the body to which a motion is relative; None for the root."""
     name: str | None = getattr(motion, "relative_to", None)
     return name
 
 
 def is_attached(motion: Any) -> bool:
-    """Return whether a motion is given in the body axes of another, and not in its rtn axes."""
+    """Return whether a motion is given in the body axes of another body, and not in its rtn axes."""
     return isinstance(motion, PlacedMotion) and motion.is_attached
 
 
 def states_of(motion: Any, epochs: Epochs) -> BodyState:
-    """Return the states of a motion; `ScenarioError` where an object of the user's own answers something else."""
+    """Call a motion and check its result; raise `ScenarioError` if that is no `BodyState` of these epochs."""
     state = motion.states(epochs)
     if isinstance(motion, Part):
         return state  # type: ignore[no-any-return]
@@ -121,13 +121,13 @@ def states_of(motion: Any, epochs: Epochs) -> BodyState:
 
 
 def summarize(motion: Any, start_utc: datetime.datetime) -> str:
-    """Return a motion in a few words, such as ``hill relative to tdrs``."""
+    """Describe a motion in a few words, such as ``hill relative to tdrs``."""
     own = getattr(motion, "summarize", None)
     text = str(own(start_utc)) if own is not None else kind_of(motion)
     return text if chief_of(motion) is None else f"{text} relative to {chief_of(motion)}"
 
 
 def advise(part: Any, end_s: float) -> list[str]:
-    """Return a line for each thing in a motion or an attitude that is probably not meant in a run until `end_s` [s]."""
+    """Report what in a motion or an attitude is probably a mistake for a run until `end_s` [s], one line each."""
     own = getattr(part, "advise", None)
     return [] if own is None else list(own(end_s))

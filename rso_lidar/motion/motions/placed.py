@@ -1,4 +1,4 @@
-"""The base of motions that answer in the axes they are given in, and what they answer."""
+"""The base of motions that are evaluated in the axes in which they are given."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rso_lidar.part import Part
 
 
 class Place(NamedTuple):
-    """Where a body's origin is, in the axes that its motion is given in.
+    """Position and velocity of a body's origin, in the axes in which its motion is given.
 
     Parameters
     ----------
     position_m, velocity_m_s : (time, 3) [m], [m/s].
-    rates : derivatives of both (time, 3) [m/s], [m/s2]; None where they are not known.
+    rates : derivatives of both (time, 3) [m/s], [m/s2]; None if unknown.
     """
 
     position_m: np.ndarray
@@ -28,19 +28,19 @@ class Place(NamedTuple):
 
 
 class PlacedMotion(Part):
-    """A motion that answers in the axes it is given in: those of a body, of its orbit, or of the root."""
+    """Base of motions that are evaluated in their own axes: those of a body, of its orbit, or of the root."""
 
-    is_attached: ClassVar[bool] = False  # to the body axes of `relative_to`, which turn with that body's attitude
+    is_attached: ClassVar[bool] = False  # whether it moves with the body axes of `relative_to`, and turns with them
 
     @property
     def orbits(self) -> bool:
-        """Whether the body has an orbit, and so rtn axes."""
+        """Whether the body has an orbit, and therefore rtn axes."""
         return False
 
     @abstractmethod
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return where the body's origin is; `flight` is that of a state-space model."""
+        """Compute position and velocity of the body's origin; `flight` is that of a state-space model."""
 
     def orient(self, here: Situation) -> Orientation | None:
-        """Return how the motion turns the body; None where it does not."""
+        """Return the attitude that the motion prescribes; None without one."""
         return None

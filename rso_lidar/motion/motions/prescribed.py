@@ -1,4 +1,4 @@
-"""Motions that are given rather than flown: a place that stays, and a table of places and turns."""
+"""Motions that are given in advance: a fixed position, and a table of positions and attitudes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TURN = ("qx", "qy", "qz", "qw")
 
 
 class Fixed(PlacedMotion):
-    """A place that does not move, in the body axes of `relative_to`, or in the root's."""
+    """A fixed position in the body axes of `relative_to`, or in root axes."""
 
     is_attached: ClassVar[bool] = True
     type: Literal["fixed"] = "fixed"
@@ -38,22 +38,22 @@ class Fixed(PlacedMotion):
     )
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return where the body's origin is, in the parent's axes."""
+        """Return position and velocity of the body's origin in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the parent's axes: the same at all times, and zero."""
+        """Return the constant position [m] and zero velocity [m/s] (time, 3) in the parent's axes."""
         shape = (len(time_s), 3)
         return np.broadcast_to(np.array(self.position_m), shape), np.zeros(shape)
 
 
 class Table(PlacedMotion):
-    """Places, and maybe turns, read from a CSV file, in the body axes of `relative_to`, or in the root's.
+    """Positions, and optionally attitudes, from a CSV file, in the body axes of `relative_to` or in root axes.
 
-    The header names the columns time_s, x_m, y_m, z_m and, for a turn, qx, qy, qz, qw (parent_from_body), in any order.
-    Between rows the position follows the cubic spline through all rows (not-a-knot: twice continuously differentiable),
-    its velocity that spline's derivative; the turn follows scipy's RotationSpline, the body rate that spline's. Two rows
-    give uniform motion. Outside the rows' span there is no motion.
+    The header names the columns time_s, x_m, y_m, z_m and, for attitudes, qx, qy, qz, qw (parent_from_body), in any
+    order. Positions follow the not-a-knot cubic spline through all rows, which is twice continuously differentiable,
+    and velocities its derivative. Attitudes and body rates follow scipy's RotationSpline. Two rows give uniform motion.
+    Outside the span of the rows there is no motion.
     """
 
     is_attached: ClassVar[bool] = True
@@ -66,11 +66,11 @@ class Table(PlacedMotion):
     )
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return where the body's origin is, in the parent's axes."""
+        """Return position and velocity of the body's origin in the parent's axes."""
         return Place(*self.positions(epochs.time_s))
 
     def positions(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and velocity [m/s] (time, 3) in the parent's axes."""
+        """Interpolate position [m] and velocity [m/s] (time, 3) in the parent's axes."""
         from scipy.interpolate import CubicSpline
 
         rows = self._rows()
@@ -79,12 +79,12 @@ class Table(PlacedMotion):
         return spline(times), spline(times, 1)
 
     def orient(self, here: Situation) -> Orientation | None:
-        """Return how the table turns the body in the parent's axes; None without quaternions."""
+        """Interpolate the attitude in the parent's axes; None without quaternions."""
         turning = self.orientations(here.epochs.time_s)
         return None if turning is None else Orientation(*turning, in_origin=True)
 
     def orientations(self, time_s: np.ndarray) -> tuple[Rotation, np.ndarray] | None:
-        """Return parent_from_body (time) and the body's rate (time, 3) [rad/s] in body axes; None without quaternions."""
+        """Interpolate parent_from_body (time) and the body rates (time, 3) [rad/s]; None without quaternions."""
         from scipy.spatial.transform import Rotation, RotationSpline
 
         rows = self._rows()
@@ -115,7 +115,14 @@ class Table(PlacedMotion):
 
 @dataclass(frozen=True, eq=False)
 class TableRows:
-    """A table as read: time_s (row), position_m (row, 3), quaternion parent_from_body (row, 4) x, y, z, w or None."""
+    """Rows of a table.
+
+    Parameters
+    ----------
+    time_s : (row) [s].
+    position_m : (row, 3) [m].
+    quaternion : parent_from_body (row, 4) x, y, z, w; None if the table has none.
+    """
 
     time_s: np.ndarray
     position_m: np.ndarray
@@ -123,7 +130,7 @@ class TableRows:
 
 
 def read_table(path: str | Path) -> TableRows:
-    """Return the rows of a CSV table, checked; what is wrong is a `ScenarioError` that names file and line."""
+    """Read and check a CSV table; errors in it are `ScenarioError` with file and line."""
     path = Path(path)
     try:
         status = path.stat()

@@ -1,4 +1,4 @@
-"""Motion by a user's own x' = f(t, x, u) (Fuller et al., eq. 6)."""
+"""Motion by user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6)."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from rso_lidar.pose import rotate_vectors
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-PLACE = 6  # entries of position and velocity
+PLACE = 6  # number of entries of position and velocity
 
 
 class StateSpace(StateSpaceModel, PlacedMotion):
-    """Motion by a user's own dynamics: the state begins with position [m] and velocity [m/s].
+    """Motion by user-defined dynamics: the state begins with position [m] and velocity [m/s].
 
-    They are in `axes`: "inertial" (GCRS; f brings its own gravity), "local" (a root without an Earth) or "rtn", the
-    rotating rtn axes of the body `relative_to`, the velocity as those axes see it. With `layout` "rigid_body" the state
-    continues with the attitude axes_from_body, in the representation `attitude_state`, and the body rate [rad/s] in body
-    axes. Further entries are the user's own.
+    Both are in `axes`: "inertial" (GCRS; f includes gravity), "local" (a root without an Earth) or "rtn". The last are
+    the rotating rtn axes of the body `relative_to`, and the velocity is relative to them. With `layout` "rigid_body"
+    the state continues with the attitude axes_from_body, in the representation `attitude_state`, and the body rate
+    [rad/s] in body axes. Further entries are free.
 
-    `attitude_state` is "quaternion_xyzw", normalised when read, or three intrinsic Euler angles with order and unit, such
-    as "euler_zyx_rad" (as `euler_zyx_deg` elsewhere: about z, the new y, the new x). Three different axes are singular at a
-    middle angle of +-90 degrees, x-y-x and the like at 0 and 180: within 1 degree of that there is a warning, within 1e-6
-    rad an error.
+    `attitude_state` is "quaternion_xyzw", normalised when read, or three intrinsic Euler angles with order and unit.
+    "euler_zyx_rad" means rotations about z, the new y and the new x. Angles about three different axes are singular at
+    a middle angle of +-90 degrees, and angles such as x-y-x at 0 and 180 degrees. Within 1 degree of a singularity
+    there is a warning, within 1e-6 rad an error.
     """
 
     type: Literal["state_space"] = "state_space"
@@ -84,16 +84,16 @@ class StateSpace(StateSpaceModel, PlacedMotion):
 
     @property
     def turns(self) -> bool:
-        """Return whether the state turns the body too."""
+        """Whether the state includes the attitude of the body."""
         return self.layout == "rigid_body"
 
     @property
     def orbits(self) -> bool:
-        """Whether the body has an orbit, and so rtn axes."""
+        """Whether the body has an orbit, and therefore rtn axes."""
         return self.axes != "local"
 
     def place(self, epochs: Epochs, flight: Flight | None) -> Place:
-        """Return where the body's origin is in `axes`, with the rates that f gives where these are of an orbit."""
+        """Compute position and velocity in `axes`; for an orbit also their rates, which f gives."""
         assert flight is not None
         state = flight(epochs.time_s)
         rates = flight.rates(epochs.time_s) if self.orbits else None
@@ -101,11 +101,11 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         return Place(state[:, :3], state[:, 3:PLACE], known)
 
     def breaks_s(self, epochs: Epochs) -> np.ndarray:
-        """Return the instant [s] before which there need not be a state: a user's dynamics begin at `start_utc`."""
+        """Return the instant [s] before which there may be no state: user-defined dynamics begin at `start_utc`."""
         return np.zeros(1)
 
     def orient(self, here: Situation) -> Orientation | None:
-        """Return how a rigid body is rotate_vectors, in root axes; None for a translation."""
+        """Return the attitude of a rigid body in root axes; None for a translation."""
         if not self.turns:
             return None
         rotation, rate = self.orientation(here.flight_of(self), here.epochs.time_s)
@@ -117,5 +117,5 @@ class StateSpace(StateSpaceModel, PlacedMotion):
         )
 
     def orientation(self, flight: Flight, time_s: np.ndarray) -> tuple[Rotation, np.ndarray]:
-        """Return axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
+        """Integrate axes_from_body (time) and the body rates (time, 3) [rad/s] of a rigid body."""
         return attitude_from_state(flight(time_s)[:, PLACE:], self.attitude_state, self.label, time_s)

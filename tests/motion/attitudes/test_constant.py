@@ -163,5 +163,5 @@ def test_look_at_along_up_asks_for_another(sign):
 
 
 def test_look_at_nothing_is_an_error():
-    with pytest.raises(ScenarioError, match="where the body is"):
+    with pytest.raises(ScenarioError, match="at the position of the body"):
         aim_axes(np.zeros(3), X, Z)

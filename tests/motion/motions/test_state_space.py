@@ -357,7 +357,7 @@ def test_what_a_long_flight_has_forgotten_is_an_error():
     for k in range(1100):
         flight.hold(0.1 * k, (0.01 * (k % 7), 0.0, 0.0))
     flight(np.array([0.05, 109.0]))
-    with pytest.raises(PropagationError, match="is forgotten"):
+    with pytest.raises(PropagationError, match="no longer kept"):
         flight(np.array([5.0, 109.0]))
 
 
