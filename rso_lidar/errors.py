@@ -68,29 +68,29 @@ class RunError(RsoLidarError, RuntimeError):
 
 
 class RsoLidarWarning(UserWarning):
-    """Something that is allowed and probably not meant."""
+    """A setting that is allowed and probably not intended."""
 
 
-_still: ContextVar[bool] = ContextVar("still", default=False)
+_suppressed: ContextVar[bool] = ContextVar("suppressed", default=False)
 
 
 @contextmanager
 def suppress_warnings() -> Iterator[None]:
-    """Keep still, in this thread, about what the run itself has warned of, where something is worked out on the side."""
-    token = _still.set(True)
+    """Suppress repeated warnings in this thread during auxiliary calculations."""
+    token = _suppressed.set(True)
     try:
         yield
     finally:
-        _still.reset(token)
+        _suppressed.reset(token)
 
 
 def has_warnings_enabled() -> bool:
-    """Return whether warnings are wanted here; finding out what to warn of may cost time."""
-    return not _still.get()
+    """Return whether warnings are shown here: what to warn of may cost time to find."""
+    return not _suppressed.get()
 
 
 def warn(message: str) -> None:
-    """Warn of something that is allowed and probably not meant, unless `suppress_warnings` is in effect."""
+    """Warn of a setting that is allowed and probably not intended, unless `suppress_warnings` is in effect."""
     if has_warnings_enabled():
         warnings.warn(message, RsoLidarWarning, stacklevel=3)
 

@@ -187,7 +187,9 @@ def advise(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float) -> list[s
 
 def describe_storage(detector: Gsfl | Empirical | Detector) -> list[str]:
     """Describe what limits the choice among several returns of a pixel: nothing, or how little is stored of it."""
-    return description.describe_storage(detector) if isinstance(detector, Gsfl) else []
+    if isinstance(detector, Gsfl):
+        return description.describe_storage(detector)
+    return list(_call(detector, "describe_storage", default=[]))
 
 
 def describe_window(detector: Gsfl | Empirical | Detector) -> str:

@@ -316,7 +316,7 @@ def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
-    """Return how a body is rotate_vectors: by its attitude, else by its motion, else not at all."""
+    """Return how a body is rotated: by its attitude, else by its motion, else not at all."""
     situation, attitude = _make_situation(tree, body, here), body.attitude
     if attitude is None and isinstance(body.motion, PlacedMotion):
         turned_by_motion = body.motion.orient(situation)

@@ -79,7 +79,7 @@ def test_detection_of_a_deep_return_by_the_oracles(validation):
         got = found(1000.0, 10e-9, 4, seed=3)
     p = exact(1000.0, 10e-9)
     validation(
-        case="1000 photons 10 ns deep, arithmetic by NumPy: probability of detection",
+        case="1000 photons 10 ns deep, by the oracles: probability of detection",
         source="every photoelectron by hand",
         expected=p,
         got=got,

@@ -29,7 +29,7 @@ from rso_lidar.detector.stages.time_axis import Rows, place_rows
 from rso_lidar.records import Photons, Taps, Waveforms
 
 _DARK = 1e-3  # of the threshold: so little light on a pixel changes nothing of when noise triggers it
-_SURE = 10.0  # times the threshold: so much light in the watched part of a row latches, however it is spread there
+_CERTAIN_DETECTION = 10.0  # light over threshold above which a row always latches, whatever its shape
 
 
 def store_traces(
@@ -52,7 +52,7 @@ def store_traces(
     plan = plan_time(gsfl, photons.pulse_fwhm_s, _earliest_s(gsfl, photons))
     per_sample = plan.steps_per_sample
     dark = _DARK * gsfl.threshold_photons
-    sure = _SURE * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
+    sure = _CERTAIN_DETECTION * (1.0 + 5.0 * gsfl.trigger.threshold_spread_fraction) * gsfl.threshold_photons
     rows, arming = arm_rows(gsfl, place_rows(photons, plan, dark, sure), plan.step_s)
     made = simulate_analog(gsfl, photons, rows, plan, camera, rng, threads)
     base = base_rate_per_s(gsfl.quantum_efficiency, camera, photons)

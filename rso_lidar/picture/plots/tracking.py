@@ -32,7 +32,7 @@ def tracking_figure(
 
     Parameters
     ----------
-    table : columns (time) by name, as `study.tracking.tracking` makes them.
+    table : columns (time) by name, as `study.tracking` makes them.
     kinds : filters in it, ``cv`` or ``cw``.
     note : small print beside the target's name.
     """

@@ -1,4 +1,4 @@
-"""A recording looked at: in Rerun where the extra is has_rerun, else in a window of matplotlib, else in files."""
+"""A recording looked at: in Rerun where the extra is installed, else in a window of matplotlib, else in files."""
 
 from __future__ import annotations
 

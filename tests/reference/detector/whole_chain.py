@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from rso_lidar.detector.chain import analog, gated, traces
+from rso_lidar.detector.chain import analog, range_gate, traces
 from rso_lidar.detector.ranging import location, report
 from rso_lidar.detector.stages import avalanche, comparator, false_triggers, light, overlap
 from tests.reference.detector import amplification as amplification_oracle
@@ -34,7 +34,7 @@ _REPLACED = (
     (traces, "find_latches", comparator_oracle),
     (comparator, "find_latches", comparator_oracle),
     (traces, "store_samples", sampling_oracle),
-    (gated, "store_samples", sampling_oracle),
+    (range_gate, "store_samples", sampling_oracle),
     (false_triggers, "draw_onward", false_triggers_oracle),
     (location, "fit_first_pulses", fitting_oracle),
     (location, "fit_all_pulses", fitting_oracle),

@@ -67,7 +67,7 @@ def test_packets_of_any_width_meet_the_same(isa, monkeypatch):
     assert got.range_m[one][same].tobytes() == expected.range_m[other][same].tobytes()
 
 
-def test_the_embree_that_embreex_brings_is_find_engine():
+def test_the_embree_that_embreex_brings_is_found():
     """The tests of packets are skipped where there are none: this one fails where there ought to be."""
     files = metadata.files("embreex") or []
     if platform.machine() not in ("x86_64", "AMD64") or not any("embree4" in file.name for file in files):
