@@ -78,26 +78,31 @@ def store_traces(
     first = sample * per_sample - rows.start[row]
     counts = store_samples(gsfl.readout, made.amplitude, row, first, per_sample, gsfl.readout.samples, offset[pixel])
     latch_s = latch_step * plan.step_s
-    n_steps = gsfl.readout.samples * per_sample if with_taps else 0
-    tapped = [
-        threshold[row],
-        cut_steps(made.primaries, row, first, n_steps) + (base[pixel, None] * plan.step_s).astype(np.float32),
-        cut_steps(made.amplitude, row, first, n_steps),
-    ]
+    n_steps = gsfl.readout.samples * per_sample
+    tapped = (
+        [
+            threshold[row],
+            cut_steps(made.primaries, row, first, n_steps) + (base[pixel, None] * plan.step_s).astype(np.float32),
+            cut_steps(made.amplitude, row, first, n_steps),
+        ]
+        if with_taps
+        else []
+    )
     if len(noisy):
         level = gsfl.trigger.threshold_electrons * camera.threshold[noisy]
         noise, noise_sample = draw_false_traces(
             gsfl.apd, gsfl.amplifier, gsfl.readout, false_s, level, base[noisy], rng
         )
-        at = np.searchsorted(pixel, noisy)
-        counts = np.insert(counts, at, convert(gsfl.readout, noise, offset[noisy, None]), axis=0)
-        pixel, sample = np.insert(pixel, at, noisy), np.insert(sample, at, noise_sample)
-        latch_s = np.insert(latch_s, at, false_s)
-        between = np.full((len(noisy), n_steps), np.nan, np.float32)
+        order = np.argsort(np.concatenate([pixel, noisy]))  # no pixel is in both
         if with_taps:
+            between = np.full((len(noisy), n_steps), np.nan, np.float32)
             between[:, ::per_sample] = noise
-        own = np.broadcast_to(base[noisy, None] * plan.step_s, between.shape)
-        tapped = [np.insert(one, at, other, axis=0) for one, other in zip(tapped, (level, own, between), strict=True)]
+            own = np.broadcast_to(base[noisy, None] * plan.step_s, between.shape)
+            added = level, own, between
+            tapped = [_merge(one, other, order) for one, other in zip(tapped, added, strict=True)]
+        counts = _merge(counts, convert(gsfl.readout, noise, offset[noisy, None]), order)
+        pixel, sample = _merge(pixel, noisy, order), _merge(sample, noise_sample, order)
+        latch_s = _merge(latch_s, false_s, order)
     waveforms = Waveforms(
         shape=photons.shape,
         sample_s=gsfl.readout.sample_s,
@@ -234,6 +239,18 @@ def _is_watched(rows: Rows, step_s: float, pixel: np.ndarray, at_s: np.ndarray) 
         watched[some] |= (step >= rows.first[of]) & (step <= rows.last[of] - 1)  # `last` itself is not looked at
         row = row + 1
     return watched
+
+
+def _merge(one: np.ndarray, other: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Return the entries of two arrays in a given order, with the type of the first.
+
+    Parameters
+    ----------
+    one, other : what to merge.
+    order : places in the first array followed by the second.
+    """
+    merged: np.ndarray = np.concatenate([one, other], dtype=one.dtype, casting="unsafe")[order]
+    return merged
 
 
 def _find(pixel: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
