@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from rso_lidar import detector, export, motion, optics, orbit, records, rpo, scene, study, track, units
 from rso_lidar.craft import Taxonomy
-from rso_lidar.detector import Empirical, Gsfl
+from rso_lidar.detector import Empirical, GeigerArray, Gsfl
 from rso_lidar.errors import (
     CatalogError,
     MeshError,
@@ -90,6 +90,7 @@ __all__ = [
     "FixedPoint",
     "Follower",
     "Frame",
+    "GeigerArray",
     "Gsfl",
     "HeightField",
     "Hill",

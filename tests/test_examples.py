@@ -44,7 +44,7 @@ def at_edge(frame):
 def test_every_example_has_a_test():
     assert set(NAMES) == {
         "tdrs_approach", "tle_flyby", "bench_plate", "tumbling_inspection", "closed_loop", "gated_search", "proximity_1570",
-        "safety_ellipse", "thrusters", "lunar_descent",
+        "safety_ellipse", "thrusters", "lunar_descent", "geiger_bench",
     }  # fmt: skip
 
 
@@ -461,3 +461,16 @@ def test_lunar_descent_sees_finer_and_finer_ground():
     assert 0.1 < first.valid.mean() < 0.4  # where it faces the lens, in the middle of the field
     assert last.valid.all()
     assert not last.observation.reading.saturated.any()
+
+
+def test_geiger_bench_counts_every_seventh_pulse():
+    frames = fly(load("geiger_bench"), 0, 1, 2)
+    on = [frame.labels.filled_fraction > 0.999 for frame in frames]
+    photons = np.mean([frame.labels.photons[some].mean() for frame, some in zip(frames, on, strict=True)])
+    counts = np.concatenate([frame.intensity_counts[some] for frame, some in zip(frames, on, strict=True)])
+    errors_m = np.concatenate(
+        [(frame.range_m - frame.labels.range_m)[some] for frame, some in zip(frames, on, strict=True)]
+    )
+    assert photons == pytest.approx(0.4, abs=0.02)
+    assert counts.mean() == pytest.approx(100 / 7, rel=0.12)
+    assert np.isfinite(errors_m).mean() > 0.99 and abs(np.nanmean(errors_m)) < 0.03

@@ -21,6 +21,7 @@ from rso_lidar.detector.detect import (
     list_neglected_effects,
     noise_growth,
 )
+from rso_lidar.detector.geiger.array import GeigerArray
 from rso_lidar.detector.questions.array_load import ArrayLoad
 from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.algorithm import Ranging
@@ -47,6 +48,7 @@ __all__ = [
     "Droop",
     "Empirical",
     "Gate",
+    "GeigerArray",
     "Gsfl",
     "LaserPulse",
     "Maps",

@@ -1,6 +1,6 @@
 """The seam of the detectors: what any detector can be asked, and which module answers for the one that was given.
 
-`Gsfl` and `Empirical` are data. A Python user may give an object of another class in their place, as
+`Gsfl`, `Empirical` and `GeigerArray` are data, and the table `_ANSWERS` lists what answers for each. A Python user may give an object of another class in their place, as
 ``lidar.detector``: it follows the protocol `Detector`. Every function here takes either, and nothing outside this room
 asks which detector it has.
 
@@ -33,29 +33,24 @@ function whose method is missing returns the default that its docstring states.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import Field
 
-from rso_lidar import units
-from rso_lidar.detector.chain.camera import mean_false_alarms_per_s
 from rso_lidar.detector.chain.curves import detect_by_curves
 from rso_lidar.detector.chain.full import run_chain
-from rso_lidar.detector.chain.timing import plan_time
-from rso_lidar.detector.questions import closed_form, description
+from rso_lidar.detector.geiger import photon_counter
+from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.detector.questions import closed_form, description, full_chain
 from rso_lidar.detector.questions.array_load import ArrayLoad, simulate_array_load
 from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits
-from rso_lidar.detector.stages.array_effects import draw_shift_m
-from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
-
-_MOST_STEPS = 2**14  # of time in one trace, and ...
-_MOST_GATED = 2**27  # ... in all pixels under a gate: half a gigabyte
 
 
 @runtime_checkable
@@ -80,12 +75,41 @@ class Detector(Protocol):
         ...
 
 
-DescribedDetector = Annotated[Gsfl | Empirical, Field(discriminator="type")]
-AnyDetector = Annotated[Gsfl | Empirical | Detector, Seam(DescribedDetector, Detector)]
+DescribedDetector = Annotated[Gsfl | Empirical | GeigerArray, Field(discriminator="type")]
+AnyDetector = Annotated[Gsfl | Empirical | GeigerArray | Detector, Seam(DescribedDetector, Detector)]
+
+# What answers for each described part, by the names of the functions below. Each takes the part first.
+_ANSWERS: dict[type, dict[str, Callable[..., Any]]] = {
+    Gsfl: {
+        "detect": lambda gsfl, *given: run_chain(gsfl, given[0], given[1], threads=given[2])[:2],
+        "detect_with_taps": lambda gsfl, *given: run_chain(gsfl, *given[:2], with_taps=True, threads=given[2]),
+        "check_size": full_chain.check_size_gsfl,
+        "describe": description.describe_gsfl,
+        "advise": description.advise_gsfl,
+        "describe_storage": description.describe_storage,
+        "describe_window": description.describe_window_gsfl,
+        "list_neglected_effects": description.list_neglected_gsfl,
+        "false_alarm_probability": full_chain.false_alarms_of_gsfl,
+        "predict_closed_form": closed_form.predict_gsfl,
+        "noise_growth": full_chain.noise_growth_gsfl,
+        "isolate": Gsfl.alone,
+        "array_load": simulate_array_load,
+        "draw_crosstalk_m": full_chain.draw_crosstalk_gsfl_m,
+        "frame_jitter_s": lambda gsfl: gsfl.frame_jitter_s,
+    },
+    Empirical: {
+        "detect": lambda empirical, photons, rng, threads: (detect_by_curves(empirical, photons, rng), None),
+        "describe": lambda empirical, n_pixels: description.describe_empirical(empirical),
+        "false_alarm_probability": full_chain.false_alarms_of_empirical,
+        "detection_probability": Empirical.detection_probability,
+        "predict_closed_form": closed_form.predict_empirical,
+    },
+    GeigerArray: photon_counter.ANSWERS,
+}
 
 
 def detect(
-    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator, threads: int | None = 1
+    photons: Photons, detector: AnyDetector, rng: np.random.Generator, threads: int | None = 1
 ) -> tuple[Reading, Waveforms | None]:
     """Detect the light of one flash.
 
@@ -100,15 +124,16 @@ def detect(
     -------
     What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
     """
-    if isinstance(detector, Gsfl):
-        return run_chain(detector, photons, rng, threads=threads)[:2]
-    if isinstance(detector, Empirical):
-        return detect_by_curves(detector, photons, rng), None
-    return detector.detect(photons, rng)
+    found: tuple[Reading, Waveforms | None]
+    described = _find_answers(detector)
+    found = (
+        described["detect"](detector, photons, rng, threads) if described else _call(detector, "detect", photons, rng)
+    )
+    return found
 
 
 def detect_with_taps(
-    photons: Photons, detector: Gsfl | Empirical | Detector, rng: np.random.Generator, threads: int | None = 1
+    photons: Photons, detector: AnyDetector, rng: np.random.Generator, threads: int | None = 1
 ) -> tuple[Reading, Waveforms | None, Taps | None]:
     """Detect the light of one flash, and also return the signals between the stages, None where they are not simulated.
 
@@ -121,16 +146,13 @@ def detect_with_taps(
     rng : generator of all noise.
     threads : number of threads (None: one for each core). The result is the same to the bit.
     """
-    if isinstance(detector, Gsfl):
-        return run_chain(detector, photons, rng, with_taps=True, threads=threads)
-    method = getattr(detector, "detect_with_taps", None)
-    if method is None:
-        return *detect(photons, detector, rng), None
-    found: tuple[Reading, Waveforms | None, Taps | None] = method(photons, rng)
-    return found
+    found: tuple[Reading, Waveforms | None, Taps | None] | None
+    given = (photons, rng, threads) if _find_answers(detector) else (photons, rng)
+    found = _call(detector, "detect_with_taps", *given)
+    return (*detect(photons, detector, rng, threads), None) if found is None else found
 
 
-def check_size(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float, n_pixels: int) -> None:
+def check_size(detector: AnyDetector, pulse_fwhm_s: float, n_pixels: int) -> None:
     """Refuse a detector whose simulation would not fit into memory.
 
     Parameters
@@ -143,95 +165,56 @@ def check_size(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float, n_pix
     ------
     ScenarioError : where the axis of time is too long.
     """
-    if not isinstance(detector, Gsfl):
-        _call(detector, "check_size", pulse_fwhm_s, n_pixels)
-        return
-    plan = plan_time(detector, pulse_fwhm_s)
-    steps = plan.before + plan.watched + plan.after
-    if steps > _MOST_STEPS:
-        raise ScenarioError(
-            f"a pulse of {pulse_fwhm_s / units.NS:.3g} ns, samples of {detector.readout.sample_ns:.3g} "
-            f"ns and {detector.amplifier.bandwidth_mhz:.3g} MHz need {steps:.3g} steps of time for each pixel, "
-            f"over {_MOST_STEPS:,}; bring laser.pulse_fwhm_ns, detector.readout and detector.amplifier nearer"
-        )
-    if detector.gate is not None:
-        stored = detector.gate.n_samples(detector.readout.sample_s) * plan.steps_per_sample
-        if stored * n_pixels > _MOST_GATED:
-            most_ns = _MOST_GATED / n_pixels * plan.step_s / units.NS
-            raise ScenarioError(
-                f"detector.gate.width_ns: {detector.gate.width_ns:g} in {n_pixels:,} pixels is more than can be "
-                f"stored; take up to {most_ns:.0f}, or fewer pixels"
-            )
+    _call(detector, "check_size", pulse_fwhm_s, n_pixels)
 
 
 # ------------------------------------------------------------------------------------------------------- in words
 
 
-def describe(detector: Gsfl | Empirical | Detector, n_pixels: int) -> list[str]:
+def describe(detector: AnyDetector, n_pixels: int) -> list[str]:
     """Describe a detector of `n_pixels` pixels in some lines; the last one says when it looks."""
-    if isinstance(detector, Gsfl):
-        return description.describe_gsfl(detector, n_pixels)
-    if isinstance(detector, Empirical):
-        return description.describe_empirical(detector)
     traits = detector.traits
     line = f"detector    {type(detector).__name__}, sees {traits.sees_from_m:g} to {traits.sees_to_m:g} m"
     return list(_call(detector, "describe", n_pixels, default=[line]))
 
 
-def advise(detector: Gsfl | Empirical | Detector, pulse_fwhm_s: float) -> list[str]:
+def advise(detector: AnyDetector, pulse_fwhm_s: float) -> list[str]:
     """List what is allowed and doubtful about a detector with a pulse of this length [s]; by default nothing."""
-    if isinstance(detector, Gsfl):
-        return description.advise_gsfl(detector, pulse_fwhm_s)
     return list(_call(detector, "advise", pulse_fwhm_s, default=[]))
 
 
-def describe_storage(detector: Gsfl | Empirical | Detector) -> list[str]:
+def describe_storage(detector: AnyDetector) -> list[str]:
     """Describe what limits the choice among several returns of a pixel: nothing, or how little is stored of it."""
-    if isinstance(detector, Gsfl):
-        return description.describe_storage(detector)
     return list(_call(detector, "describe_storage", default=[]))
 
 
-def describe_window(detector: Gsfl | Empirical | Detector) -> str:
+def describe_window(detector: AnyDetector) -> str:
     """Describe in a few words when a detector looks."""
-    if isinstance(detector, Gsfl):
-        return description.describe_window_gsfl(detector)
     traits = detector.traits
     return str(_call(detector, "describe_window", default=f"armed {traits.sees_from_m:g} to {traits.sees_to_m:g} m"))
 
 
-def list_neglected_effects(detector: Gsfl | Empirical | Detector) -> list[str]:
+def list_neglected_effects(detector: AnyDetector) -> list[str]:
     """List the settings of a detector that its closed form does not count; by default none."""
-    if isinstance(detector, Gsfl):
-        return description.list_neglected_gsfl(detector)
     return list(_call(detector, "list_neglected_effects", default=[]))
 
 
 # ---------------------------------------------------------------------------------------------------- closed forms
 
 
-def false_alarm_probability(detector: Gsfl | Empirical | Detector, range_m: np.ndarray) -> np.ndarray:
+def false_alarm_probability(detector: AnyDetector, range_m: np.ndarray) -> np.ndarray:
     """Return the probability (range) that noise in the dark is reported before light from there comes; by default 0."""
-    if isinstance(detector, Gsfl) and detector.gate is not None:
-        return np.full(np.shape(range_m), detector.gate.false_alarm_probability)
-    if not isinstance(detector, Gsfl | Empirical):
-        return np.asarray(_call(detector, "false_alarm_probability", range_m, default=np.zeros(np.shape(range_m))))
-    rate = mean_false_alarms_per_s(detector) if isinstance(detector, Gsfl) else detector.false_alarms_per_s
-    armed_m = np.clip(range_m, detector.armed_from_m, detector.armed_to_m) - detector.armed_from_m
-    before: np.ndarray = -np.expm1(-rate * armed_m / units.RANGE_PER_DELAY_M_S)
-    return before
+    return np.asarray(_call(detector, "false_alarm_probability", range_m, default=np.zeros(np.shape(range_m))))
 
 
-def detection_probability(detector: Gsfl | Empirical | Detector, photons: np.ndarray) -> np.ndarray | None:
+def detection_probability(detector: AnyDetector, photons: np.ndarray) -> np.ndarray | None:
     """Return the probability (return) of detection by expected photons; None where only a trial can find it."""
-    if isinstance(detector, Gsfl):
-        return None
     found = _call(detector, "detection_probability", photons, default=None)
     return None if found is None else np.asarray(found)
 
 
 def predict_closed_form(
-    detector: Gsfl | Empirical | Detector,
+    detector: AnyDetector,
     pulse: LaserPulse,
     photons: np.ndarray,
     depth_s: np.ndarray,
@@ -248,15 +231,12 @@ def predict_closed_form(
     only_probability : the other members of the prediction are not needed.
     """
     photons, depth_s = (np.asarray(values, dtype=float) for values in np.broadcast_arrays(photons, depth_s))
-    if isinstance(detector, Gsfl):
-        return closed_form.predict_gsfl(detector, pulse, photons, depth_s, only_probability=only_probability)
-    if isinstance(detector, Empirical):
-        return closed_form.predict_empirical(detector, pulse, photons)
-    found: Prediction | None = _call(detector, "predict_closed_form", pulse, photons, depth_s, default=None)
+    given = (photons, depth_s, only_probability) if _find_answers(detector) else (photons, depth_s)
+    found: Prediction | None = _call(detector, "predict_closed_form", pulse, *given)
     return found
 
 
-def noise_growth(detector: Gsfl | Empirical | Detector, background_photons_per_s: float) -> float:
+def noise_growth(detector: AnyDetector, background_photons_per_s: float) -> float:
     """Return the rms noise under sunlight over that in the dark; by default 1.
 
     Parameters
@@ -264,35 +244,26 @@ def noise_growth(detector: Gsfl | Empirical | Detector, background_photons_per_s
     detector : the detector.
     background_photons_per_s : sunlight on a pixel [photons/s].
     """
-    if isinstance(detector, Gsfl):
-        dark = detector.noise_electrons
-        return detector.noise_in_light(background_photons_per_s) / dark if dark > 0.0 else float("inf")
     return float(_call(detector, "noise_growth", background_photons_per_s, default=1.0))
 
 
 # ------------------------------------------------------------------------------------------ a pixel and its array
 
 
-def isolate(detector: Gsfl | Empirical | Detector, gain: float = 1.0) -> Gsfl | Empirical | Detector:
+def isolate(detector: AnyDetector, gain: float = 1.0) -> AnyDetector:
     """Return a detector whose pixels do nothing to each other; its APDs have `gain` times their gain at rest."""
-    if isinstance(detector, Gsfl):
-        return detector.alone(gain)
-    apart: Detector = _call(detector, "isolate", gain, default=detector)
+    apart: AnyDetector = _call(detector, "isolate", gain, default=detector)
     return apart
 
 
-def array_load(detector: Gsfl | Empirical | Detector, photons: Photons) -> ArrayLoad:
+def array_load(detector: AnyDetector, photons: Photons) -> ArrayLoad:
     """Simulate what the pixels of one flash do to each other; by default nothing."""
-    if isinstance(detector, Gsfl):
-        return simulate_array_load(detector, photons)
     n_pixels = photons.shape[0] * photons.shape[1]
     load: ArrayLoad = _call(detector, "array_load", photons, default=ArrayLoad(np.ones(n_pixels), np.zeros(n_pixels)))
     return load
 
 
-def draw_crosstalk_m(
-    detector: Gsfl | Empirical | Detector, together_fraction: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+def draw_crosstalk_m(detector: AnyDetector, together_fraction: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Draw the range error [m] of pixels from others that latch with them; by default none.
 
     Parameters
@@ -302,21 +273,23 @@ def draw_crosstalk_m(
     rng : generator of the errors.
     """
     none = np.zeros(np.shape(together_fraction))
-    if isinstance(detector, Gsfl):
-        if detector.crosstalk is None or detector.gate is not None:
-            return none
-        return draw_shift_m(detector.crosstalk, together_fraction, rng)
     return np.asarray(_call(detector, "draw_crosstalk_m", together_fraction, rng, default=none))
 
 
-def frame_jitter_s(detector: Gsfl | Empirical | Detector) -> float:
+def frame_jitter_s(detector: AnyDetector) -> float:
     """Return the jitter that all pixels of a frame share [s, 1 sigma]; by default none."""
-    if isinstance(detector, Gsfl):
-        return detector.frame_jitter_s
     return float(_call(detector, "frame_jitter_s", default=0.0))
 
 
-def _call(detector: object, name: str, *given: Any, default: Any = None) -> Any:
-    """Call a method that a detector may have, or return the default where it has none of that name."""
-    method = getattr(detector, name, None)
-    return default if method is None else method(*given)
+def _find_answers(detector: AnyDetector) -> dict[str, Callable[..., Any]] | None:
+    """Return the functions that answer for a described part, None for an object."""
+    return next((answers for part, answers in _ANSWERS.items() if isinstance(detector, part)), None)
+
+
+def _call(detector: AnyDetector, name: str, *given: Any, default: Any = None) -> Any:
+    """Ask a detector: a part by the function listed for it, an object by its method; without either, return the default."""
+    described = _find_answers(detector)
+    if described is None:
+        method = getattr(detector, name, None)
+        return default if method is None else method(*given)
+    return described[name](detector, *given) if name in described else default

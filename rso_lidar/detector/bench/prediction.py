@@ -8,10 +8,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_plate, run_trial
-from rso_lidar.detector.detect import Detector, predict_closed_form
+from rso_lidar.detector.detect import AnyDetector, predict_closed_form
 from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
-from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.gsfl import Gsfl
 
 _TRIALS, _FEWEST = 200, 20  # pixels for each return: the standard error of a probability is at most 0.035
 _MOST_SAMPLES = 8_000_000  # that all trials together may take
@@ -20,7 +18,7 @@ _SEED = 17  # random seed of the trials
 
 
 def predict(
-    detector: Gsfl | Empirical | Detector,
+    detector: AnyDetector,
     pulse: LaserPulse,
     photons: np.ndarray,
     depth_s: np.ndarray,
@@ -40,9 +38,7 @@ def predict(
     return _predict_by_trial(detector, pulse, photons, depth_s) if known is None else known
 
 
-def _predict_by_trial(
-    detector: Gsfl | Empirical | Detector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray
-) -> Prediction:
+def _predict_by_trial(detector: AnyDetector, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray) -> Prediction:
     """Predict from pixels that each meet one of the returns, in the middle of what the detector sees.
 
     Parameters

@@ -10,9 +10,7 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.detector.bench.trial import make_point_returns
-from rso_lidar.detector.detect import Detector, detect, isolate
-from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.detect import AnyDetector, detect, isolate
 
 _EACH = 64  # trials of a separation: standard error of a probability at most 0.06
 _TOLERANCE_M = 0.5  # within which a report is that of a return
@@ -65,7 +63,7 @@ class Separations:
 
 
 def simulate_pairs(
-    detector: Gsfl | Empirical | Detector,
+    detector: AnyDetector,
     pulse: tuple[float, np.ndarray],
     pulse_fwhm_s: float,
     separation_m: np.ndarray,
@@ -107,7 +105,7 @@ def simulate_pairs(
 
 
 def simulate_separations(
-    detector: Gsfl | Empirical | Detector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
+    detector: AnyDetector, pulse: tuple[float, np.ndarray], pulse_fwhm_s: float, over: float = OVER
 ) -> Separations:
     """Simulate pairs at the separations that decide: about the pulse's length, and about the end of the stored depth.
 

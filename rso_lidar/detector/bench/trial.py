@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rso_lidar import units
-from rso_lidar.detector.detect import Detector, detect, draw_crosstalk_m, frame_jitter_s, isolate
-from rso_lidar.detector.settings.empirical import Empirical
-from rso_lidar.detector.settings.gsfl import Gsfl
+from rso_lidar.detector.detect import AnyDetector, detect, draw_crosstalk_m, frame_jitter_s, isolate
 from rso_lidar.records import Photons
 
 COHERENCE_CELLS = (
@@ -136,7 +134,7 @@ def make_point_returns(
 
 
 def run_trial(
-    detector: Gsfl | Empirical | Detector,
+    detector: AnyDetector,
     photons: Photons,
     rng: np.random.Generator,
     true_m: np.ndarray | None = None,

@@ -81,14 +81,17 @@ class LaserPulse(NamedTuple):
     timing_jitter_ns: float = 0.0
 
 
-def predict_empirical(detector: Empirical, pulse: LaserPulse, photons: np.ndarray) -> Prediction:
-    """Predict the returns of the empirical detector by its curves.
+def predict_empirical(
+    detector: Empirical, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
+) -> Prediction:
+    """Predict the returns of the empirical detector by its curves, to which depth makes no difference.
 
     Parameters
     ----------
     detector : the detector.
     pulse : the laser's pulse.
-    photons : (return) expected photons.
+    photons, depth_s : (return) expected photons, and the time over which the surface stretches each return [s].
+    only_probability : not used: all members come together.
     """
     precision_m = np.hypot(detector.range_noise_m(photons, pulse.fwhm_s), pulse.timing_jitter_ns * _RANGE_PER_NS)
     return Prediction(
@@ -100,7 +103,7 @@ def predict_empirical(detector: Empirical, pulse: LaserPulse, photons: np.ndarra
 
 
 def predict_gsfl(
-    gsfl: Gsfl, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, *, only_probability: bool = False
+    gsfl: Gsfl, pulse: LaserPulse, photons: np.ndarray, depth_s: np.ndarray, only_probability: bool = False
 ) -> Prediction:
     """Predict the returns of the full chain in closed form.
 

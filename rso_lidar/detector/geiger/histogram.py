@@ -1,0 +1,313 @@
+"""Histograms of photon times: avalanches of every pixel and pulse, and the peak that they form.
+
+Avalanches are an inhomogeneous Poisson process while a pixel is alive. The next one comes where the integral of the rate has
+grown by an exponential draw since the pixel became alive. So first-photon bias and dead-time loss follow by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.kernels import kernel, packed
+from rso_lidar.philox import draw_block, draw_key
+from rso_lidar.records import Photons
+
+_PER_PULSE = 16  # steps of time in a pulse's length, at least
+_WORDS = 2.0**32
+_STAGE = 0  # of the words' address
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonPeaks:
+    """What the histograms of one frame say; arrays (pixel).
+
+    Parameters
+    ----------
+    delay_s : centroid of the peak, two-way delay since emission [s]; NaN where nothing was counted.
+    counts : in the peak.
+    total_counts : in the whole histogram.
+    """
+
+    delay_s: np.ndarray
+    counts: np.ndarray
+    total_counts: np.ndarray
+
+
+def count_photons(array: GeigerArray, photons: Photons, rng: np.random.Generator) -> PhotonPeaks:
+    """Count and time the photons of one frame, in all its pulses.
+
+    Parameters
+    ----------
+    array : the detector.
+    photons : light on every pixel, of each pulse.
+    rng : generator of all noise.
+    """
+    n_pixels = photons.shape[0] * photons.shape[1]
+    sunlight = photons.background_photons_per_s
+    noise_per_s = array.noise_per_s(np.zeros(n_pixels) if sunlight is None else sunlight.ravel())
+    step_s = photons.pulse_step_s
+    energy = np.concatenate([[0.0], np.cumsum(photons.pulse_power_per_s)]) * step_s
+    energy /= energy[-1]
+    summed = np.concatenate([[0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]))]) * step_s
+    delay_s, counts, total = np.empty(n_pixels), np.empty(n_pixels, np.int64), np.empty(n_pixels, np.int64)
+    _count(
+        draw_key(rng),
+        array.pulses,
+        (array.opens_s, array.gate_s, array.bin_s, array.hold_off_s, array.jitter_ns * 1e-9),
+        (array.afterpulse_probability, array.afterpulse_time_ns * 1e-9),
+        (array.n_bins, array.peak_bins),
+        packed(noise_per_s, np.float64),
+        packed(np.searchsorted(photons.pixel, np.arange(n_pixels + 1)), np.int64),
+        packed(photons.delay_s + photons.late_s, np.float64),
+        packed(photons.photons * array.detection_efficiency, np.float64),
+        packed(photons.depth_spread_s, np.float64),
+        (-(len(photons.pulse_power_per_s) // 2 + 0.5) * step_s, step_s),
+        packed(energy, np.float64),
+        packed(summed, np.float64),
+        min(array.bin_s, photons.pulse_fwhm_s / _PER_PULSE),
+        (delay_s, counts, total),
+    )
+    return PhotonPeaks(delay_s, counts, total)
+
+
+@kernel
+def _count(
+    key: np.ndarray,
+    pulses: int,
+    times: tuple[float, float, float, float, float],
+    afterpulse: tuple[float, float],
+    bins: tuple[int, int],
+    noise_per_s: np.ndarray,
+    start: np.ndarray,
+    delay_s: np.ndarray,
+    primaries: np.ndarray,
+    depth_s: np.ndarray,
+    pulse: tuple[float, float],
+    energy: np.ndarray,
+    summed: np.ndarray,
+    step_s: float,
+    found: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    """Fill the histogram of each pixel and find its peak.
+
+    Parameters
+    ----------
+    key : (2) uint32 of the frame.
+    pulses : of the frame.
+    times : opening of the gate, its length, bin, hold-off and jitter [s].
+    afterpulse : probability, and mean time after the hold-off [s].
+    bins : of the histogram and of a peak.
+    noise_per_s : (pixel) avalanches that are not of the laser.
+    start : (pixel + 1) first return of each pixel.
+    delay_s, primaries, depth_s : (return) delay, mean avalanches, and time over which its surface stretches it.
+    pulse : first edge of the pulse's taps and their step [s].
+    energy, summed : (edge) share of the pulse's energy before each edge of its taps, and its integral [s].
+    step_s : of the integral of the rate.
+    found : delay, peak counts and total counts (pixel), written.
+    """
+    opens_s, gate_s, bin_s, hold_off_s, jitter_s = times
+    n_bins, peak_bins = bins
+    histogram, touched = np.zeros(n_bins, np.int64), np.empty(n_bins, np.int64)
+    integral = np.zeros(int(gate_s / step_s) + 3)
+    for pixel in range(len(noise_per_s)):
+        rate = noise_per_s[pixel]
+        some = slice(start[pixel], start[pixel + 1])
+        from_s, n = _integrate(
+            delay_s[some] - opens_s, primaries[some], depth_s[some], pulse, energy, summed, step_s, gate_s, integral
+        )
+        for k in range(n):
+            integral[k] += rate * (from_s + k * step_s)
+        n_touched, total = 0, 0
+        for number in range(pulses):
+            alive_s, step = 0.0, 0
+            waiting_s = math.inf  # until an afterpulse
+            while alive_s < gate_s:
+                words = draw_block(key, step, number, pixel, _STAGE)
+                step += 1
+                before = _integral_at(alive_s, rate, integral, n, from_s, step_s)
+                wait = -math.log((words[0] + 0.5) / _WORDS)
+                at_s = min(_time_of(before + wait, rate, integral, n, from_s, step_s), waiting_s)
+                if at_s >= gate_s:
+                    break
+                chance = (words[1] + 0.5) / _WORDS
+                alive_s = at_s + hold_off_s
+                waiting_s = math.inf
+                if chance < afterpulse[0]:
+                    waiting_s = alive_s - afterpulse[1] * math.log(chance / afterpulse[0])
+                if jitter_s > 0.0:
+                    radius = math.sqrt(-2.0 * math.log((words[2] + 0.5) / _WORDS))
+                    at_s += jitter_s * radius * math.cos(2.0 * math.pi * words[3] / _WORDS)
+                place = math.floor(at_s / bin_s)
+                if place < 0 or place >= n_bins:
+                    continue
+                if histogram[place] == 0:
+                    touched[n_touched] = place
+                    n_touched += 1
+                histogram[place] += 1
+                total += 1
+        centre, most = _peak(histogram, touched[:n_touched], peak_bins)
+        for k in range(n_touched):
+            histogram[touched[k]] = 0
+        found[0][pixel] = opens_s + (centre + 0.5) * bin_s
+        found[1][pixel] = most
+        found[2][pixel] = total
+
+
+@kernel
+def _integrate(
+    delay_s: np.ndarray,
+    primaries: np.ndarray,
+    depth_s: np.ndarray,
+    pulse: tuple[float, float],
+    energy: np.ndarray,
+    summed: np.ndarray,
+    step_s: float,
+    gate_s: float,
+    integral: np.ndarray,
+) -> Any:
+    """Write the integral of the laser's rate over the time in which a pixel's returns come.
+
+    Parameters
+    ----------
+    delay_s, primaries, depth_s : (return) delays after the opening [s], mean avalanches, and stretch [s].
+    pulse, energy, summed : the pulse, as for `_count`.
+    step_s, gate_s : step of the integral, length of the gate [s].
+    integral : (step) written.
+
+    Returns
+    -------
+    Time of the first value after the opening [s], and the number of values: a tuple.
+    """
+    first_s, last_s = math.inf, -math.inf
+    length_s = (len(energy) - 1) * pulse[1]
+    for k in range(len(delay_s)):
+        if primaries[k] > 0.0:
+            edge_s = delay_s[k] + pulse[0] - 0.5 * depth_s[k]
+            first_s = min(first_s, edge_s)
+            last_s = max(last_s, edge_s + length_s + depth_s[k])
+    first_s, last_s = max(first_s, 0.0), min(last_s, gate_s)
+    if last_s <= first_s:
+        return 0.0, 0
+    n = min(math.ceil((last_s - first_s) / step_s) + 1, len(integral))
+    integral[:n] = 0.0
+    for k in range(len(delay_s)):
+        if primaries[k] <= 0.0:
+            continue
+        edge_s = delay_s[k] + pulse[0] - 0.5 * depth_s[k]
+        begin = max(0, math.floor((edge_s - first_s) / step_s))
+        before = _share(first_s + begin * step_s - delay_s[k], depth_s[k], pulse, energy, summed)
+        for i in range(begin + 1, n):
+            after = _share(first_s + i * step_s - delay_s[k], depth_s[k], pulse, energy, summed)
+            integral[i] += primaries[k] * (after - before)
+            before = after
+            if first_s + i * step_s > edge_s + length_s + depth_s[k]:
+                break
+    for i in range(1, n):
+        integral[i] += integral[i - 1]
+    return first_s, n
+
+
+@kernel
+def _share(at_s: float, depth_s: float, pulse: tuple[float, float], energy: np.ndarray, summed: np.ndarray) -> float:
+    """Return the share of a return's energy that has come at a time after its delay.
+
+    Parameters
+    ----------
+    at_s, depth_s : the time, and the time over which the surface stretches the pulse evenly [s].
+    pulse, energy, summed : the pulse, as for `_count`.
+    """
+    if depth_s < pulse[1]:
+        return _look_up(at_s, pulse, energy, 0.0)
+    late = _look_up(at_s + 0.5 * depth_s, pulse, summed, 1.0)
+    return (late - _look_up(at_s - 0.5 * depth_s, pulse, summed, 1.0)) / depth_s
+
+
+@kernel
+def _look_up(at_s: float, pulse: tuple[float, float], table: np.ndarray, slope: float) -> float:
+    """Return a value between the edges of a table; 0 before them, and with a slope behind them.
+
+    Parameters
+    ----------
+    at_s : the time [s].
+    pulse : first edge and step of the table [s].
+    table : (edge) values.
+    slope : behind the last edge.
+    """
+    place = (at_s - pulse[0]) / pulse[1]
+    last = len(table) - 1
+    if place <= 0.0:
+        return 0.0
+    if place >= last:
+        return float(table[last] + slope * (place - last) * pulse[1])
+    k = int(place)
+    return float(table[k] + (place - k) * (table[k + 1] - table[k]))
+
+
+@kernel
+def _integral_at(at_s: float, rate: float, integral: np.ndarray, n: int, from_s: float, step_s: float) -> float:
+    """Return the integral of the rate from the opening to a time.
+
+    Parameters
+    ----------
+    at_s : time after the opening [s].
+    rate : of noise [1/s].
+    integral, n, from_s, step_s : its values where the laser's light comes, their number, first time and step.
+    """
+    if n == 0 or at_s <= from_s:
+        return rate * at_s
+    place = (at_s - from_s) / step_s
+    if place >= n - 1:
+        return float(integral[n - 1] + rate * (at_s - from_s - (n - 1) * step_s))
+    k = int(place)
+    return float(integral[k] + (place - k) * (integral[k + 1] - integral[k]))
+
+
+@kernel
+def _time_of(value: float, rate: float, integral: np.ndarray, n: int, from_s: float, step_s: float) -> float:
+    """Return when the integral of the rate reaches a value [s after the opening], infinity if never.
+
+    Parameters
+    ----------
+    value : of the integral.
+    rate, integral, n, from_s, step_s : as for `_integral_at`.
+    """
+    if n == 0 or value < integral[0]:
+        return value / rate if rate > 0.0 else math.inf
+    if value >= integral[n - 1]:
+        if rate <= 0.0:
+            return math.inf
+        return float(from_s + (n - 1) * step_s + (value - integral[n - 1]) / rate)
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if integral[middle] <= value:
+            low = middle
+        else:
+            high = middle
+    return float(from_s + step_s * (low + (value - integral[low]) / (integral[high] - integral[low])))
+
+
+@kernel
+def _peak(histogram: np.ndarray, touched: np.ndarray, peak_bins: int) -> Any:
+    """Return the centroid [bins] of the window with most counts, the nearest of equals, and its counts.
+
+    Parameters
+    ----------
+    histogram : (bin) counts.
+    touched : bins that have counts.
+    peak_bins : of the window.
+    """
+    most, first, centre = 0, -1, math.nan
+    for begin in touched:
+        counts, moment = 0, 0
+        for place in range(begin, min(begin + peak_bins, len(histogram))):
+            counts += histogram[place]
+            moment += histogram[place] * place
+        if counts > most or (counts == most and begin < first):
+            most, first, centre = counts, begin, moment / counts
+    return centre, most

@@ -1,0 +1,161 @@
+"""What a Geiger-mode array answers: the functions of `rso_lidar.detector.detect` for it, by their names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rso_lidar import units
+from rso_lidar.detector.geiger.array import GeigerArray
+from rso_lidar.detector.geiger.counting import first_photon_moments, live_fraction, peak_probability
+from rso_lidar.detector.geiger.histogram import count_photons
+from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
+from rso_lidar.records import Photons, Reading
+
+_MOST_BLOCKED = 0.5  # share of pulses that dark counts take from the middle of the gate
+
+
+def detect(
+    array: GeigerArray, photons: Photons, rng: np.random.Generator, threads: int | None = 1
+) -> tuple[Reading, None]:
+    """Count the photons of the pulses of one frame, and report the peaks that have counts enough.
+
+    Parameters
+    ----------
+    array : the detector.
+    photons : light on every pixel, of each pulse.
+    rng : generator of all noise.
+    threads : not used: one thread is fast enough.
+    """
+    peaks = count_photons(array, photons, rng)
+    sunlight = photons.background_photons_per_s
+    least = array.find_least_counts(np.zeros(len(peaks.counts)) if sunlight is None else sunlight.ravel())
+    reported = peaks.counts >= least
+    range_m = np.where(reported, np.maximum(peaks.delay_s, 0.0) * units.RANGE_PER_DELAY_M_S, np.nan)
+    counts = np.where(reported, np.minimum(peaks.counts, 65_535), 0).astype(np.uint16)
+    full = reported & (peaks.counts >= array.pulses)
+    return Reading(*(values.reshape(photons.shape) for values in (range_m, counts, full))), None
+
+
+def describe(array: GeigerArray, n_pixels: int) -> list[str]:
+    """Describe the array in two lines."""
+    false = float(array.false_peak_probability(np.zeros(1))[0]) * n_pixels
+    return [
+        f"detector    geiger: PDE {array.detection_efficiency:g}, dark {array.dark_count_rate_hz / 1e3:g} kHz, hold-off "
+        f"{array.hold_off_ns:g} ns, bins of {array.bin_ns:g} ns, jitter {array.jitter_ns:g} ns",
+        f"  gate      {array.gate_from_m:g} to {array.gate_to_m:g} m, "
+        f"{array.pulses} pulse{'s' * (array.pulses > 1)} a frame, "
+        f"peaks of {array.dark_least_counts} counts in {array.peak_bins * array.bin_ns:g} ns "
+        f"({array.traits.threshold_photons:.2g} photons), {false:.2g} false alarms a frame",
+    ]
+
+
+def describe_window(array: GeigerArray) -> str:
+    """Describe in a few words when the array looks."""
+    return f"gate {array.gate_from_m:g} to {array.gate_to_m:g} m"
+
+
+def advise(array: GeigerArray, pulse_fwhm_s: float) -> list[str]:
+    """List what is allowed and doubtful about the array with a pulse of this length [s]."""
+    lines = []
+    if pulse_fwhm_s > 2.0 * array.peak_s:
+        lines.append(
+            f"a pulse of {pulse_fwhm_s / units.NS:.3g} ns spreads its counts over more than one peak of "
+            f"{array.peak_s / units.NS:.3g} ns; lengthen lidar.detector.peak_ns, or shorten the pulse"
+        )
+    blocked = 1.0 - _live_fraction(array, 0.0)
+    if blocked > _MOST_BLOCKED:
+        lines.append(
+            f"dark counts leave {blocked:.0%} of the pulses without a live pixel in the middle of the gate; lower "
+            "lidar.detector.dark_count_rate_hz, or narrow the gate"
+        )
+    false = float(array.false_peak_probability(np.zeros(1))[0])
+    if false > max(2.0 * array.false_alarm_probability, 0.005):
+        lines.append(
+            f"noise alone makes {false:.1%} of the pixels report in every frame; raise lidar.detector.least_counts or pulses"
+        )
+    return lines
+
+
+def list_neglected_effects(array: GeigerArray) -> list[str]:
+    """List the settings of the array that its closed form does not count."""
+    return ["afterpulse_probability"] if array.afterpulse_probability > 0.0 else []
+
+
+def false_alarm_probability(array: GeigerArray, range_m: np.ndarray) -> np.ndarray:
+    """Return the probability (range) that noise in the dark forms a peak, whatever the range."""
+    return np.full(np.shape(range_m), array.false_peak_probability(np.zeros(1))[0])
+
+
+def noise_growth(array: GeigerArray, background_photons_per_s: float) -> float:
+    """Return the rms number of noise counts under sunlight [photons/s] over that in the dark."""
+    dark = array.dark_count_rate_hz
+    light = float(array.noise_per_s(np.array(background_photons_per_s)))
+    if dark > 0.0:
+        return math.sqrt(light / dark)
+    return math.inf if light > 0.0 else 1.0
+
+
+def predict_closed_form(
+    array: GeigerArray,
+    pulse: LaserPulse,
+    photons: np.ndarray,
+    depth_s: np.ndarray,
+    only_probability: bool = False,
+) -> Prediction:
+    """Predict returns in the middle of the gate, in the dark.
+
+    The first avalanches of a return are taken as normal about their mean. A peak holds those within its window.
+
+    Parameters
+    ----------
+    array : the detector.
+    pulse : the laser's pulse.
+    photons, depth_s : (return) expected photons of a pulse, and the time over which a surface stretches them [s].
+    only_probability : not used: all members come together.
+    """
+    from scipy.special import erf
+
+    n = array.detection_efficiency * photons.ravel()
+    _, variance_s2 = first_photon_moments(n, depth_s.ravel(), pulse.step_s, pulse.power_per_s)
+    sigma_s = np.sqrt(variance_s2 + (array.jitter_ns * units.NS) ** 2 + array.bin_s**2 / 12.0)
+    half = 0.5 * array.peak_s / sigma_s
+    share = erf(half / math.sqrt(2.0))
+    fired = -np.expm1(-n) * share * _live_fraction(array, 0.0)
+    probability = np.where(n > 0.0, peak_probability(fired, array.pulses, array.dark_least_counts), 0.0)
+    cut = 2.0 * half * np.exp(-0.5 * half**2) / math.sqrt(2.0 * math.pi) / share  # variance that the window's ends take
+    counts = np.maximum(array.pulses * fired, array.dark_least_counts)
+    precision_s = np.hypot(sigma_s * np.sqrt((1.0 - cut) / counts), pulse.timing_jitter_ns * units.NS)
+    noise = array.pulses * (fired * (1.0 - fired) + array.dark_count_rate_hz * array.peak_s)
+    snr = array.pulses * fired / np.sqrt(np.maximum(noise, 1e-12))
+    found = (
+        probability,
+        np.where(n > 0.0, precision_s * units.RANGE_PER_DELAY_M_S, np.inf),
+        np.where(n > 0.0, snr, 0.0),
+        photons.ravel() >= array.traits.saturation_photons,
+    )
+    return Prediction(*(values.reshape(photons.shape) for values in found))
+
+
+def _live_fraction(array: GeigerArray, background_photons_per_s: float) -> float:
+    """Return the share of pulses in which a pixel is alive in the middle of the gate."""
+    noise = float(array.noise_per_s(np.array(background_photons_per_s)))
+    return live_fraction(noise, array.hold_off_s, 0.5 * array.gate_s)
+
+
+ANSWERS: dict[str, Callable[..., Any]] = {
+    one.__name__: one
+    for one in (
+        detect,
+        describe,
+        describe_window,
+        advise,
+        list_neglected_effects,
+        false_alarm_probability,
+        noise_growth,
+        predict_closed_form,
+    )
+}
