@@ -65,7 +65,7 @@ def test_first_middle_and_last_frame_find_their_target(name):
         # Noise is greatest at the threshold. Half of normal errors lie within 0.67 of it; 2 allows for as few as ten.
         detector, laser = scenario.lidar.detector, scenario.lidar.laser
         worst_m = rl.Empirical().range_noise_m(
-            np.array(detector.threshold_photons), laser.pulse_fwhm_s
+            np.array(detector.traits.threshold_photons), laser.pulse_fwhm_s
         )  # gsfl's, fitted
         assert np.median(np.abs(frame.range_m - frame.labels.range_m)[found]) < 2.0 * worst_m
 

@@ -1,8 +1,8 @@
 """The seam of the detectors: what any detector can be asked, and which module answers for the one that was given.
 
-`Gsfl`, `Empirical` and `GeigerArray` are data, and the table `_ANSWERS` lists what answers for each. A Python user may give an object of another class in their place, as
-``lidar.detector``: it follows the protocol `Detector`. Every function here takes either, and nothing outside this room
-asks which detector it has.
+`Gsfl`, `Empirical` and `GeigerArray` are data; the table `_ANSWERS` lists what answers for each. A Python user may give an
+object of another class in their place, as ``lidar.detector``: it follows the protocol `Detector`. Every function here takes
+either, and nothing outside this room asks which detector it has.
 
 - `detect` makes a reading of the light of one flash; `detect_with_taps` also returns the signals between the stages.
 - ``detector.traits`` holds the facts: reach, threshold, number of returns, gate, settings in force (`DetectorTraits`).
