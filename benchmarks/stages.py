@@ -12,7 +12,7 @@ import numpy as np
 import rso_lidar as rl
 from benchmarks import scenes
 from benchmarks.clock import fresh, quartiles, seconds
-from benchmarks.report import Findings, table
+from benchmarks.report import Findings, Target, table
 from rso_lidar import detector, motion, optics, scene
 from rso_lidar.detector.chain.full import store_waveforms
 from rso_lidar.detector.chain.measure import measure
@@ -125,8 +125,8 @@ def frame_rate(scenario: rl.Scenario, threads: int, span_s: float) -> float:
     return many / seconds(lambda: sum(1 for _ in rl.simulate(scenario, threads=threads, frames=range(many))))
 
 
-def stage_table(name: str, repeats: int) -> tuple[str, list[str]]:
-    """Return the table of one scene, and its row in the table of all."""
+def stage_table(name: str, repeats: int) -> tuple[str, list[str], list[Target]]:
+    """Return the table of one scene, its row in the table of all, and what was wanted of it."""
     scenario = scenes.build(name)
     ways = {"one": 1, "bands": 2}
     spans, (n_rays, n_hits) = warm(scenario, repeats, ways)
@@ -147,7 +147,16 @@ def stage_table(name: str, repeats: int) -> tuple[str, list[str]]:
     span_s = 0.1 * repeats
     rates = [f"{frame_rate(scenario, threads, span_s):.0f}" for threads in (1, 2)]
     summary = [name, f"{n_rays:,}", f"{n_hits:,}", f"{now:.2f}", quartiles(ratios), *rates]
-    return f"{said}\n\n{table(header, rows)}", summary
+    targets = []
+    if name == "TDRS, 300 m":
+        most, ratio = 0.6, float(np.median(ratios))
+        what = f"{name}: a flash in bands on two threads, as under a controller, over one thread"
+        targets.append(Target(what, f"at most {most:g} ×", f"{quartiles(ratios)} ×", ratio <= most))
+    if name == "TDRS, 1 km":
+        most, share = 0.25, np.array([one["write"] / flash_s(one) for one in spans["one"]])
+        what = f"{name}: `write` over the flash"
+        targets.append(Target(what, f"at most {most:g} ×", f"{quartiles(share)} ×", float(np.median(share)) <= most))
+    return f"{said}\n\n{table(header, rows)}", summary, targets
 
 
 def instruments(span_s: float) -> str:
@@ -166,15 +175,16 @@ def instruments(span_s: float) -> str:
 def run(*, quick: bool) -> Findings:
     """Return the tables of all scenes."""
     repeats = 7 if quick else 21
-    tables, summary = [], []
+    tables, summary, targets = [], [], []
     for name in scenes.available():
         print(f"stages: {name}", file=sys.stderr)
-        block, row = stage_table(name, repeats)
+        block, row, wanted = stage_table(name, repeats)
         tables.append(block)
         summary.append(row)
+        targets += wanted
     header = (
         "scene", "rays", "hits", "flash, one thread [ms]", "in bands on 2 / on one", "frames/s, 1 thread", "2 threads",
     )  # fmt: skip
     blocks = {"walk": table(header, summary), "stages": "\n\n".join(tables)}
     blocks["instruments"] = instruments(0.1 * repeats)
-    return Findings(blocks)
+    return Findings(blocks, targets)
