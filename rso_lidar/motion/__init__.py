@@ -1,4 +1,4 @@
-"""Where everything is, and how it is turned."""
+"""Positions and attitudes of all bodies, and the pointing of the lidar."""
 
 from rso_lidar.motion.aim import Aim, add_lidar, compute_demand, lidar_from_ptu, make_demand, simulate_drive
 from rso_lidar.motion.attitudes.attitude_table import AttitudeTable, write_aem, write_attitude_csv

@@ -1,4 +1,4 @@
-"""From the follower to the lidar: what the PTU is asked, and the axes it and the lidar end up in."""
+"""The pointing of the lidar: demanded angles of the PTU, and the axes of PTU and lidar on the follower."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @cache
 def lidar_from_ptu() -> Rotation:
-    """Return how x forward, y left, z up become the lidar's x right, y down, z ahead."""
+    """Return the rotation from PTU axes (x forward, y left, z up) to lidar axes (x right, y down, z ahead)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat([0.5, -0.5, 0.5, 0.5])  # [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
@@ -42,9 +42,19 @@ def make_demand(
     sun_direction: Sequence[float] | None = None,
     flights: Flights | None = None,
 ) -> Demand:
-    """Return the pan and tilt that the scenario asks of the PTU, as a function of time up to `end_s` [s].
+    """Make the demanded pan and tilt of a scenario as a function of time.
 
-    Where bodies fly under commands (`flights`), it may be asked up to the next flash only.
+    With commanded bodies (`flights`) the demand must not be evaluated beyond the next flash.
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit.
+    bodies : all bodies.
+    start_utc : start of the run.
+    end_s : last instant at which the demand is evaluated [s].
+    local : whether the world is local, without an Earth.
+    sun_direction : direction to the Sun of a local world; None for none.
+    flights : of commanded state-space models; None for none.
     """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand
@@ -53,13 +63,13 @@ def make_demand(
         with suppress_warnings():
             epochs = Epochs(start_utc, time_s)
             there = truth(bodies, epochs, local=local, sun_direction=sun_direction, flights=flights, rates=False)
-            return _vector_to_tracked(ptu, bodies, there)
+            return _find_target_vectors(ptu, bodies, there)
 
     return _make_following_demand(directions) if flights else DemandCurve(directions, end_s)
 
 
 def _make_following_demand(directions: Callable[[np.ndarray], np.ndarray]) -> Demand:
-    """Return a demand that asks for the directions of the very instants; pan goes on from where it was asked last."""
+    """Make a demand that evaluates the directions at each instant; pan is continuous from call to call."""
     last_rad = 0.0
 
     def follow(time_s: np.ndarray) -> np.ndarray:
@@ -73,10 +83,17 @@ def _make_following_demand(directions: Callable[[np.ndarray], np.ndarray]) -> De
 
 
 def compute_demand(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
-    """Return the pan and tilt (time, 2) [rad] that the scenario asks of the PTU at the epochs of a course."""
+    """Compute the demanded pan and tilt (time, 2) [rad] of a scenario at the epochs of a truth.
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit.
+    bodies : all bodies.
+    course : truth of the bodies.
+    """
     if not isinstance(ptu.point, TrackPoint):
         return ptu.point.demand(course.time_s)
-    return np.stack(find_pan_tilt(_vector_to_tracked(ptu, bodies, course)), axis=-1)
+    return np.stack(find_pan_tilt(_find_target_vectors(ptu, bodies, course)), axis=-1)
 
 
 def simulate_drive(
@@ -88,9 +105,22 @@ def simulate_drive(
     local: bool,
     sun_direction: Sequence[float] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return pan and tilt (time, 2) [rad], and their rates [rad/s], to which the drive comes at the epochs of a course.
+    """Simulate the drive from t = 0 to the epochs of a truth, with misalignment but without jitter.
 
-    With its misalignment, without jitter; the drive is stepped from t = 0, at some million ticks of 1 ms a second.
+    It takes about a second for each million ticks of 1 ms.
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit.
+    bodies : all bodies.
+    course : truth of the bodies.
+    start_utc : start of the run.
+    local : whether the world is local, without an Earth.
+    sun_direction : direction to the Sun of a local world; None for none.
+
+    Returns
+    -------
+    pan and tilt (time, 2) [rad], and their rates (time, 2) [rad/s].
     """
     times = course.time_s
     follow = make_demand(ptu, bodies, start_utc, float(times[-1]), local=local, sun_direction=sun_direction)
@@ -103,8 +133,15 @@ def simulate_drive(
     return angles + np.array(ptu.errors.misalignment_deg) * units.DEG, rates
 
 
-def _vector_to_tracked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
-    """Return vectors (time, 3) from the PTU to what it tracks, in the axes of its mount [m]."""
+def _find_target_vectors(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.ndarray:
+    """Compute vectors (time, 3) from the PTU to its target, in the axes of its mount [m].
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit, which tracks.
+    bodies : all bodies.
+    course : truth of the bodies.
+    """
     assert isinstance(ptu.point, TrackPoint)
     origins = {body.name: body.origin for body in bodies}
     from_follower, _ = course.poses.place("follower", origins.get(ptu.point.at, ptu.point.at))
@@ -113,7 +150,7 @@ def _vector_to_tracked(ptu: Ptu, bodies: Sequence[Body], course: Truth) -> np.nd
 
 
 class Aim:
-    """Where the lidar looks, from flash to flash: what of a run is stepped, the same in open and in closed loop."""
+    """The pointing of the lidar from flash to flash, the same in open and in closed loop."""
 
     def __init__(
         self,
@@ -127,7 +164,15 @@ class Aim:
         sun_direction: Sequence[float] | None = None,
         flights: Flights | None = None,
     ) -> None:
-        """Start at t = 0 with the PTU at rest on its demand; `mount` is the lidar's, `end_s` [s] the last flash's."""
+        """Start at t = 0, with the PTU at rest on its demand.
+
+        Parameters
+        ----------
+        ptu : the pan-tilt unit; None for a lidar fixed to the follower.
+        mount : of the lidar.
+        bodies, start_utc, local, sun_direction, flights : as for `make_demand`.
+        end_s : time of the last flash [s].
+        """
         self._ptu, self._mount = ptu, mount
         if ptu is not None:
             self._demand = make_demand(
@@ -136,10 +181,13 @@ class Aim:
             self._state = start(ptu, self._demand)
 
     def at(self, course: Truth, command: Command | None, rng: np.random.Generator) -> Truth:
-        """Return the truth of the next flash with the axes of PTU and lidar in it.
+        """Step the PTU to the next flash, and add the axes of PTU and lidar to its truth.
 
-        `course` is the truth without them; `command` was given at the flash before; jitter and encoder noise come from
-        `rng`.
+        Parameters
+        ----------
+        course : truth of the bodies at the next flash.
+        command : given at the previous flash.
+        rng : for jitter and encoder noise.
         """
         pointing: PtuAngles | None = None
         actual_rad = rate_rad_s = np.zeros(2)
@@ -154,10 +202,18 @@ class Aim:
 def add_lidar(
     poses: PoseTree, ptu: Ptu | None, pan_tilt_rad: np.ndarray, rate_rad_s: np.ndarray, mount: Mount
 ) -> PoseTree:
-    """Return the tree with ptu and lidar under the follower, for pan and tilt (…, 2) [rad] and their rates [rad/s].
+    """Add the axes of PTU and lidar to a tree, under the follower.
 
     lidar_from_target = lidar_from_ptu * ptu_from_follower * follower_from_inertial * inertial_from_target
     (Fuller et al., eq. 5).
+
+    Parameters
+    ----------
+    poses : tree with the axes of the follower.
+    ptu : the pan-tilt unit; None for a lidar fixed to the follower.
+    pan_tilt_rad : pan and tilt (…, 2) [rad].
+    rate_rad_s : their rates (…, 2) [rad/s].
+    mount : of the lidar.
     """
     carrier = "follower"
     if ptu is not None:
@@ -169,5 +225,5 @@ def add_lidar(
 
 @lru_cache(maxsize=16)
 def _lidar_link(mount: Mount) -> Link:
-    """Return the lidar's link to what carries it."""
+    """Return the link of the lidar to its carrier."""
     return mount.link * Link.still(pose(rotation=lidar_from_ptu().inv()))

@@ -1,4 +1,4 @@
-"""The course of a run: what nobody commands, worked out for all flashes at once; what is commanded, from flash to flash."""
+"""The course of a run: motions and attitudes of the bodies at all flashes, with or without commands."""
 
 from __future__ import annotations
 
@@ -17,10 +17,18 @@ from rso_lidar.records import Command, Truth
 
 
 class Course:
-    """Where the bodies are at each flash, without PTU and lidar.
+    """Truth of the bodies at each flash, without PTU and lidar.
 
-    State-space models that a controller may command fly on from flash to flash under the inputs it gives; then everything
-    is worked out anew at each flash. Otherwise all flashes are worked out at once, and commands change nothing.
+    Without state-space models under command, the truth of all flashes is computed in one batch. With them, each flash
+    is computed separately, because the inputs of the controller change the motion.
+
+    Parameters
+    ----------
+    bodies : all bodies.
+    epochs : of the flashes.
+    local : whether the world is local, without an Earth.
+    sun_direction : direction to the Sun of a local world; None for none.
+    commanded : whether a controller may give inputs to state-space models.
     """
 
     def __init__(
@@ -39,7 +47,7 @@ class Course:
         self._since_s = 0.0
 
     def at(self, row: int, command: Command | None) -> Truth:
-        """Return the truth at one of the epochs by number; `command` was given at the flash before."""
+        """Return the truth at the epoch with the number `row`; `command` was given at the previous flash."""
         for name, inputs in ((command.inputs if command else None) or {}).items():
             if name not in self.flights:
                 guess = did_you_mean(name, self.flights)
@@ -53,7 +61,7 @@ class Course:
             return self._whole.at(row)
         if row == 0:
             return self._at(self._epochs.at(row)).at(0)
-        with suppress_warnings():  # the first has said it
+        with suppress_warnings():  # the first flash has given all warnings
             return self._at(self._epochs.at(row)).at(0)
 
     def _at(self, epochs: Epochs) -> Truth:
@@ -65,7 +73,7 @@ def _make_flights(bodies: Sequence[Body]) -> dict[str, Flight]:
 
 
 def _check_slews(bodies: Sequence[Body], flights: dict[str, Flight]) -> None:
-    """Refuse slews that look at what a controller moves: where that will be, no plan can know."""
+    """Refuse slews that depend on a body under command, whose future position no plan can know."""
     for body in bodies:
         if not isinstance(body.attitude, Slew):
             continue

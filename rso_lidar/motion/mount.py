@@ -1,4 +1,4 @@
-"""How something is fixed to its parent: a PTU to the follower, the lidar to the PTU, further axes to a body."""
+"""Mounts: the constant pose of a PTU on the follower, of the lidar on the PTU, or of further axes on a body."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Mount(Part):
-    """Where something is fixed to its parent and how it is turned there: parent_from_child."""
+    """Constant pose of a child in the axes of its parent: parent_from_child."""
 
     position_m: Vector = Field(
         default=(0.0, 0.0, 0.0), description="Position of the child's origin in parent axes [m]."
@@ -40,7 +40,7 @@ class Mount(Part):
 
     @property
     def rotation(self) -> Rotation:
-        """Return parent_from_child as a rotation; the identity where nothing is given."""
+        """Rotation parent_from_child; the identity by default."""
         from scipy.spatial.transform import Rotation
 
         if self.euler_zyx_deg is not None:
@@ -49,5 +49,5 @@ class Mount(Part):
 
     @cached_property
     def link(self) -> Link:
-        """Return the link of the child in its parent, which does not move."""
+        """Constant link of the child in its parent."""
         return Link.still(pose(np.asarray(self.position_m, dtype=float), self.rotation))

@@ -11,13 +11,13 @@ from rso_lidar.rpo import Plan, ProximityOperation
 
 
 def find_plan(body: Body, bodies: Sequence[Body], start_utc: datetime.datetime) -> Plan | None:
-    """Return the plan of a body that flies a proximity operation about another; None of any other motion.
+    """Find the plan of a body that flies a proximity operation; None for any other motion.
 
     Parameters
     ----------
     body : the body.
     bodies : all bodies of the scenario.
-    start_utc : when the plan begins.
+    start_utc : start of the plan.
     """
     if not isinstance(body.motion, ProximityOperation):
         return None

@@ -1,4 +1,4 @@
-"""Where the Sun is during a run, and how much of it a body sees."""
+"""The position of the Sun during a run, and the fraction of it that is visible to a body."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SunVectors:
     Parameters
     ----------
     epochs : instants.
-    local : whether the world is local, without an Earth; it then has a Sun only where one is given.
+    local : whether the world is local, without an Earth; it then has a Sun only if one is given.
     given : direction to the Sun of a local world, of any length, in root axes; None where there is none.
     """
 
@@ -61,7 +61,7 @@ class SunVectors:
         return direction
 
     def visible_fraction(self, state: BodyState) -> np.ndarray:
-        """Return the share (time) of the Sun that a body sees; in a local world nothing hides it."""
+        """Compute the fraction (time) of the Sun visible to a body; a local world has no eclipses."""
         if self.local or self.position_m is None:
             return np.ones(len(self.epochs))
         return sunlit_fraction(state.position_m, self.position_m)

@@ -1,4 +1,4 @@
-"""Where everything is at each epoch: the tree of axes (Fuller et al., sec. 3.1.1), for all epochs in one vectorised go."""
+"""The truth of the bodies: the tree of axes (Fuller et al., sec. 3.1.1), vectorised over all epochs."""
 
 from __future__ import annotations
 
@@ -40,14 +40,25 @@ def truth(
     flights: Flights | None = None,
     rates: bool = True,
 ) -> Truth:
-    """Return poses, rates and states of all bodies at all epochs, as one batch; ``truth.at(k)`` is one epoch of it.
+    """Compute poses, rates and states of all bodies at all epochs as one batch.
 
-    Each body has two nodes: its origin in axes that do not turn with it (``tdrs.rtn`` where it orbits, ``plate.origin``
-    where it does not), and under that its body axes; its hinges hang under those. A relative motion hangs under the rtn
-    axes of its chief, so that a relative pose is composed without inertial coordinates. `local` says that the root has no
-    Earth; only there a `sun_direction` in root axes may be given, of any length, for a Sun that nothing hides. `flights`
-    are those of commanded state-space models, by the names that `Command.inputs` has. Without `rates` only poses and
-    states are true: then what only the rates of orbit-fixed axes need is not worked out.
+    Each body has two nodes. The first is its origin, in axes that do not turn with the body: ``tdrs.rtn`` for a body
+    that orbits, ``plate.origin`` for any other. Its body axes are a child of that, and its hinges are children of the
+    body axes. The origin of a relative motion is a child of the rtn axes of its chief, so that relative poses are
+    composed without inertial coordinates.
+
+    Parameters
+    ----------
+    bodies : all bodies.
+    epochs : instants.
+    local : whether the world is local, without an Earth.
+    sun_direction : direction to the Sun of a local world, of any length, in root axes; None for none.
+    flights : of commanded state-space models, by the names in `Command.inputs`; None for none.
+    rates : whether the rates of the axes are needed. If False, only poses and states are valid, which is faster.
+
+    Returns
+    -------
+    truth of all epochs; ``truth.at(k)`` is that of one.
     """
     here = _Evaluation(tuple(bodies), epochs, local, SunVectors(epochs, local, sun_direction), flights or {}, rates)
     tree = PoseTree({}, {})
@@ -74,7 +85,7 @@ def truth(
 
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
-    """What all bodies share: one another, the instants, and the Sun."""
+    """Everything that the bodies of one evaluation share."""
 
     bodies: tuple[Body, ...]
     epochs: Epochs
@@ -84,7 +95,7 @@ class _Evaluation:
     rates: bool = True
     by_name: dict[str, Body] = field(default_factory=dict)
     chiefs: dict[str, Chief] = field(default_factory=dict)
-    # Of bodies that orbit, and how their rtn axes turn in the root (time, 3) [rad/s], in those axes.
+    # Of bodies that orbit: their states, and the angular velocities (time, 3) [rad/s] of their rtn axes, in those axes.
     states: dict[str, BodyState] = field(default_factory=dict)
     turning: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -93,12 +104,12 @@ class _Evaluation:
 
     @cached_property
     def relative_turning(self) -> dict[str, np.ndarray]:
-        """Return the angular velocity (time, 3) [rad/s] of the rtn axes of relative motions in those of their chiefs.
+        """Angular velocities (time, 3) [rad/s] of the rtn axes of relative motions, relative to those of their chiefs.
 
-        It is the derivative of the rotation between them, in the body's own axes. A body that moves about another under
-        commands is left out: its chief has no state after an epoch.
+        Each is the derivative of the rotation between them, in the body's own axes. A body whose chief is under command
+        is left out, because the chief has no state after the epoch.
         """
-        names = [body.name for body in self.bodies if self._differenced(body)] if self.rates else []
+        names = [body.name for body in self.bodies if self._can_differentiate(body)] if self.rates else []
         if not names:
             return {}
         some = [body.replace(attitude=None, axes=()) for body in self.bodies if body.orbits]
@@ -128,8 +139,8 @@ class _Evaluation:
         rates = np.stack([spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]], axis=-1)
         return dict(zip(names, rates, strict=True))
 
-    def _differenced(self, body: Body) -> bool:
-        """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under commands."""
+    def _can_differentiate(self, body: Body) -> bool:
+        """Return whether a body moves relative to a chief, and no body in the chain of chiefs is under command."""
         if not isinstance(body.motion, RelativeMotion):
             return False
         while (relative_to := chief_of(body.motion)) is not None:
@@ -139,16 +150,16 @@ class _Evaluation:
         return True
 
     def turns(self, body: Body) -> bool:
-        """Return whether the turn of a body's orbital plane is needed: for the rates, or for a body relative to it."""
+        """Return whether the rotation of a body's orbital plane is needed, for rates or for a body relative to it."""
         return self.rates or any(chief_of(other.motion) == body.name for other in self.bodies)
 
     def flight_of(self, body: Body, model: StateSpaceModel) -> Flight:
-        """Return the flight of a state-space model of a body: the commanded one, or the one that nobody commands."""
+        """Return the flight of a state-space model of a body, with or without commands."""
         name = next(name for name, one in body.models.items() if one is model)
         return self.flights.get(name) or fly_open_loop(body.models[name])
 
     def chief(self, tree: PoseTree, name: str) -> Chief:
-        """Return the trajectory of a body that stands in the tree already."""
+        """Return the trajectory of a body that is in the tree already."""
         if name not in self.chiefs:
             self.chiefs[name] = Chief(
                 self.bodies, name, local=self.local, flights=self.flights, known=(self.epochs, self.states[name])
@@ -157,9 +168,15 @@ class _Evaluation:
 
 
 class Chief:
-    """The trajectory of a body that others move about, however that body moves itself.
+    """The trajectory of a body relative to which others move.
 
-    `known` are epochs at which its states are known already.
+    Parameters
+    ----------
+    bodies : all bodies.
+    name : of the chief.
+    local : whether the world is local, without an Earth.
+    flights : of commanded state-space models; None for none.
+    known : epochs at which the states are known already, and these states.
     """
 
     def __init__(
@@ -176,19 +193,21 @@ class Chief:
         self._known = [] if known is None else [known]
 
     def states(self, epochs: Epochs) -> BodyState:
-        """Return position [m] and velocity [m/s] (time, 3) in GCRS axes."""
+        """Compute position [m] and velocity [m/s] (time, 3) in GCRS axes."""
         for at, states in self._known:
             if at.start_utc == epochs.start_utc and np.array_equal(at.time_s, epochs.time_s):
                 return states
         with suppress_warnings():
-            states = truth(self._bare, epochs, local=self._local, flights=self._flights, rates=False).states[self._name]
-        if len(epochs) == 1:  # the start, which is asked for again and again
+            states = truth(self._chain, epochs, local=self._local, flights=self._flights, rates=False).states[
+                self._name
+            ]
+        if len(epochs) == 1:  # mostly the start, which every relative motion needs repeatedly
             self._known = [*self._known[-3:], (epochs, states)]
         return states
 
     @cached_property
-    def _bare(self) -> list[Body]:
-        """Return the body and those that it moves about in turn, without their turns."""
+    def _chain(self) -> list[Body]:
+        """The body and the chain of its chiefs, without their attitudes."""
         chain = [self._by_name[self._name]]
         while (relative_to := chief_of(chain[-1].motion)) is not None:
             chain.append(self._by_name[relative_to])
@@ -205,7 +224,14 @@ def _read_state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
 
 
 def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Return the tree with the axes at a body's origin."""
+    """Add the axes at the origin of a body to a tree.
+
+    Parameters
+    ----------
+    tree : with everything on which the body's motion depends.
+    body : the body.
+    here : the evaluation; states and rates of an orbit are added to it.
+    """
     place, relative_to = _place_body(tree, body, here), chief_of(body.motion)
     if not body.orbits:
         link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
@@ -220,7 +246,14 @@ def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _place_body(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
-    """Return where a body's origin is, in the axes that its motion is given in; what its model doubts is a warning."""
+    """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits.
+
+    Parameters
+    ----------
+    tree : with everything on which the body's motion depends.
+    body : the body.
+    here : the evaluation.
+    """
     motion = body.motion
     if isinstance(motion, PlacedMotion):
         flight = here.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
@@ -241,7 +274,16 @@ def _place_body(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
 def _add_orbit(
     tree: PoseTree, body: Body, state: BodyState, rates: tuple[np.ndarray, np.ndarray], here: _Evaluation
 ) -> PoseTree:
-    """Return the tree with the rtn axes of an orbit under the root; `rates` are the derivatives of its state."""
+    """Add the rtn axes of an orbit to a tree, under the root.
+
+    Parameters
+    ----------
+    tree : to which the axes are added.
+    body : the body that orbits.
+    state : position and velocity of the body.
+    rates : derivatives (time, 3) of position and velocity [m/s], [m/s2].
+    here : the evaluation; state and rates are added to it.
+    """
     matrix, turning = rtn_matrix(state.position_m, state.velocity_m_s, rates)
     here.states[body.name], here.turning[body.name] = state, turning
     return tree.with_node(body.origin, ROOT, Link((state.position_m, matrix), rates[0], turning))
@@ -254,10 +296,18 @@ def _add_relative(
     place: Place,
     here: _Evaluation,
 ) -> PoseTree:
-    """Return the tree with the rtn axes of an orbit under those of its chief.
+    """Add the rtn axes of a relative motion to a tree, under those of its chief.
 
-    `place` is in the chief's axes. The velocity of the body's state is the chief's and rho' + omega x rho, omega with the
-    turn of the chief's plane.
+    The velocity of the body is that of the chief plus rho' + omega x rho, where omega includes the rotation of the
+    chief's orbital plane.
+
+    Parameters
+    ----------
+    tree : with the axes of the chief.
+    body : the body that moves relative to the chief.
+    chief : name of the chief.
+    place : position and velocity in the chief's rtn axes.
+    here : the evaluation; state and rates of the body are added to it.
     """
     there, turning, (rho, rho_rate, rates) = tree.link(ROOT, here.by_name[chief].origin), here.turning[chief], place
     moved_m_s = rho_rate if rates is None else rates[0]
@@ -266,8 +316,8 @@ def _add_relative(
     own, own_turning = rtn_matrix(position, velocity)
     chief_from_own = np.matmul(np.swapaxes(there.matrix, -1, -2), own)
     carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), turning)
-    # For a body relative to this one, it is enough that this orbital plane turns as the chief's does: in free flight the two
-    # differ by some 1e-9 rad/s for each kilometre between them, which is 1 um/s a kilometre away.
+    # For a body relative to this one, the rotation of the chief's orbital plane is accurate enough: in free flight the
+    # two differ by about 1e-9 rad/s per kilometre of distance, which is 1 um/s at a kilometre.
     own_turning[..., 0] = carried[..., 0]
     here.states[body.name], here.turning[body.name] = BodyState(position, velocity), own_turning
     if rates is not None:
@@ -279,7 +329,7 @@ def _add_relative(
         carried = rotate_vectors(np.swapaxes(chief_from_own, -1, -2), around)
     relative = own_turning - carried
     found = here.relative_turning.get(body.name, relative)
-    # A difference quotient that is unknown, or that differs only by the rounding of matrices over its step, is not used.
+    # Skip a difference quotient that is unknown, or that differs only by the rounding of matrices over its step.
     link = Link((rho, chief_from_own), moved_m_s, np.where(np.abs(found - relative) > ROUNDING_RAD_S, found, relative))
     return tree.with_node(body.origin, here.by_name[chief].origin, link)
 
@@ -288,7 +338,14 @@ def _add_relative(
 
 
 def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Return the tree with a body's axes under its origin's, and under those what is fixed or hinged to it."""
+    """Add the axes of a body, and the further axes fixed to it, to a tree.
+
+    Parameters
+    ----------
+    tree : with the axes at the body's origin.
+    body : the body.
+    here : the evaluation.
+    """
     orientation = _orient_body(tree, body, here)
     matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
     if not orientation.in_origin:  # from the root's axes into those of the origin
@@ -302,7 +359,14 @@ def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Return the tree with the axes of a body's hinges under its own."""
+    """Add the axes of a body's hinges to a tree.
+
+    Parameters
+    ----------
+    tree : with the body axes.
+    body : the body.
+    here : the evaluation.
+    """
     if not body.joints:
         return tree
     seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
@@ -316,7 +380,14 @@ def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
-    """Return how a body is rotated: by its attitude, else by its motion, else not at all."""
+    """Compute the attitude of a body: from its attitude law, else from its motion, else constant.
+
+    Parameters
+    ----------
+    tree : with everything on which the attitude depends.
+    body : the body.
+    here : the evaluation.
+    """
     situation, attitude = _make_situation(tree, body, here), body.attitude
     if attitude is None and isinstance(body.motion, PlacedMotion):
         turned_by_motion = body.motion.orient(situation)
@@ -326,7 +397,14 @@ def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
 
 
 def _make_situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
-    """Return what the attitude law of a body may look at."""
+    """Make the situation that the attitude law of a body receives.
+
+    Parameters
+    ----------
+    tree : with everything on which the attitude depends.
+    body : the body.
+    here : the evaluation.
+    """
     base = tree.link(ROOT, body.origin)
     to_root = base.rotation
     shape = (len(here.epochs), 3)
