@@ -1,7 +1,7 @@
-"""What a pan-tilt unit is asked to point at, as a function of time.
+"""Demanded angles of a pan-tilt unit as a function of time.
 
-A demand is called with instants and gives angles, ``demand(time_s (time,)) -> (time, 2)`` pan and tilt [rad]:
-`FixedPoint.demand`, `ScanPoint.demand`, or a `DemandCurve`. It gives an instant the same bits whatever else is asked.
+A demand is a callable ``demand(time_s (time,)) -> (time, 2)`` that returns pan and tilt [rad]: `FixedPoint.demand`,
+`ScanPoint.demand`, or a `DemandCurve`. Its result at one instant has the same bits whichever others are requested.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Demand = Callable[[np.ndarray], np.ndarray]
 
 
 class FixedPoint(Part):
-    """Point one way in the mount's axes."""
+    """Point in a fixed direction in the axes of the mount."""
 
     type: Literal["fixed"] = "fixed"
     pan_deg: Number = Field(default=0.0, description="Pan angle, positive to the left [deg].")
@@ -32,9 +32,9 @@ class FixedPoint(Part):
 
 
 class TrackPoint(Part):
-    """Point the PTU's +x at the true place of a body, or of axes that a body declares, as a perfect tracker would ask.
+    """Point the PTU's +x at the true position of a body, or of axes that a body declares, like a perfect tracker.
 
-    A lidar that `[lidar] mount` turns away from the PTU's +x is turned away from the target as well.
+    If `[lidar] mount` rotates the lidar away from the PTU's +x, the lidar points beside the target.
     """
 
     type: Literal["track"] = "track"
@@ -44,10 +44,10 @@ class TrackPoint(Part):
 
 
 class ScanPoint(Part):
-    """Sweep about a centre at a constant rate in pan and tilt, there and back, for ever.
+    """Scan about a centre at a constant rate in pan and tilt, forward and backward, without end.
 
-    A `raster` runs in lines along pan, at most `step_deg` apart, from the upper left down, and back the same way. A
-    `spiral` runs outward from the centre, `step_deg` from turn to turn, to `radius_deg`, and back.
+    A `raster` has lines along pan, at most `step_deg` apart, and runs from the upper left down and back the same way. A
+    `spiral` runs from the centre out to `radius_deg` and back, with `step_deg` between its turns.
     """
 
     type: Literal["scan"] = "scan"
@@ -65,7 +65,7 @@ class ScanPoint(Part):
     rate_deg_s: Positive = Field(description="Angular rate along the pattern [deg/s].")
 
     @model_validator(mode="after")
-    def _size(self) -> Self:
+    def _check_size(self) -> Self:
         box = (self.half_width_deg, self.half_height_deg)
         if self.pattern == "raster" and (None in box or self.radius_deg is not None):
             raise ValueError("a raster has a size of half_width_deg and half_height_deg: give those two only")
@@ -78,43 +78,44 @@ class ScanPoint(Part):
     def demand(self, time_s: np.ndarray) -> np.ndarray:
         """Return pan and tilt (time, 2) [rad] at `time_s` (time,) [s]."""
         way = np.abs(np.asarray(time_s, dtype=float)) * self.rate_deg_s
-        offset = self._raster(way) if self.pattern == "raster" else self._spiral(way)
+        offset = self._trace_raster(way) if self.pattern == "raster" else self._trace_spiral(way)
         angles: np.ndarray = (np.array([self.pan_deg, self.tilt_deg]) + offset) * units.DEG
         return angles
 
-    def _raster(self, way: np.ndarray) -> np.ndarray:
+    def _trace_raster(self, way: np.ndarray) -> np.ndarray:
         width, height = self.half_width_deg or 0.0, self.half_height_deg or 0.0
         lines = 1 + math.ceil(2.0 * height / self.step_deg - 1e-9)
         tilt = np.repeat(np.linspace(height, -height, lines) if lines > 1 else [0.0], 2)
         pan = np.tile([width, -width, -width, width], (lines + 1) // 2)[: 2 * lines]
         corners = np.append(0.0, np.cumsum(np.abs(np.diff(pan)) + np.abs(np.diff(tilt))))
-        folded = _there_and_back(way, float(corners[-1]))
+        folded = _fold(way, float(corners[-1]))
         return np.stack([np.interp(folded, corners, pan), np.interp(folded, corners, tilt)], axis=-1)
 
-    def _spiral(self, way: np.ndarray) -> np.ndarray:
-        """Return Archimedes' spiral r = b theta by its length, b / 2 (theta sqrt(1 + theta^2) + asinh theta)."""
+    def _trace_spiral(self, way: np.ndarray) -> np.ndarray:
+        """Invert the arc length b / 2 (theta sqrt(1 + theta^2) + asinh theta) of Archimedes' spiral r = b theta."""
         growth = self.step_deg / (2.0 * math.pi)
         last = (self.radius_deg or 0.0) / growth
         length = 0.5 * growth * (last * math.hypot(1.0, last) + math.asinh(last))
-        scaled = 2.0 * _there_and_back(way, length) / growth
+        scaled = 2.0 * _fold(way, length) / growth
         theta = scaled / np.sqrt(4.0 + scaled)
-        for _ in range(6):  # Newton; the start is right at both ends, and two steps fewer already give 1e-15
+        for _ in range(6):  # Newton: the start is exact at both ends, and four steps already give 1e-15
             root = np.sqrt(1.0 + theta * theta)
             theta = theta - (theta * root + np.arcsinh(theta) - scaled) / (2.0 * root)
         offset: np.ndarray = growth * np.stack([theta * np.cos(theta), theta * np.sin(theta)], axis=-1)
         return offset
 
 
-def _there_and_back(way: np.ndarray, length: float) -> np.ndarray:
+def _fold(way: np.ndarray, length: float) -> np.ndarray:
+    """Fold a distance into [0, length], forward and backward."""
     around = np.mod(way, 2.0 * length)
     folded: np.ndarray = np.minimum(around, 2.0 * length - around)
     return folded
 
 
 def find_pan_tilt(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return pan in (-pi, pi] and tilt [rad] that turn the boresight to `direction` (…, 3), any length, mount axes.
+    """Find pan in (-pi, pi] and tilt [rad] that point the boresight along `direction` (…, 3), any length, mount axes.
 
-    >>> [angle.round(6) for angle in pan_tilt(np.array([0.0, 2.0, 0.0]))]
+    >>> [angle.round(6) for angle in find_pan_tilt(np.array([0.0, 2.0, 0.0]))]
     [np.float64(1.570796), np.float64(0.0)]
     """
     x, y, z = np.moveaxis(np.asarray(direction, dtype=float), -1, 0)
@@ -122,17 +123,19 @@ def find_pan_tilt(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class DemandCurve:
-    """Pan and tilt [rad] that follow directions, as a demand: cubic between knots 0.05 s apart, from t = 0.
+    """A demand of pan and tilt [rad] that follows directions: cubics between knots 0.05 s apart, from t = 0.
 
-    Cubic Hermite with central differences for slopes (Catmull-Rom): for an angle f the error is below
-    0.017 h^3 max|f'''|, 5 nrad at a flyby of 6 deg/s. Past the last knot, at most one interval, the last cubic goes on.
-    Knots are asked for in blocks of 4096, always the same ones, and two blocks are held: a run of any length takes
-    constant memory, and an instant has the same bits whatever else is asked for. Pan is unwrapped from t = 0.
+    The cubics are Hermite's with central differences as slopes (Catmull-Rom). For an angle f the error is below
+    0.017 h^3 max|f'''|, which is 5 nrad at a flyby of 6 deg/s. The last cubic continues past the last knot, for at most
+    one interval. Pan is unwrapped from t = 0.
+
+    Knots are computed in fixed blocks of 4096, of which two are kept. A run of any length therefore takes constant
+    memory, and the result at one instant has the same bits whichever others are requested.
 
     Parameters
     ----------
-    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to what it follows, mount axes, any length
-    end_s : last instant [s] at which `directions` may be asked
+    directions : ``directions(time_s (knot,)) -> (knot, 3)`` from the PTU to its target, mount axes, any length.
+    end_s : last instant [s] at which `directions` may be evaluated.
     """
 
     KNOT_S = 0.05
@@ -141,7 +144,7 @@ class DemandCurve:
     def __init__(self, directions: Callable[[np.ndarray], np.ndarray], end_s: float) -> None:
         self._directions = directions
         self._last = max(0, math.floor(end_s / self.KNOT_S + 1e-9))
-        self._pan_at_block = [0.0]  # unwrapped pan at the first knot of each block reached (0 keeps the first as it is)
+        self._pan_at_block = [0.0]  # unwrapped pan at the first knot of each block reached; 0 does not shift the first
         self._blocks: dict[int, np.ndarray] = {}
 
     def __call__(self, time_s: np.ndarray) -> np.ndarray:
@@ -161,7 +164,7 @@ class DemandCurve:
         return angles
 
     def _block(self, block: int) -> np.ndarray:
-        """Return the cubics (knot, 4, 2) of pan and tilt that begin at the knots of a block, in intervals."""
+        """Return the coefficients (knot, 4, 2) of the cubics of pan and tilt that begin at the knots of a block."""
         for earlier in range(len(self._pan_at_block) - 1, block):
             self._block(earlier)
         if block not in self._blocks:
@@ -174,7 +177,7 @@ class DemandCurve:
             if len(self._pan_at_block) == block + 1:
                 self._pan_at_block.append(float(pan[end - low]))
             values = np.stack([pan, tilt], axis=-1)
-            if len(values) == 1:  # a run shorter than one interval stays where it began
+            if len(values) == 1:  # a run shorter than one interval has a constant demand
                 values = np.repeat(values, 2, axis=0)
             slopes = np.gradient(values, axis=0, edge_order=2 if len(values) > 2 else 1)
             while len(self._blocks) > 1:
@@ -184,13 +187,13 @@ class DemandCurve:
 
 
 def _cubics(values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Return the coefficients (interval, 4, 2) of Hermite's cubics between values and slopes (knot, 2)."""
+    """Compute the coefficients (interval, 4, 2) of Hermite's cubics from values and slopes (knot, 2)."""
     begin, end, rise = slopes[:-1], slopes[1:], values[1:] - values[:-1]
     return np.stack([values[:-1], begin, 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise], axis=1)
 
 
 def _cubic(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the values (time, 2) of cubics (time, 4, 2) at s (time, 1)."""
+    """Evaluate cubics (time, 4, 2) at s (time, 1)."""
     a, b, c, d = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2], coefficients[:, 3]
     value: np.ndarray = a + s * (b + s * (c + s * d))
     return value

@@ -1,8 +1,9 @@
-"""Drives of a pan-tilt unit: how its axes follow their demand, from tick to tick.
+"""Drives of a pan-tilt unit: the response of its axes to their demand, from tick to tick.
 
-First- and second-order drives are linear and solved exactly for a demand that is held over a tick. Where a limit applies,
-the change of rate is clipped to the greatest acceleration, then the rate to the greatest rate, and the angle follows:
-`SecondOrder` by the mean of old and new rate, `FirstOrder` by the new rate. At an end of its travel a drive stops.
+First- and second-order drives are linear and solved exactly for a demand that is held over a tick. Where a limit
+applies, the change of rate is clipped to the greatest acceleration, then the rate to the greatest rate. The angle is
+integrated from the mean of old and new rate in `SecondOrder`, and from the new rate in `FirstOrder`. A drive stops at
+the ends of its travel.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ State = tuple[tuple[Pair, Pair], tuple[float, ...]]  # (angle, rate) of pan and 
 
 
 class _Travel(Part):
-    """Base of all drives: the ends of the travel of pan and tilt."""
+    """Base of all drives: the limits of pan and tilt."""
 
-    # Longest run [s] for which a preview steps the drive: it then takes a second or two.
+    # Longest run [s] for which a preview steps the drive, which then takes a second or two.
     preview_limit_s: ClassVar[float] = 4000.0
 
     pan_limits_deg: Limits | None = Field(
@@ -45,7 +46,7 @@ class _Travel(Part):
     )
 
     @model_validator(mode="after")
-    def _order(self) -> Self:
+    def _check_order(self) -> Self:
         for name in ("pan_limits_deg", "tilt_limits_deg"):
             limits = getattr(self, name)
             if limits is not None and not limits[0] < limits[1]:
@@ -54,7 +55,7 @@ class _Travel(Part):
 
     @property
     def travel_rad(self) -> tuple[Limits, Limits]:
-        """Return the ends of pan and of tilt [rad], infinite where there are none."""
+        """Lower and upper limits of pan and of tilt [rad], infinite by default."""
         pan, tilt = self.pan_limits_deg, self.tilt_limits_deg
         free = (-math.inf, math.inf)
         return (
@@ -64,7 +65,7 @@ class _Travel(Part):
 
 
 class _Drive(_Travel):
-    """Base of linear drives: the greatest rate and acceleration."""
+    """Base of linear drives: the limits of rate and acceleration."""
 
     max_rate_deg_s: Positive | None = Field(
         default=None, description="Greatest rate of each axis [deg/s]. If omitted, the rate is unlimited."
@@ -76,21 +77,21 @@ class _Drive(_Travel):
 
     @property
     def max_rate_rad_s(self) -> float:
-        """Return the greatest rate [rad/s], infinite where there is none."""
+        """Greatest rate [rad/s], infinite by default."""
         return math.inf if self.max_rate_deg_s is None else self.max_rate_deg_s * units.DEG
 
     @property
     def max_acceleration_rad_s2(self) -> float:
-        """Return the greatest acceleration [rad/s2], infinite where there is none."""
+        """Greatest acceleration [rad/s2], infinite by default."""
         return math.inf if self.max_acceleration_deg_s2 is None else self.max_acceleration_deg_s2 * units.DEG
 
     def limits(self, dt: float) -> Pair:
-        """Return the greatest rate [rad/s], and the greatest change of it in `dt` [s]."""
+        """Return the greatest rate [rad/s], and its greatest change in `dt` [s]."""
         return self.max_rate_rad_s, self.max_acceleration_rad_s2 * dt
 
 
 class Ideal(_Travel):
-    """A drive that is at its demand at every instant, within its travel."""
+    """A drive that follows its demand without delay, within its travel."""
 
     preview_limit_s: ClassVar[float] = 0.0
     type: Literal["ideal"] = "ideal"
@@ -105,7 +106,13 @@ class FirstOrder(_Drive):
     def advance(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
     ) -> State:
-        """Advance both axes as `StateSpaceDrive.advance` does; there are no further entries."""
+        """Advance both axes through demands that are held one after the other.
+
+        Parameters
+        ----------
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
+        further : returned as it is, because this drive has no further entries.
+        """
         law = self.time_constant_s, math.exp(-dt / self.time_constant_s)
         limits = self.limits(dt)
         (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
@@ -125,7 +132,13 @@ class SecondOrder(_Drive):
     def advance(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
     ) -> State:
-        """Advance both axes as `StateSpaceDrive.advance` does; there are no further entries."""
+        """Advance both axes through demands that are held one after the other.
+
+        Parameters
+        ----------
+        begin_s, dt, axes, held : as for `StateSpaceDrive.advance`.
+        further : returned as it is, because this drive has no further entries.
+        """
         law = second_order_transition(2.0 * math.pi * self.natural_hz, self.damping, dt)
         limits = self.limits(dt)
         (pan_ends, tilt_ends), asked = self.travel_rad, packed(held.T, float)
@@ -136,8 +149,8 @@ class SecondOrder(_Drive):
 class StateSpaceDrive(_Travel):
     """A drive with user-defined dynamics x' = f(t, x, u) (Fuller et al., eq. 6), integrated by RK4 in steps of 1 ms.
 
-    x begins with pan, tilt [rad] and their rates [rad/s]; `further_state` is what follows at the start, the user's own.
-    u is what is asked: pan and tilt [rad]. `dynamics` is ``file.py:name``, ``package.module:name`` or a function.
+    x begins with pan, tilt [rad] and their rates [rad/s]; `further_state` is the initial value of further entries. u is
+    the demanded pan and tilt [rad]. `dynamics` is ``file.py:name``, ``package.module:name`` or a function.
     """
 
     preview_limit_s: ClassVar[float] = 60.0
@@ -152,13 +165,13 @@ class StateSpaceDrive(_Travel):
 
     @property
     def label(self) -> str:
-        """Return what to call the dynamics in errors."""
+        """Name of the dynamics in error messages."""
         return name_function(self.dynamics)
 
     def advance(
         self, begin_s: float, dt: float, axes: tuple[Pair, Pair], further: tuple[float, ...], held: np.ndarray
     ) -> State:
-        """Advance both axes while each row of `held` is the demand in turn.
+        """Advance both axes through demands that are held one after the other.
 
         Parameters
         ----------
@@ -195,7 +208,7 @@ def _function(drive: StateSpaceDrive, _stamp: tuple[int, int]) -> Function:
 
 @kernel
 def advance_first_order(dt: float, law: Pair, limits: Pair, travel: Pair, axis: Pair, asked: np.ndarray) -> Pair:
-    """Advance one axis of a first-order drive while each entry of `asked` is held in turn.
+    """Advance one axis of a first-order drive through demands that are held one after the other.
 
     Parameters
     ----------
@@ -234,9 +247,20 @@ def advance_second_order(
     axis: Pair,
     asked: np.ndarray,
 ) -> Pair:
-    """Advance one axis of a second-order drive while each entry of `asked` is held in turn.
+    """Advance one axis of a second-order drive through demands that are held one after the other.
 
-    `law` is the transition matrix over `dt`, by rows; the rest as for `advance_first_order`.
+    Parameters
+    ----------
+    dt : how long each demand is held [s].
+    law : transition matrix over `dt`, by rows.
+    limits : greatest rate [rad/s], and greatest change of it in `dt` [rad/s].
+    travel : lower and upper end of the axis [rad].
+    axis : angle [rad] and rate [rad/s] at the start.
+    asked : demands (tick) f8 [rad].
+
+    Returns
+    -------
+    angle [rad] and rate [rad/s] after the last demand.
     """
     (x, v), (low, high), (most, change), (xx, xv, vx, vv) = axis, travel, limits, law
     for d in asked:
@@ -254,7 +278,7 @@ def advance_second_order(
 
 
 def second_order_transition(natural: float, damping: float, dt: float) -> tuple[float, float, float, float]:
-    """Return the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows.
+    """Compute the matrix exponential of ((0, 1), (-w^2, -2 zeta w)) dt, by rows.
 
     Parameters
     ----------
@@ -268,7 +292,7 @@ def second_order_transition(natural: float, damping: float, dt: float) -> tuple[
         root = math.sqrt(phase)
         cosine, sine = math.cos(root * dt), math.sin(root * dt) / root if root else dt
         fading = math.exp(-sigma * dt)
-    else:  # overdamped: the slow exponential outside, so that nothing overflows
+    else:  # overdamped: factor out the slow exponential, so that nothing overflows
         root = math.sqrt(-phase)
         lost = -math.expm1(-2.0 * root * dt)
         cosine, sine = 1.0 - 0.5 * lost, 0.5 * lost / root

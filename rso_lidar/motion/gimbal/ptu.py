@@ -1,15 +1,15 @@
-"""The pan-tilt unit: where it is mounted, how its drive gets to what it is asked, and what its encoders say.
+"""The pan-tilt unit: its mount, the motion of its drive, and the readings of its encoders.
 
-follower_from_ptu = mount * Rz(pan) * Ry(-tilt), intrinsic: pan > 0 turns left, tilt > 0 looks up, and at zero the
-boresight is +x of the mount. One walk, in open and in closed loop::
+follower_from_ptu = mount * Rz(pan) * Ry(-tilt), intrinsic: pan > 0 turns left, tilt > 0 turns up, and at zero the
+boresight is +x of the mount. The same steps serve open and closed loop::
 
     head = start(ptu, demand)
     for time_s in flashes:
         head = step(ptu, head, demand, until_s=time_s, command=command)
         pointing = sense(ptu, head, rng)
 
-The drive runs on a grid of 1 ms from t = 0, whatever flashes are asked for, and holds what it is asked from tick to
-tick: the state at a tick has the same bits however many steps led there.
+The drive runs on a grid of 1 ms from t = 0, whatever the times of flashes, and holds its demand over each tick. The
+state at a tick therefore has the same bits for any sequence of steps.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from rso_lidar.records import Command, PtuAngles
 
 TICKS_PER_S = 1000
 TICK_S = 1.0 / TICKS_PER_S
-CHUNK = 20_000  # ticks for which the demand is evaluated at once
+CHUNK = 20_000  # ticks in one evaluation of the demand; bounds memory
 
 
 class PointingErrors(Part):
-    """How what is pointed at differs from what the drive believes; one standard deviation for each axis where random.
+    """Errors of pointing and of the encoders; random ones are one standard deviation for each axis.
 
     Actual = drive + misalignment + jitter. Measured = drive + encoder noise, rounded to the encoder's resolution.
     Demands and commands reach the drive `command_latency_s` late, rounded to its ticks of 1 ms.
@@ -77,8 +77,16 @@ def ptu_link(
     pan_rate_rad_s: np.ndarray | float = 0.0,
     tilt_rate_rad_s: np.ndarray | float = 0.0,
 ) -> Link:
-    """Return the link of the ptu in follower axes, single or batched like pan and tilt (…) [rad] and rates [rad/s].
+    """Compute the link of the PTU in follower axes, single or batched like the angles.
 
+    Parameters
+    ----------
+    mount : of the PTU on the follower.
+    pan_rad, tilt_rad : angles (…) [rad].
+    pan_rate_rad_s, tilt_rate_rad_s : their rates (…) [rad/s].
+
+    Examples
+    --------
     >>> ptu_link(Mount(), 0.0, 0.5).pose.apply([1, 0, 0]).round(3)  # the boresight looks up
     array([0.878, 0.   , 0.479])
     """
@@ -94,11 +102,17 @@ def ptu_link(
 
 @dataclass(frozen=True, slots=True)
 class PtuState:
-    """Where the drive stands: pan and tilt at `time_s`, and what it needs to go on from the tick before.
+    """State of the drive at an instant, and at the previous tick, from which it continues.
 
-    `demand_rad` is what was asked for at `time_s`, before latency and the ends of travel. `grid` holds (angle, rate) of
-    pan and of tilt at `tick`, `further` the rest of a state-space drive's state there; `commands` those that still
-    matter, each with the tick from which the drive obeys it.
+    Parameters
+    ----------
+    time_s : instant [s].
+    angle_rad, rate_rad_s : pan and tilt [rad] at `time_s`, and their rates [rad/s].
+    demand_rad : demanded pan and tilt at `time_s`, before latency and limits [rad].
+    tick : number of the previous tick.
+    grid : (angle [rad], rate [rad/s]) of pan and of tilt at `tick`.
+    commands : commands that still matter, each with the first tick at which the drive obeys it.
+    further : further entries of the state of a state-space drive at `tick`.
     """
 
     time_s: float
@@ -112,7 +126,13 @@ class PtuState:
 
 
 def start(ptu: Ptu, demand: Demand) -> PtuState:
-    """Return the state at t = 0: at rest on the demand, within the travel (an `Ideal` drive moves with it at once)."""
+    """Return the state at t = 0: at rest on the demand, within the travel. An `Ideal` drive has the rate of the demand.
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit.
+    demand : of the scenario.
+    """
     asked = _pair(demand(np.zeros(1))[0])
     pan, tilt = (min(max(angle, low), high) for angle, (low, high) in zip(asked, ptu.response.travel_rad, strict=True))
     further = getattr(ptu.response, "further_state", ())
@@ -121,13 +141,20 @@ def start(ptu: Ptu, demand: Demand) -> PtuState:
 
 
 def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Command | None = None) -> PtuState:
-    """Return the state at `until_s` [s], not before the state handed in.
+    """Advance the drive to a later instant.
 
     Parameters
     ----------
-    demand : the scenario's demand, the same function at every step
-    until_s : instant of the next flash [s]; off the grid, a copy is carried on from the tick before
-    command : given at `state.time_s`, it holds until `until_s`; an axis that is None, or no command, keeps the demand
+    ptu : the pan-tilt unit.
+    state : at the previous flash.
+    demand : of the scenario, the same function at every step.
+    until_s : instant of the next flash, not before `state.time_s` [s]. Between ticks, a copy of the state at the
+        previous tick is advanced, so that the grid does not depend on flashes.
+    command : given at `state.time_s`, it holds until `until_s`. An axis that is None, or no command, keeps the demand.
+
+    Returns
+    -------
+    state at `until_s`.
     """
     if until_s < state.time_s:
         raise ValueError(f"ptu: time runs forward, from {state.time_s:g} s to {until_s:g} s: start afresh to go back")
@@ -156,7 +183,14 @@ def step(ptu: Ptu, state: PtuState, demand: Demand, until_s: float, command: Com
 
 
 def sense(ptu: Ptu, state: PtuState, rng: np.random.Generator) -> PtuAngles:
-    """Return where the PTU was asked to point, points, and believes it points; always four draws from `rng`."""
+    """Draw jitter and encoder noise, and return demanded, actual and measured angles.
+
+    Parameters
+    ----------
+    ptu : the pan-tilt unit.
+    state : at the flash.
+    rng : always gives four numbers, so that its sequence does not depend on settings.
+    """
     errors = ptu.errors
     draws = rng.standard_normal(4)
     angle = np.array(state.angle_rad)
@@ -192,7 +226,7 @@ def _check_command(command: Command) -> Command:
 
 
 def _split_time(time_s: float) -> tuple[int, float]:
-    """Return the last tick at or before an instant, and what is left [s]; within a nanosecond of a tick is on it."""
+    """Split an instant [s] into the last tick and a remainder [s]; less than a nanosecond before a tick counts as it."""
     tick = math.floor(time_s * TICKS_PER_S + 1e-6)
     rest_s = time_s - tick / TICKS_PER_S
     return tick, rest_s if rest_s > 1e-9 else 0.0
@@ -205,7 +239,14 @@ def _apply_command(angles: np.ndarray, command: Command) -> np.ndarray:
 
 
 def _select_commands(state: PtuState, command: Command, latency: int) -> tuple[tuple[int, Command], ...]:
-    """Return the commands from the state's tick on, the new one last."""
+    """List the commands that still matter from the state's tick on, the new one last.
+
+    Parameters
+    ----------
+    state : at the instant of the new command.
+    command : the new one.
+    latency : ticks until the drive obeys a command.
+    """
     past = sum(1 for tick, _ in state.commands if tick <= state.tick)
     commands = state.commands[max(0, past - 1) :]
     if command == (commands[-1][1] if commands else Command()):
@@ -222,7 +263,20 @@ def _sample_demand(
     latency: int,
     travel: tuple[Pair, Pair],
 ) -> np.ndarray:
-    """Return what the drive is asked (tick, 2) [rad] at the ticks from `first` up to `end`, within its travel."""
+    """Sample demand and commands at ticks, within the travel.
+
+    Parameters
+    ----------
+    demand : of the scenario.
+    commands : each with the first tick at which the drive obeys it.
+    first, end : first tick, and the one after the last.
+    latency : ticks until a demand reaches the drive.
+    travel : lower and upper limits of pan and of tilt [rad].
+
+    Returns
+    -------
+    demanded pan and tilt (tick, 2) [rad].
+    """
     asked = np.array(demand(np.maximum(np.arange(first, end) - latency, 0) / TICKS_PER_S), dtype=float)
     ends = [tick for tick, _ in commands[1:]] + [end]
     for (begin, command), finish in zip(commands, ends, strict=True) if commands else ():
@@ -241,7 +295,20 @@ def _sample_demand(
 def _follow_demand(
     response: Ideal, demand: Demand, commands: tuple[tuple[int, Command], ...], time_s: float, latency: int
 ) -> tuple[Pair, Pair]:
-    """Return pan and tilt [rad] on the demand, and its rates [rad/s] by central difference over a tick."""
+    """Evaluate the demand of an ideal drive, and its rates by central difference over a tick.
+
+    Parameters
+    ----------
+    response : the drive.
+    demand : of the scenario.
+    commands : each with the first tick at which the drive obeys it.
+    time_s : instant [s].
+    latency : ticks until a demand reaches the drive.
+
+    Returns
+    -------
+    pan and tilt [rad], and their rates [rad/s].
+    """
     now = time_s - latency / TICKS_PER_S
     around = np.maximum([now, now - TICK_S / 2, now + TICK_S / 2], 0.0)
     asked = demand(around)
