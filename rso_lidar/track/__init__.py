@@ -1,4 +1,4 @@
-"""Reference controllers and trackers: an Observation in, a Command out; points in, an estimate out."""
+"""Reference controllers, which turn observations into commands, and trackers, which turn points into estimates."""
 
 from rso_lidar.track.centroid import Fix, locate_centroid
 from rso_lidar.track.controller import Controller

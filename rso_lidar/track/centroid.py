@@ -1,4 +1,4 @@
-"""The simplest estimate of where a target is: the middle of its points, and how far to believe it."""
+"""The simplest estimate of a target's position: the mean of its points, with a covariance."""
 
 from __future__ import annotations
 
@@ -13,9 +13,14 @@ _NEIGHBOURS = ((0, 1), (1, 0))  # along rows and along columns
 
 @dataclass(frozen=True, eq=False)
 class Fix:
-    """Where a target's points are: their mean (xyz) [m] in the points' axes, its covariance [m²], and the points.
+    """Estimated position of a target, in the axes of the points.
 
-    `points_m` (n, 3) are those that were taken; `found_fraction` is the share of the target's pixels that returned.
+    Parameters
+    ----------
+    position_m : mean of the points (xyz) [m].
+    covariance_m2 : of the mean (3, 3) [m²].
+    points_m : points (n, 3) that were used [m].
+    found_fraction : fraction of the target's pixels that returned.
     """
 
     position_m: np.ndarray
@@ -25,7 +30,7 @@ class Fix:
 
     @property
     def range_m(self) -> float:
-        """Return the distance of the mean from the origin [m]."""
+        """Distance of the mean from the origin [m]."""
         return float(np.linalg.norm(self.position_m))
 
 
@@ -37,19 +42,21 @@ def locate_centroid(
     gate_m: float = 20.0,
     min_points: int = 4,
 ) -> Fix | None:
-    """Return the middle of a target's points, seen from the origin; None where there are fewer than `min_points`.
+    """Locate a target by the mean of its points, seen from the origin.
 
-    The fullest window of `gate_m` in range is the target, and of it what lies within `gate_m` of the window's median point:
-    false triggers, uniform in range, seldom do. The covariance of the mean of n points adds, for pixels of width p at that
-    range,
+    The range window of depth `gate_m` with most points is the target. Of its points, those within `gate_m` of their
+    median count; false triggers, which are uniform in range, are seldom among them. The covariance of the mean of n
+    points is a sum of three terms, for pixels of width p at that range:
 
-    * along the line of sight, `range_noise_m`² / n,
-    * across it p² / (12 √n): pixels along the edge are in or out. Over squares and discs of any turn the truth is 0.3 to 1
-      times this; an edge along the rows moves all its pixels at once, and gives up to p² / 12,
-    * (1 − f) C / n, with C the scatter of the shape, where only a share f of the pixels returned: which of them did is
-      chance. In an organised cloud f is counted: the share that returned of the pixels between two that did.
+    * `range_noise_m`² / n along the line of sight.
+    * p² / (12 √n) across it, because a pixel along the edge either returns or does not. For squares and discs in any
+      orientation the true value is 0.3 to 1 times this. An edge along the rows shifts all its pixels together, which
+      gives up to p² / 12.
+    * (1 − f) C / n, where f is the fraction of pixels that returned and C the scatter of the shape. In an organised
+    cloud
+      f is counted among the pixels between two that returned.
 
-    Where the target turns, the middle of what is seen moves on it; that is no noise, and not in the covariance.
+    If the target turns, the visible centroid moves on it. That is no noise, and not in the covariance.
 
     Parameters
     ----------
@@ -58,6 +65,15 @@ def locate_centroid(
     range_noise_m : standard deviation of one range [m].
     gate_m : depth and radius of the gate [m], about the size of the target.
     min_points : fewest points that make a target.
+
+    Returns
+    -------
+    position with covariance; None for fewer than `min_points` points.
+
+    Raises
+    ------
+    ScenarioError
+        If a setting is not positive, or `points_m` has another shape.
     """
     if not (pixel_rad > 0.0 and range_noise_m > 0.0 and gate_m > 0.0 and min_points >= 1):
         raise ScenarioError("centroid: needs pixel_rad, range_noise_m and gate_m above 0 and min_points from 1")
@@ -81,7 +97,7 @@ def locate_centroid(
 
 
 def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
-    """Return which points (…) of a cloud (…, 3) are the target's: in the fullest window of range, and together."""
+    """Select the points (…) of a cloud (…, 3) that are the target's: close together, in the fullest range window."""
     range_m = np.sqrt((cloud**2).sum(axis=-1))
     rising = np.sort(range_m[np.isfinite(range_m)])
     if not rising.size:
@@ -95,7 +111,7 @@ def select_target_points(cloud: np.ndarray, gate_m: float) -> np.ndarray:
 
 
 def _count_found_fraction(taken: np.ndarray) -> float:
-    """Return the share of pixels that returned, of those (row, col) between two that did."""
+    """Count the fraction of pixels that returned, among those (row, col) between two that did."""
     inside = found = 0
     for down, right in _NEIGHBOURS:
         rows, cols = taken.shape

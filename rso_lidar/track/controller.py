@@ -1,4 +1,4 @@
-"""What flies as a controller: the seam between an observation and a command."""
+"""The protocol of controllers, which turn an observation into a command."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from rso_lidar.records import Command, Observation
 
 @runtime_checkable
 class Controller(Protocol):
-    """What a Python object needs to control a simulation: a function will do, or an object that is called.
+    """Protocol of user-defined controllers: a function, or any callable object.
 
-    It is called once after each flash, in order, with what the spacecraft could know: never with truth or labels. What it
-    returns acts from the next flash on. `Pointing` is one; `examples/seams/own_tracker.py` flies another.
+    It is called once after each flash, in order, with what the spacecraft could know; truth and labels are not part of
+    it. The returned command acts from the next flash on. `Pointing` and `examples/seams/own_tracker.py` are examples.
     """
 
     def __call__(self, observation: Observation) -> Command | None:
-        """Return what to ask of the next flash; None, or a field that is None, keeps the scenario's demand.
+        """Return the command for the next flash; None, or a field that is None, keeps the scenario's demand.
 
         Parameters
         ----------

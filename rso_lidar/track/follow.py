@@ -1,4 +1,4 @@
-"""A pose followed from cloud to cloud: found without a guess once, then each time from where it should have come to."""
+"""Pose tracking from cloud to cloud: acquired without a guess once, then predicted and aligned for each cloud."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from rso_lidar.track.icp import Alignment, SampledMesh, acquire, align, find_out
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-FEWEST_POINTS = 50  # of which a pose is found, if not asked otherwise
-_LOST = 2.5  # times the usual misfit
-_NEW = 0.1  # share of the newest cloud in a hypothesis's mean square
-_WORSE = 1.25  # mean square over the best's, from which a hypothesis is given up once it is old enough
-_OLD = 20  # clouds
+FEWEST_POINTS = 50  # default of the fewest points for a pose
+_LOST = 2.5  # misfit over the usual one, above which the track is lost
+_NEW = 0.1  # weight of the newest cloud in the mean square of a hypothesis
+_WORSE = 1.25  # mean square over the best one, above which an old hypothesis is dropped
+_OLD = 20  # clouds after which a hypothesis is old
 
 
 @dataclass(eq=False)
 class _Hypothesis:
-    """One pose that it may be: the last one in axes that do not turn, its rate, and how well it has fitted [m²]."""
+    """One possible pose: the latest one in axes that do not turn, its rate, and its mean square misfit [m²]."""
 
     time_s: float
     in_axes: RigidTransform
@@ -34,7 +34,14 @@ class _Hypothesis:
     age: int = 1
 
     def guess(self, time_s: float, middle_m: np.ndarray, axes_from_lidar: Rotation) -> RigidTransform:
-        """Return lidar_from_body where it should have come to, the middle of the points being at `middle_m`."""
+        """Predict lidar_from_body.
+
+        Parameters
+        ----------
+        time_s : instant [s].
+        middle_m : mean of the points (xyz), in axes that do not turn [m].
+        axes_from_lidar : attitude of the lidar in these axes.
+        """
         from scipy.spatial.transform import Rotation
 
         turn = Rotation.from_rotvec(self.rate_rad_s * (time_s - self.time_s))
@@ -44,7 +51,16 @@ class _Hypothesis:
     def move(
         self, time_s: float, found: Alignment, misfit: float, middle_m: np.ndarray, axes_from_lidar: Rotation
     ) -> None:
-        """Take in the pose found at `time_s`, and its misfit [m]."""
+        """Update the hypothesis with a new pose.
+
+        Parameters
+        ----------
+        time_s : instant of the pose [s].
+        found : the pose.
+        misfit : of the pose [m].
+        middle_m : mean of the points (xyz), in axes that do not turn [m].
+        axes_from_lidar : attitude of the lidar in these axes.
+        """
         in_axes = pose(rotation=axes_from_lidar) * found.pose
         if time_s > self.time_s:
             self.rate_rad_s = (in_axes.rotation * self.in_axes.rotation.inv()).as_rotvec() / (time_s - self.time_s)
@@ -55,19 +71,20 @@ class _Hypothesis:
 
 
 class PoseFollower:
-    """Return, called with a cloud, the pose of a rigid target in it by ICP; None where it has too few points.
+    """Tracker that returns the pose of a rigid target in each cloud by ICP; None for a cloud with too few points.
 
-    The guess is the pose before, turned on at the rate between the last two poses and moved with the middle of the points,
-    both in axes that do not turn. At first several poses that fit are followed side by side, and the one that has fitted
-    best is told, until the others have fallen behind. When the best fits 2.5 times worse than usual, all begins anew.
+    The guess is the previous pose, rotated at the rate between the last two poses and moved with the mean of the
+    points. Both are in axes that do not turn. At first several hypotheses are tracked in parallel, and the one with the
+    smallest misfit is returned; hypotheses that fit much worse are dropped. If the best misfit exceeds 2.5 times its
+    usual value, the target is acquired again.
 
     Parameters
     ----------
-    model : the target's.
+    model : of the target.
     min_points : fewest points for a pose.
-    most_points : points at most that a pose is found from, evenly thinned.
-    patience : clouds between two searches from all sides, which take some hundred times as long as a step.
-    hypotheses : poses at most that are followed side by side.
+    most_points : most points in one alignment; denser clouds are thinned evenly.
+    patience : fewest clouds between two acquisitions, each of which takes about a hundred times as long as a step.
+    hypotheses : most hypotheses in parallel.
     """
 
     def __init__(
@@ -87,7 +104,14 @@ class PoseFollower:
         self._waited = patience
 
     def __call__(self, time_s: float, points_m: np.ndarray, axes_from_lidar: Rotation) -> Alignment | None:
-        """Return lidar_from_body at `time_s` [s], from points (n, 3) [m] and the lidar's turn in axes that do not turn."""
+        """Estimate lidar_from_body.
+
+        Parameters
+        ----------
+        time_s : instant [s].
+        points_m : points (n, 3) in lidar axes [m].
+        axes_from_lidar : attitude of the lidar in axes that do not turn.
+        """
         if len(points_m) < self.min_points:
             return None
         points = points_m[:: -(-len(points_m) // self.most_points)]
@@ -112,10 +136,10 @@ class PoseFollower:
             return None
         self._kept.sort(key=lambda one: one.square_m2)
         best = self._kept[0]
-        self._kept = [one for one in self._kept if one is best or self._lives(one, best)]
+        self._kept = [one for one in self._kept if one is best or self._is_viable(one, best)]
         return best.found
 
-    def _lives(self, one: _Hypothesis, best: _Hypothesis) -> bool:
-        """Return whether a hypothesis is still another one, and not far worse than the best."""
+    def _is_viable(self, one: _Hypothesis, best: _Hypothesis) -> bool:
+        """Return whether a hypothesis still differs from the best one, and is not much worse."""
         apart = (one.in_axes.rotation.inv() * best.in_axes.rotation).magnitude()
         return bool(apart > 0.1 and (one.age < _OLD or one.square_m2 < _WORSE * best.square_m2))

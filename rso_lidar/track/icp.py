@@ -17,7 +17,7 @@ from rso_lidar.pose import pose
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-_FARTHEST = 3.0  # times the median distance: farther pairs are left out of a step
+_FARTHEST = 3.0  # distance over the median, above which a pair is left out of a step
 _STEPS, _STILL = 60, 1e-6  # of a step, in radians and in shares of the model's radius
 _COARSE_POINTS, _COARSE_STEPS = 150, 12  # for each of the starts without a guess
 _SILHOUETTE = 500  # model points whose outline is held against the points
@@ -34,33 +34,33 @@ class SampledMesh:
 
     @cached_property
     def tree(self) -> Any:
-        """Return the points as scipy's k-d tree."""
+        """Points as scipy's k-d tree."""
         from scipy.spatial import cKDTree
 
         return cKDTree(self.points_m)
 
     @cached_property
     def middle_m(self) -> np.ndarray:
-        """Return the mean of the points (xyz) [m]."""
+        """Mean of the points (xyz) [m]."""
         middle: np.ndarray = self.points_m.mean(axis=0)
         return middle
 
     @cached_property
     def long_axis(self) -> np.ndarray:
-        """Return the unit vector (xyz) along which the points spread most."""
+        """Unit vector (xyz) along which the points spread most."""
         off = self.points_m - self.middle_m
         longest: np.ndarray = np.linalg.eigh(np.einsum("ni,nj->ij", off, off))[1][:, -1]
         return longest
 
     @cached_property
     def radius_m(self) -> float:
-        """Return the distance of the farthest point from the mean [m]."""
+        """Distance of the farthest point from the mean [m]."""
         return float(np.sqrt(((self.points_m - self.middle_m) ** 2).sum(axis=1).max()))
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A pose that was found: lidar_from_body, the rms distance of points from facets [m], and the steps that it took."""
+    """Result of an alignment: lidar_from_body, the rms distance of points from facets [m], and the number of steps."""
 
     pose: RigidTransform
     rms_m: float
@@ -68,7 +68,14 @@ class Alignment:
 
 
 def sample_mesh(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Generator | None = None) -> SampledMesh:
-    """Return a model of a mesh, from the corners (facet, 3, xyz) [m] of its facets: points even over its area."""
+    """Sample points evenly over the area of a mesh.
+
+    Parameters
+    ----------
+    corners_m : corners (facet, 3, xyz) of its facets [m].
+    count : number of points.
+    rng : for the points; None for a fixed sequence.
+    """
     corners = np.asarray(corners_m, dtype=float)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):
         raise ScenarioError(f"icp: the corners of facets are (facet, 3, xyz), not {corners.shape}")
@@ -83,10 +90,22 @@ def sample_mesh(corners_m: np.ndarray, count: int = 20_000, rng: np.random.Gener
 
 
 def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps: int = _STEPS) -> Alignment:
-    """Return lidar_from_body from points (n, 3) [m] in lidar axes, near a guess.
+    """Align points with a model by point-to-plane ICP from a guess.
 
-    Each step pairs every point with the nearest of the model, leaves out pairs more than three times the median apart, and
-    solves for the small turn and shift that bring the points into the model's planes.
+    Each step pairs every point with the nearest one of the model, and drops pairs more than three times the median
+    apart. It then solves for the small rotation and shift that bring the points into the planes of the model.
+
+    Parameters
+    ----------
+    points_m : points (n, 3) in lidar axes [m].
+    model : of the target.
+    guess : lidar_from_body to start from.
+    steps : most steps.
+
+    Raises
+    ------
+    ScenarioError
+        If there are fewer than six points.
     """
     points = np.asarray(points_m, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < _FEWEST:
@@ -103,7 +122,7 @@ def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps
         arm = np.cross(at - middle, normal) / model.radius_m
         off = ((model.points_m[nearest[kept]] - at) * normal).sum(axis=1)
         rows = np.concatenate([arm, normal], axis=1)
-        # A little stiffness holds still what the points do not tell, such as the turn of a disc about its axis.
+        # A small stiffness fixes what the points do not determine, such as the rotation of a disc about its axis.
         square = np.einsum("ni,nj->ij", rows, rows) + 1e-6 * len(rows) * np.eye(6)
         small = np.linalg.solve(square, np.einsum("ni,n->i", rows, off))
         turn, shift = small[:3] / model.radius_m, small[3:]
@@ -115,12 +134,25 @@ def align(points_m: np.ndarray, model: SampledMesh, guess: RigidTransform, steps
 
 
 def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: int = 1) -> list[Alignment]:
-    """Return up to `count` poses lidar_from_body, the best first, from points (n, 3) [m] in lidar axes without a guess.
+    """Find poses lidar_from_body without a guess.
 
-    The turns of a super-Fibonacci spiral (Alexa 2022), even over all rotations, are each tried for a few steps from the
-    middle of the points. What counts is how far points are from the model and, across the line of sight, the model from the
-    points: what is hidden behind them is no misfit. The three best, or `count` that differ by 30 degrees or more, those
-    whose long axes do first, are finished. A target that looks the same from several sides is found from any of them.
+    A super-Fibonacci spiral (Alexa 2022) gives start attitudes, even over all rotations. Each is aligned for a few
+    steps from the mean of the points. The misfit adds the distance of points from the model to the distance, across the
+    line of sight, of the model from the points. Parts hidden behind the points therefore add nothing.
+
+    The three best poses are aligned to the end, or `count` poses that differ by 0.5 rad or more; those whose long axes
+    differ come first. For a target that looks the same from several sides, any of these may be found.
+
+    Parameters
+    ----------
+    points_m : points (n, 3) in lidar axes [m].
+    model : of the target.
+    starts : number of start attitudes.
+    count : most poses to return.
+
+    Returns
+    -------
+    poses, the best first.
     """
     points = np.asarray(points_m, dtype=float)
     some = points[:: max(1, len(points) // _COARSE_POINTS)]
@@ -138,14 +170,22 @@ def acquire(points_m: np.ndarray, model: SampledMesh, starts: int = 96, count: i
 
 
 def find_outline(points_m: np.ndarray) -> Any:
-    """Return the directions (n, 2) of points [m] in lidar axes, x/z and y/z, as scipy's k-d tree."""
+    """Return the directions x/z, y/z (n, 2) of points [m] in lidar axes, as scipy's k-d tree."""
     from scipy.spatial import cKDTree
 
     return cKDTree(points_m[:, :2] / points_m[:, 2:])
 
 
 def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.ndarray, outline: Any) -> float:
-    """Return how far points are from the model [m], rms, and added to it how far across the model is from their outline."""
+    """Measure the misfit of a pose [m]: rms distance of points from the model, plus that of the model from their outline.
+
+    Parameters
+    ----------
+    lidar_from_body : the pose.
+    model : of the target.
+    points_m : points (n, 3) in lidar axes [m].
+    outline : result of `find_outline`; distances from it are across the line of sight.
+    """
     apart, _ = model.tree.query(lidar_from_body.inv().apply(points_m))
     shown = lidar_from_body.apply(model.points_m[:: max(1, len(model.points_m) // _SILHOUETTE)])
     if not (shown[:, 2] > 0.0).all():
@@ -155,7 +195,14 @@ def misfit_m(lidar_from_body: RigidTransform, model: SampledMesh, points_m: np.n
 
 
 def _select_unlike(ranked: list[Alignment], model: SampledMesh, count: int) -> list[Alignment]:
-    """Return up to `count` poses that differ, those first whose long axes do."""
+    """Select poses that differ, first those whose long axes do.
+
+    Parameters
+    ----------
+    ranked : poses, the best first.
+    model : of the target.
+    count : most poses to select.
+    """
     chosen: list[Alignment] = []
     for by_axis in (True, False):
         for found in ranked:
@@ -180,7 +227,7 @@ def _make_rotation(turn_rad: np.ndarray) -> Rotation:
 
 
 def _spread_rotations(count: int) -> list[Rotation]:
-    """Return rotations that lie evenly among all (super-Fibonacci, with its constants)."""
+    """Return rotations that are even over all rotations (super-Fibonacci spiral, Alexa 2022)."""
     from scipy.spatial.transform import Rotation
 
     s = np.arange(count) + 0.5
@@ -192,10 +239,17 @@ def _spread_rotations(count: int) -> list[Rotation]:
 
 
 def measure_visible_centroid(model: SampledMesh, directions: int = 60, cells: int = 32) -> tuple[float, float, float]:
-    """Return how the middle of what is seen of a model lies about its origin, over all directions to look from [m].
+    """Measure the offset of the visible centroid of a model from its origin, over all viewing directions.
 
-    They are the mean along the line of sight (negative: toward the lidar), the standard deviation of that, and the rms
-    across it for each axis. What is seen is what is nearest in each of `cells` x `cells` about the model.
+    Parameters
+    ----------
+    model : of the target.
+    directions : number of viewing directions.
+    cells : cells per side of the grid about the model; the nearest point in each cell is visible.
+
+    Returns
+    -------
+    mean along the line of sight [m], negative toward the lidar; its standard deviation [m]; rms across it per axis [m].
     """
     along, across = [], []
     width = 2.0 * model.radius_m / cells

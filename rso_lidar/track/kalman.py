@@ -1,8 +1,8 @@
 """A Kalman filter on positions: constant velocity, or Clohessy and Wiltshire's relative motion, with its innovations.
 
 Both models are linear with white acceleration as process noise, made discrete exactly (Van Loan 1978). The normalised
-innovation squared (NIS) of a filter whose noises are what it believes is chi-square of three degrees of freedom
-(Bar-Shalom, Li and Kirubarajan 2001, section 5.4): its mean is 3, and 95 % of it lies between 0.22 and 9.35.
+innovation squared (NIS) of a consistent filter is chi-square with three degrees of freedom (Bar-Shalom, Li and
+Kirubarajan 2001, section 5.4). Its mean is 3, and 95 % of it is between 0.22 and 9.35.
 """
 
 from __future__ import annotations
@@ -20,11 +20,15 @@ AXES = 3
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What a filter makes of positions, row by row (time); NaN before the first position.
+    """Estimates of a filter; NaN before the first measured position.
 
-    `position_m` and `velocity_m_s` (time, 3) are its estimate with the position of that instant, `covariance` (time, 6, 6)
-    that of both; `innovation_m` (time, 3) is measured less predicted and `nis` its normalised square, NaN where nothing was
-    measured and at the first position, which nothing predicts.
+    Parameters
+    ----------
+    time_s : instants (time) [s].
+    position_m, velocity_m_s : estimates (time, 3) that include the measurement of that instant [m], [m/s].
+    covariance : of position and velocity (time, 6, 6).
+    innovation_m : measured less predicted position (time, 3) [m]; NaN without a measurement or a prediction.
+    nis : normalised innovation squared (time); NaN where the innovation is.
     """
 
     time_s: np.ndarray
@@ -36,13 +40,13 @@ class Track:
 
     @property
     def nis_mean(self) -> float:
-        """Return the mean NIS, 3 for a filter that knows its noises; NaN without an innovation."""
+        """Mean NIS, 3 for a consistent filter; NaN without an innovation."""
         known = np.isfinite(self.nis)
         return float(self.nis[known].mean()) if known.any() else float("nan")
 
     @property
     def nis_share(self) -> float:
-        """Return the share of NIS inside the two-sided 95 % bounds; NaN without an innovation."""
+        """Fraction of NIS inside the two-sided 95 % bounds; NaN without an innovation."""
         known = self.nis[np.isfinite(self.nis)]
         low, high = nis_bounds()
         return float(np.mean((known >= low) & (known <= high))) if known.size else float("nan")
@@ -71,20 +75,20 @@ def filter_positions(
     speed_m_s: float = 30.0,
     kicks: Sequence[tuple[float, np.ndarray]] = (),
 ) -> Track:
-    """Return what a Kalman filter makes of measured positions.
+    """Filter measured positions with a Kalman filter.
 
     Parameters
     ----------
     time_s : instants (time) [s], rising.
-    position_m : measured (time, 3) [m], NaN rows where nothing was seen: constant-velocity motion needs axes that do not
-        turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal).
+    position_m : measured (time, 3) [m], NaN rows where nothing was seen: constant-velocity motion needs axes that do
+        not turn, Clohessy and Wiltshire's rtn axes (x out, y along-track, z along the orbit normal).
     covariance_m2 : of each position (time, 3, 3) [m²].
     mean_motion_rad_s : of the orbit [rad/s], for Clohessy and Wiltshire's model (None: constant velocity).
     acceleration_m_s2_rthz : process noise: the root of the two-sided spectral density of white acceleration, each axis
         [m/s²/√Hz]; velocity then wanders by its product with √t.
     speed_m_s : how fast [m/s] the target may move before anything is known, one standard deviation of each axis.
-    kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], rising: the observer's own burns,
-        with the sign that they have on what is tracked. One that falls on an instant is in the velocity there.
+    kicks : changes of the velocity (xyz) [m/s] that are known, with their instants [s], rising: the observer's own
+        burns, with the sign that they have on what is tracked. One that falls on an instant is in the velocity there.
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     n = time_s.size
@@ -130,7 +134,14 @@ def filter_positions(
 
 @lru_cache(maxsize=256)
 def _discretize(mean_motion_rad_s: float | None, density: float, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the transition (6, 6) over a step [s], and the covariance that white acceleration adds (Van Loan)."""
+    """Compute the transition matrix (6, 6) over a step, and the covariance that white acceleration adds (Van Loan).
+
+    Parameters
+    ----------
+    mean_motion_rad_s : of the orbit [rad/s]; None for constant velocity.
+    density : root of the spectral density of white acceleration [m/s²/√Hz].
+    step_s : length of the step [s].
+    """
     from scipy.linalg import expm
 
     rates = np.zeros((2 * AXES, 2 * AXES))

@@ -1,4 +1,4 @@
-"""A controller that keeps the lidar's boresight on what it sees, from the sensor's reading and the encoders alone."""
+"""A controller that keeps the lidar's boresight on a target, from readings and encoders alone."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from rso_lidar.records import Command, Observation, Reading
 
 
 class Pointing:
-    """Return, called with an Observation, the Command that points at its densest cluster of returns.
+    """Controller that points at the densest cluster of returns in each observation.
 
-    A return counts when one of the eight pixels around it agrees within `gate_m`, which false triggers, alone in their
-    pixel and uniform in range, hardly ever do. The window of `gate_m` that holds most of them is the target, if they are
-    at least `min_pixels`. Its mean direction and the measured pan and tilt give the angles to the target, which an
-    alpha-beta filter follows (first steps by expanding memory; beta of Benedict and Bordner 1962). The demand leads by
-    one flash, since it acts until the next. A fixed misalignment between encoders and boresight drops out.
+    A return counts if one of its eight neighbours agrees within `gate_m`. False triggers, isolated and uniform in
+    range, rarely do. The range window of `gate_m` with most of these returns is the target, if it has at least
+    `min_pixels`.
+
+    The mean direction of the target and the measured pan and tilt give its angles. An alpha-beta filter tracks them,
+    with expanding memory in the first steps and beta by Benedict and Bordner 1962. The demand leads by one flash,
+    because it acts until the next. A constant misalignment between encoders and boresight cancels.
 
     Parameters
     ----------
@@ -58,7 +60,7 @@ class Pointing:
         self._forget()
 
     def __call__(self, observation: Observation) -> Command:
-        """Return the command for the next flash; an empty one where nothing has been seen for `coast_s`."""
+        """Return the command for the next flash; it is empty if the target has been lost for longer than `coast_s`."""
         time_s, measured = observation.time_s, observation.pan_tilt_rad
         if measured is None:
             raise ScenarioError("Pointing: the observation has no pan and tilt: give the scenario a [ptu]")
@@ -79,22 +81,34 @@ class Pointing:
         self._angle, self._rate = np.zeros(2), np.zeros(2)
 
     def _aim(self, toward: np.ndarray, pan: float, tilt: float) -> np.ndarray:
-        """Return the pan and tilt (2,) [rad] that bring the lidar's boresight to a direction (3,) seen in ptu axes.
+        """Compute the pan and tilt (2,) [rad] that bring the lidar's boresight to a direction.
 
-        The boresight lies `_boresight_tilt` above the ptu's x, `_reach` long in the plane x-z, `_boresight_y` beside it;
-        so tilt brings it to the height of the direction, and pan then turns it there.
+        In PTU axes, `_boresight_tilt` is the elevation of the boresight above x, `_reach` its length in the plane x-z,
+        and `_boresight_y` its y. Tilt brings it to the elevation of the direction, and pan then to its azimuth.
+
+        Parameters
+        ----------
+        toward : direction (3,) in PTU axes, of any length.
+        pan, tilt : measured angles [rad].
         """
         x, y, z = (toward / np.linalg.norm(toward)).tolist()
         x, z = x * math.cos(tilt) - z * math.sin(tilt), x * math.sin(tilt) + z * math.cos(tilt)
         x, y = x * math.cos(pan) - y * math.sin(pan), x * math.sin(pan) + y * math.cos(pan)
         raised = math.asin(max(-1.0, min(1.0, z / self._reach)))
-        if abs(self._boresight_tilt) > math.pi / 2:  # a lidar that looks backward comes up where its tilt goes down
+        if abs(self._boresight_tilt) > math.pi / 2:  # the elevation of a lidar that looks backward rises as tilt falls
             raised = math.copysign(math.pi, self._boresight_tilt) - raised
         pan = math.atan2(y, x) - math.atan2(self._boresight_y, self._reach * math.cos(raised))
         return np.array([pan, raised - self._boresight_tilt])
 
     def _update(self, time_s: float, angle: np.ndarray, measured: np.ndarray) -> None:
-        """Take the angles (2,) [rad] to the target, seen at `time_s` [s], into the estimate; pan runs on past a turn."""
+        """Update the alpha-beta filter; pan is unwrapped.
+
+        Parameters
+        ----------
+        time_s : instant of the measurement [s].
+        angle : pan and tilt (2,) to the target [rad].
+        measured : pan and tilt (2,) of the encoders [rad].
+        """
         n, dt = self._seen, time_s - self._time_s
         self._seen, self._time_s = n + 1, time_s
         expected = self._angle + self._rate * dt if n else np.asarray(measured)
@@ -109,9 +123,17 @@ class Pointing:
 
 
 def find_cluster(reading: Reading, gate_m: float, min_pixels: int) -> np.ndarray:
-    """Return the mask (row, col) of the returns of the target: the fullest window of ranges, or nothing.
+    """Find the returns of the target: the range window with most returns that have a neighbour.
 
-    Only returns with a neighbour within `gate_m` [m] count; fewer than `min_pixels` in the window are nothing.
+    Parameters
+    ----------
+    reading : of the sensor.
+    gate_m : depth of the window, and greatest difference to a neighbour [m].
+    min_pixels : fewest returns that make a target.
+
+    Returns
+    -------
+    mask (row, col) of the returns, empty without a target.
     """
     ranges = reading.range_m.astype(float)
     framed = np.pad(ranges, 1, constant_values=np.nan)
