@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+import rso_lidar as rl
 from rso_lidar import kernels
 
 STAGE = """
@@ -137,6 +138,7 @@ def test_without_compiling_kernels_run_as_python(room, monkeypatch):
 
 WATCHED = """
 from room_of_kernels.stage import scale
+import rso_lidar as rl
 from rso_lidar import kernels
 
 told = []
@@ -162,3 +164,10 @@ def test_packed_arrays_are_of_one_kind():
 
 def test_the_compiler_is_named():
     assert kernels.compiler_version().startswith("numba ")
+
+
+def test_a_recording_names_the_compiler_and_the_packets(text):
+    """A run is resumed only by what began it: the version of numba is part of that."""
+    arithmetic = rl.Scenario.loads(text).source.versions["arithmetic"]
+    assert arithmetic.startswith(kernels.compiler_version())
+    assert "with" in arithmetic

@@ -19,7 +19,7 @@ from rso_lidar.optics.returns.blur import (
     zone_shares,
 )
 from rso_lidar.optics.returns.light import Light
-from rso_lidar.ties import find_first_greatest_of_each
+from tests.reference.ties import find_first_greatest_of_each
 
 
 def blur_light(hits, light, receiver, wavelength_m, pulse_fwhm_s):

