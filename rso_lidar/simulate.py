@@ -250,6 +250,8 @@ def frame_numbers(scenario: Scenario, frames: slice | Iterable[int] | None) -> n
 
 
 def _check_kept(keep: Iterable[str], scenario: Scenario) -> tuple[str, ...]:
+    if not isinstance(keep, Iterable):
+        raise ScenarioError(f"keep: {keep!r:.40} is no list of names; known: {', '.join(KEPT)}")
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     for name in names:
         if name not in KEPT:

@@ -141,6 +141,31 @@ def test_an_attitude_that_answers_something_else_is_told():
         truth_of(wrong, [0])
 
 
+@pytest.mark.parametrize(("rate", "message"), [((1, 3), r"return one rotation or 2"), ((2, 3), r"not finite numbers")])
+def test_an_attitude_of_another_number_of_epochs_is_told(rate, message):
+    class Short:
+        def orient(self, situation):
+            return rl.motion.Orientation(Rotation.identity(), np.full(rate, np.nan))
+
+    scenario = load("own_attitude.py")["scenario"]
+    short = scenario.replace(follower=scenario.follower.replace(attitude=Short()))
+    with pytest.raises(ScenarioError, match=rf"follower\.attitude: .*Short.*: orient\(\) .*{message}"):
+        truth_of(short, [0, 1])
+
+
+def test_a_motion_that_is_not_finite_is_told():
+    class Lost:
+        orbits = False
+
+        def states(self, epochs):
+            return rl.records.BodyState(np.full((len(epochs), 3), np.nan), np.zeros((len(epochs), 3)))
+
+    bench = rl.Scenario.load(FOLDER.parent / "bench_plate.toml")
+    lost = bench.replace(target=(bench.target[0].replace(motion=Lost()), *bench.target[1:]))
+    with pytest.raises(ScenarioError, match=r"motion: .*Lost.*: states\(\) returned numbers that are not finite"):
+        truth_of(lost, [0, 1])
+
+
 # ---------------------------------------------------------------------------------------------------------- trackers
 
 

@@ -23,7 +23,7 @@ A detector without noise that lists the first return of each pixel::
             pixel, first = np.unique(photons.pixel, return_index=True)
             range_m, counts = np.full(n_pixels, np.nan), np.zeros(n_pixels)
             range_m[pixel] = photons.delay_s[first] * units.RANGE_PER_DELAY_M_S
-            counts[pixel] = photons.photons[first]
+            counts[pixel] = np.minimum(photons.photons[first], 65535)
             planes = (values.reshape(photons.shape) for values in (range_m, counts, np.zeros(n_pixels, bool)))
             return Reading(*planes), None
 
@@ -49,6 +49,7 @@ from rso_lidar.detector.questions.closed_form import LaserPulse, Prediction
 from rso_lidar.detector.settings.empirical import Empirical
 from rso_lidar.detector.settings.gsfl import Gsfl
 from rso_lidar.detector.settings.traits import DetectorTraits
+from rso_lidar.errors import ScenarioError
 from rso_lidar.part import Seam
 from rso_lidar.records import Photons, Reading, Taps, Waveforms
 
@@ -124,12 +125,39 @@ def detect(
     -------
     What the sensor says, and the samples that it stored to say so (None: it has no waveforms).
     """
-    found: tuple[Reading, Waveforms | None]
     described = _find_answers(detector)
-    found = (
-        described["detect"](detector, photons, rng, threads) if described else _call(detector, "detect", photons, rng)
-    )
-    return found
+    if described:
+        found: tuple[Reading, Waveforms | None] = described["detect"](detector, photons, rng, threads)
+        return found
+    return _check_found(detector, _call(detector, "detect", photons, rng), photons)
+
+
+def _check_found(detector: AnyDetector, found: object, photons: Photons) -> tuple[Reading, Waveforms | None]:
+    """Check what a user's own detector returned.
+
+    Parameters
+    ----------
+    detector : the user's object.
+    found : what its method `detect` returned.
+    photons : the light that it was given.
+
+    Raises
+    ------
+    ScenarioError : where that is not a reading of the array with or without waveforms.
+    """
+    name = type(detector).__name__
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise ScenarioError(f"{name}: detect() returned a {type(found).__name__}; return (Reading, Waveforms or None)")
+    reading, waveforms = found
+    if not isinstance(reading, Reading) or reading.range_m.shape != photons.shape:
+        raise ScenarioError(f"{name}: detect() returned no Reading of {photons.shape} pixels; return one")
+    if waveforms is not None and not isinstance(waveforms, Waveforms):
+        raise ScenarioError(
+            f"{name}: detect() returned a {type(waveforms).__name__} as waveforms; return Waveforms or None"
+        )
+    if np.isinf(reading.range_m).any() or (reading.range_m < 0.0).any():
+        raise ScenarioError(f"{name}: detect() returned ranges that are negative or infinite; NaN is no return")
+    return reading, waveforms
 
 
 def detect_with_taps(

@@ -98,3 +98,49 @@ def test_it_must_be_hashable(flown):
 
     with pytest.raises(ScenarioError, match=r"objects of Loose cannot be hashed; .*frozen=True"):
         flown.lidar.replace(detector=Loose())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sees_to_m": -5.0}, r"sees_to_m: -5\.0 is not beyond"),
+        ({"sees_to_m": float("nan")}, r"sees_to_m: nan is not beyond"),
+        ({"sees_to_m": "far"}, r"sees_to_m: 'far' is not beyond"),
+        ({"sees_from_m": 3000.0}, r"sees_to_m: 2000\.0 is not beyond sees_from_m \(3000\)"),
+        ({"threshold_photons": -1.0}, r"threshold_photons: -1\.0 is not a number from 0"),
+        ({"max_returns": 0}, r"max_returns: 0 is not a whole number from 1"),
+        ({"max_returns": 2.5}, r"max_returns: 2\.5 is not a whole number"),
+        ({"pulses": 0}, r"pulses: 0 is not"),
+        ({"returns": "middle"}, r"returns: 'middle' is none of first"),
+        ({"settings": None}, r"settings: needs numbers by name"),
+        ({"settings": {"a/b c": 1.0}}, r"settings: needs numbers by name"),
+    ],
+)
+def test_traits_that_no_detector_has_are_refused(change, message):
+    with pytest.raises(ScenarioError, match=rf"DetectorTraits\.{message}"):
+        DetectorTraits(**({"sees_to_m": 2000.0, "threshold_photons": 2.0} | change))
+
+
+NONE = np.zeros((32, 32))
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (None, r"detect\(\) returned a NoneType; return \(Reading, Waveforms or None\)"),
+        ((NONE, None), r"detect\(\) returned no Reading"),
+        ((Reading(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), None), r"returned no Reading of"),
+        ((Reading(NONE - 1.0, NONE, NONE), None), r"ranges that are negative or infinite"),
+        ((Reading(NONE + np.inf, NONE, NONE), None), r"ranges that are negative or infinite"),
+        ((Reading(NONE, NONE, NONE), "w"), r"returned a str as waveforms"),
+    ],
+)
+def test_what_is_no_reading_is_refused(flown, answer, message):
+    class Answering(FirstPhoton):
+        def detect(self, photons, rng):
+            return answer
+
+    wrong = flown.replace(lidar=flown.lidar.replace(detector=Answering()))
+    assert wrong.lidar.receiver.shape == NONE.shape
+    with pytest.raises(ScenarioError, match=rf"Answering: .*{message}"):
+        next(rl.simulate(wrong, frames=[0]))

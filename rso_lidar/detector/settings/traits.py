@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from typing import Literal
+
+from rso_lidar.errors import ScenarioError
 
 
 @dataclass(frozen=True)
@@ -45,3 +48,40 @@ class DetectorTraits:
     clock_s: float = 0.0
     pulses: int = 1
     samples: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse facts that no detector can have.
+
+        Raises
+        ------
+        ScenarioError : naming the first of them.
+        """
+        for name, least in (
+            ("sees_from_m", 0.0),
+            ("threshold_photons", 0.0),
+            ("stored_behind_m", 0.0),
+            ("clock_s", 0.0),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, Real) or not float(value) >= least:
+                raise ScenarioError(f"DetectorTraits.{name}: {value!r:.40} is not a number from {least:g}; correct it")
+        if not isinstance(self.sees_to_m, Real) or not float(self.sees_to_m) > self.sees_from_m:
+            raise ScenarioError(
+                f"DetectorTraits.sees_to_m: {self.sees_to_m!r:.40} is not beyond sees_from_m ({self.sees_from_m:g}); "
+                "correct it"
+            )
+        for name in ("max_returns", "pulses", "samples"):
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
+                raise ScenarioError(f"DetectorTraits.{name}: {value!r:.40} is not a whole number from 1; correct it")
+        if self.returns not in ("first", "strongest", "last"):
+            raise ScenarioError(
+                f"DetectorTraits.returns: {self.returns!r:.40} is none of first, strongest, last; choose one"
+            )
+        if not isinstance(self.settings, Mapping) or not all(
+            isinstance(name, str) and name.isidentifier() and isinstance(value, Real)
+            for name, value in self.settings.items()
+        ):
+            raise ScenarioError(
+                "DetectorTraits.settings: needs numbers by name, such as {'gate_delay_s': 1e-6}; correct it"
+            )

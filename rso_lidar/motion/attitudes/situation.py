@@ -11,7 +11,7 @@ import numpy as np
 from rso_lidar.errors import ScenarioError
 from rso_lidar.motion.dynamics.flight import Flight, StateSpaceModel
 from rso_lidar.orbit.epochs import Epochs
-from rso_lidar.part import kind_of
+from rso_lidar.part import Part, kind_of
 from rso_lidar.pose import Link, rotate_vectors
 
 if TYPE_CHECKING:
@@ -127,4 +127,15 @@ def orient(attitude: Any, situation: Situation) -> Orientation:
         raise ScenarioError(
             f"{kind_of(attitude)}: orient() returned a {type(orientation).__name__}; return an Orientation"
         )
+    if isinstance(attitude, Part):
+        return orientation
+    n, rate = len(situation.epochs), np.asarray(orientation.rate_rad_s)
+    as_quat = getattr(orientation.rotation, "as_quat", None)
+    rotation = np.asarray(orientation.rotation if as_quat is None else as_quat())
+    if rotation.shape not in ((4,), (n, 4)) or rate.shape not in ((3,), (n, 3)):
+        raise ScenarioError(
+            f"{kind_of(attitude)}: orient() was asked for {n} epochs; return one rotation or {n}, and rates (3) or ({n}, 3)"
+        )
+    if rate.dtype.kind not in "fiu" or not np.isfinite(rate).all():
+        raise ScenarioError(f"{kind_of(attitude)}: orient() returned rates that are not finite numbers; correct them")
     return orientation

@@ -117,6 +117,8 @@ def states_of(motion: Any, epochs: Epochs) -> BodyState:
             f"{kind_of(motion)}: states() returned a {type(state).__name__} that is no BodyState of {shape[0]} epochs; "
             f"return BodyState(position_m, velocity_m_s), each {shape}"
         )
+    if not (np.isfinite(state.position_m).all() and np.isfinite(state.velocity_m_s).all()):
+        raise ScenarioError(f"{kind_of(motion)}: states() returned numbers that are not finite; correct them")
     return state
 
 
