@@ -130,9 +130,7 @@ class _Evaluation:
             try:
                 here = rows(self.epochs.time_s)
                 change = differentiate(rows, self.epochs.time_s, here, np.concatenate(breaks))
-            except (
-                RsoLidarError
-            ):  # a body has no state beside an epoch; the error at an epoch itself is raised elsewhere
+            except RsoLidarError:  # no state beside an epoch; an error at an epoch itself is raised elsewhere
                 return {}
         back, slope = here.reshape(-1, len(names), 3, 3), change.reshape(-1, len(names), 3, 3)
         spin = np.einsum("tnki,tnkj->ntij", back, slope)
@@ -221,17 +219,11 @@ def _read_state(tree: PoseTree, origin: str, n_epochs: int) -> BodyState:
 
 
 # ---------------------------------------------------------------------------------------------------------- places
+# Each function takes the tree with everything on which its result depends, a body, and the evaluation.
 
 
 def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes at the origin of a body to a tree.
-
-    Parameters
-    ----------
-    tree : with everything on which the body's motion depends.
-    body : the body.
-    here : the evaluation; states and rates of an orbit are added to it.
-    """
+    """Add the axes at the origin of a body to a tree, and states and rates of an orbit to the evaluation."""
     place, relative_to = _place_body(tree, body, here), chief_of(body.motion)
     if not body.orbits:
         link = Link((place.position_m, np.eye(3)), place.velocity_m_s, np.zeros(3))
@@ -246,14 +238,7 @@ def _add_origin(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _place_body(tree: PoseTree, body: Body, here: _Evaluation) -> Place:
-    """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits.
-
-    Parameters
-    ----------
-    tree : with everything on which the body's motion depends.
-    body : the body.
-    here : the evaluation.
-    """
+    """Compute position and velocity of a body's origin in the axes of its motion, and warn of exceeded model limits."""
     motion = body.motion
     if isinstance(motion, PlacedMotion):
         flight = here.flight_of(body, motion) if isinstance(motion, StateSpaceModel) else None
@@ -338,14 +323,7 @@ def _add_relative(
 
 
 def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes of a body, and the further axes fixed to it, to a tree.
-
-    Parameters
-    ----------
-    tree : with the axes at the body's origin.
-    body : the body.
-    here : the evaluation.
-    """
+    """Add the axes of a body, and the further axes fixed to it, to a tree."""
     orientation = _orient_body(tree, body, here)
     matrix, rate = orientation.rotation.as_matrix(), orientation.rate_rad_s
     if not orientation.in_origin:  # from the root's axes into those of the origin
@@ -359,14 +337,7 @@ def _add_body_axes(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
-    """Add the axes of a body's hinges to a tree.
-
-    Parameters
-    ----------
-    tree : with the body axes.
-    body : the body.
-    here : the evaluation.
-    """
+    """Add the axes of a body's hinges to a tree."""
     if not body.joints:
         return tree
     seen: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
@@ -380,14 +351,7 @@ def _add_hinges(tree: PoseTree, body: Body, here: _Evaluation) -> PoseTree:
 
 
 def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
-    """Compute the attitude of a body: from its attitude law, else from its motion, else constant.
-
-    Parameters
-    ----------
-    tree : with everything on which the attitude depends.
-    body : the body.
-    here : the evaluation.
-    """
+    """Compute the attitude of a body: from its attitude law, else from its motion, else constant."""
     situation, attitude = _make_situation(tree, body, here), body.attitude
     if attitude is None and isinstance(body.motion, PlacedMotion):
         turned_by_motion = body.motion.orient(situation)
@@ -397,14 +361,7 @@ def _orient_body(tree: PoseTree, body: Body, here: _Evaluation) -> Orientation:
 
 
 def _make_situation(tree: PoseTree, body: Body, here: _Evaluation) -> Situation:
-    """Make the situation that the attitude law of a body receives.
-
-    Parameters
-    ----------
-    tree : with everything on which the attitude depends.
-    body : the body.
-    here : the evaluation.
-    """
+    """Make the situation that the attitude law of a body receives."""
     base = tree.link(ROOT, body.origin)
     to_root = base.rotation
     shape = (len(here.epochs), 3)
