@@ -21,6 +21,7 @@ SUFFIXES = tuple(f"_{unit}" for unit in UNITS)
 NO_SUFFIX = {  # name: why it needs none
     "absolute_tolerance": "in the units of the state",
     "adc_bits": "a number of bits",
+    "afterpulse_probability": "a probability",
     "axis": "a direction, of any length",
     "pattern": "a number that only names one of many alike",
     "camera_seed": "a number that only names a camera",
@@ -29,6 +30,7 @@ NO_SUFFIX = {  # name: why it needs none
     "counts_per_photon": "a ratio whose name says both units",
     "damping": "share of critical damping",
     "degree": "of a polynomial",
+    "detection_efficiency": "a probability",
     "diffuse": "share of the light",
     "drag_coefficient": "a ratio",
     "eccentricity": "a ratio of lengths",

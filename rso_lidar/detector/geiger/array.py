@@ -39,7 +39,7 @@ class GeigerArray(Part):
     dark_count_rate_hz: NotNegative = Field(
         default=20_000.0,
         description=(
-            "Avalanches of an armed pixel in the dark [1/s]. Default: Itzler et al. 2010, the upper limit stated for "
+            "Avalanches a second of an armed pixel in the dark [Hz]. Default: Itzler et al. 2010, the upper limit stated for "
             "that efficiency; high confidence."
         ),
     )
@@ -98,7 +98,7 @@ class GeigerArray(Part):
     )
     least_counts: Annotated[Count, Field(le=65_535)] | None = Field(
         default=None,
-        description="Least counts of a peak. Default: those that follow from `false_alarm_probability`.",
+        description="Least counts of a peak [counts]. Default: those that follow from `false_alarm_probability`.",
     )
 
     @model_validator(mode="after")
@@ -116,7 +116,7 @@ class GeigerArray(Part):
             raise ValueError(f"hold_off_ns ({self.hold_off_ns:g}) must not be shorter than bin_ns ({self.bin_ns:g})")
         if self.dark_least_counts > self.most_counts:
             raise ValueError(
-                f"a peak needs {self.dark_least_counts} counts, but {self.pulses} pulses give {self.most_counts} at most; "
+                f"a peak needs {self.dark_least_counts} counts, but {self.pulses} pulse(s) give {self.most_counts} at most; "
                 "raise pulses or false_alarm_probability, or lower least_counts"
             )
         return self
