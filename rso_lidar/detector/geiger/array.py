@@ -39,8 +39,8 @@ class GeigerArray(Part):
     dark_count_rate_hz: NotNegative = Field(
         default=20_000.0,
         description=(
-            "Avalanches a second of an armed pixel in the dark [Hz]. Default: Itzler et al. 2010, the upper limit stated for "
-            "that efficiency; high confidence."
+            "Avalanches a second of an armed pixel in the dark [Hz]. Default: Itzler et al. 2010, the upper limit stated "
+            "for that efficiency; high confidence."
         ),
     )
     hold_off_ns: Positive = Field(
